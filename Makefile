@@ -1,0 +1,47 @@
+# Needs only make and Python 3.11 or later; everything else goes into .venv.
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.installed
+DATA := $(or $(ROBID_DATA),../shared/data)
+
+.DEFAULT_GOAL := help
+.PHONY: help install run run-log test test-slow lint check clean
+
+help: ## show this list
+	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '  %-10s %s\n' "$$name" "$$text"; done
+
+install: $(STAMP) ## create .venv and install robid with its tools
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit("robid needs Python 3.11 or later; name one: make PYTHON=python3.12" if sys.version_info < (3, 11) else 0)'
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+run: $(STAMP) ## run the default experiment: the springs of a simulated KR300
+	$(BIN)/robid run configs/kr300.yaml
+
+run-log: ## run the same chain on a real log, where its data folder is there
+	@if [ -d "$(DATA)/motor_bench" ]; then \
+		$(MAKE) --no-print-directory install && $(BIN)/robid run configs/motor_bench.yaml; \
+	else \
+		echo "run-log skipped: there is no folder $(DATA)/motor_bench; set ROBID_DATA to the folder that holds motor_bench"; \
+	fi
+
+test: $(STAMP) ## run the tests
+	$(BIN)/python -m pytest -q -m "not slow"
+
+test-slow: $(STAMP) ## run the tests that take minutes
+	$(BIN)/python -m pytest -q -m slow
+
+lint: $(STAMP) ## check format, rules, types and layers
+	$(BIN)/ruff format --check robid tests
+	$(BIN)/ruff check robid tests
+	$(BIN)/mypy --strict robid
+	$(BIN)/lint-imports
+
+check: lint test ## what CI runs: lint and test
+
+clean: ## remove caches and build leftovers; .venv and runs stay
+	rm -rf build dist robid.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	find robid tests -type d -name __pycache__ -prune -exec rm -rf {} +

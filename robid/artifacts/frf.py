@@ -1,0 +1,48 @@
+"""The frequency response artifact.
+
+Schema history:
+    1.0: first version.
+"""
+
+from __future__ import annotations
+
+from robid.artifacts.artifact import Artifact, Kind, Provenance
+from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.frf.frf import Frf
+
+FRF = Kind("frf", "1.0", "robid estimate-frf")
+
+
+def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
+    """Turns a frequency response into an artifact."""
+    torque = frf.torque_unit if frf.torque_unit.isalnum() else f"({frf.torque_unit})"
+    response = ("frequency", "output", "input")
+    covariance = ("configuration", "frequency", "output", "output")
+    table = {
+        "frequency_hz": Column("Hz", ("frequency",), "Excited frequencies"),
+        "lines": Column("1", ("frequency",), "Their DFT lines"),
+        "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
+        "response": Column(f"rad/s^2/{torque}", ("configuration", *response), "From torque to acceleration"),
+        "input_factor": Column(
+            f"1/{torque}^2", ("configuration", "frequency", "input", "input"), "Input factor of the covariance"
+        ),
+        "total_covariance": Column("rad^2/s^4", covariance, "Output factor, from realizations"),
+        "noise_covariance": Column("rad^2/s^4", covariance, "Output factor, from periods"),
+        "sensitivity": Column(
+            f"rad/s^2/{torque}",
+            ("configuration", "coefficient", *response),
+            "Derivative with respect to relative errors of compensated torque coefficients",
+        ),
+        "coefficient_names": Column("1", ("coefficient",)),
+        "coefficient_relative_std": Column("1", ("coefficient",), "Standard deviation of the relative error"),
+        "removed_torque_rms": Column(frf.torque_unit, ("configuration", "input"), "What compensation removed"),
+        "input_names": Column("1", ("input",)),
+        "output_names": Column("1", ("output",)),
+        "notes": Column("1", ("note",)),
+    }
+    return Artifact(FRF, *to_datasets(frf, table), provenance)
+
+
+def frf_from_artifact(artifact: Artifact) -> Frf:
+    """The inverse of `frf_to_artifact`."""
+    return from_datasets(Frf, artifact)

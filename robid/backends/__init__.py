@@ -1,0 +1,1 @@
+"""Where tasks run: one ordered map, in this process or in several."""

@@ -1,0 +1,1 @@
+"""Design of excitation and of the configurations to measure."""

@@ -1,0 +1,49 @@
+"""Options of excitation and configuration design."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class ExcitationOptions:
+    """An orthogonal random-phase multisine on odd lines with detection lines."""
+
+    period_s: float = field(default=5.0, metadata={"description": "Length of one period [s].", "gt": 0})
+    low_hz: float = field(default=2.0, metadata={"description": "Lowest excited frequency [Hz].", "gt": 0})
+    high_hz: float = field(default=80.0, metadata={"description": "Highest excited frequency [Hz].", "gt": 0})
+    count: int = field(default=60, metadata={"description": "Number of excited lines.", "ge": 1})
+    spacing: Literal["log", "linear"] = field(
+        default="log", metadata={"description": "How the excited lines are spaced."}
+    )
+    grid: Literal["odd", "full"] = field(
+        default="odd", metadata={"description": "Lines that may be excited: odd ones only, or all."}
+    )
+    detection_share: float = field(
+        default=0.1,
+        metadata={"description": "Share of the chosen odd lines left out to detect distortion.", "ge": 0, "lt": 1},
+    )
+    inject: Literal["speed_reference", "position_reference", "torque"] = field(
+        default="speed_reference", metadata={"description": "Where the controller adds the excitation."}
+    )
+    rms: float | tuple[float, ...] = field(
+        default=20.0,
+        metadata={"description": "RMS of the injected signal, one for all motors or one each [rad/s, rad or N m]."},
+    )
+    phase_iterations: int = field(
+        default=60, metadata={"description": "Iterations of the crest-factor optimisation; 0 keeps random phases.", "ge": 0}
+    )
+    seed: int = field(default=1, metadata={"description": "Seed of the phases and detection lines.", "ge": 0})
+
+
+@dataclass(frozen=True)
+class DesignOptions:
+    """Choice of configurations by D-optimality under assumed noise."""
+
+    count: int = field(default=8, metadata={"description": "Number of configurations to choose.", "ge": 1})
+    assumed_relative_error: float = field(
+        default=0.03, metadata={"description": "Assumed relative standard deviation of each response element.", "gt": 0}
+    )
+    iterations: int = field(default=2000, metadata={"description": "Limit on multiplicative updates.", "ge": 1})
+    gap: float = field(default=1e-3, metadata={"description": "Relative duality gap at which the updates stop.", "gt": 0})

@@ -1,0 +1,52 @@
+"""Errors that a user can cause; each says what is wrong, where, and what to do next."""
+
+from __future__ import annotations
+
+
+class RobidError(Exception):
+    """A problem that the user can solve.
+
+    Args:
+        what: What is wrong, in one sentence.
+        where: The file and field, dataset or configuration it was found in.
+        remedy: What to do next.
+    """
+
+    exit_code = 1
+
+    def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
+        super().__init__(what)
+        self.what = what
+        self.where = where
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        parts = [f"{self.where}: {self.what}" if self.where else self.what]
+        if self.remedy:
+            parts.append(f"  remedy: {self.remedy}")
+        return "\n".join(parts)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (_rebuild, (type(self), self.what, self.where, self.remedy))
+
+
+class SettingsError(RobidError):
+    """The experiment or robot file, or the command line, asks for something that cannot be."""
+
+    exit_code = 2
+
+
+class ArtifactError(RobidError):
+    """An artifact is missing, stale, damaged or of an unknown version."""
+
+    exit_code = 3
+
+
+class DataError(RobidError):
+    """The data, measured or simulated, cannot be used as they are."""
+
+    exit_code = 4
+
+
+def _rebuild(kind: type[RobidError], what: str, where: str, remedy: str) -> RobidError:
+    return kind(what, where=where, remedy=remedy)

@@ -1,0 +1,1 @@
+"""Fits: problem, solution, optimizer, uncertainty, families."""

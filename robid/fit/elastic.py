@@ -1,0 +1,215 @@
+"""The elastic family: springs, dampers, inertias and delay from frequency responses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from scipy.stats import norm
+
+from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
+from robid.fit.levenberg import Minimum, minimise
+from robid.fit.options import ElasticOptions
+from robid.fit.parameters import ParameterMap, map_parameters
+from robid.fit.problem import Problem, make_problem
+from robid.fit.solution import Solution
+from robid.fit.uncertainty import sandwich
+from robid.frf.frf import Frf
+from robid.robot.description import Robot
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import ElasticModel, build_model
+from robid.robot.response import nominal_parameters
+
+Map: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
+
+_SAME_MINIMUM = 1e-3
+_NEEDLESS_FACTOR = 1e3
+
+
+@dataclass(frozen=True)
+class _Start:
+    problem: Problem
+    internal: FloatArray
+    max_iterations: int
+
+
+def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+    """Applies a function to each task in turn."""
+    return [function(task) for task in tasks]
+
+
+def fit_elastic(
+    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, parallel_map: Map = serial_map
+) -> Solution:
+    """Fits the elastic model to frequency responses of one or many configurations.
+
+    Args:
+        robot: Nominal robot; the first start.
+        frf: Measured responses with covariance.
+        options: Estimator, weights, free parameters, starts.
+        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
+        parallel_map: Ordered map that runs the starts.
+
+    Returns:
+        The best minimum with its uncertainty; how it ended is in `status` and `advice`.
+
+    Raises:
+        DataError: If the response is not finite, its inputs are not the robot's motors, or a free
+            parameter changes nothing.
+
+    Source:
+        Wernholt and Moberg (2008), sec. 5; METHODS sec. 5.
+    """
+    _check_response(robot, frf)
+    elastic = build_model(robot)
+    problem, dropped = _problem(elastic, frf, options, delay_s, None)
+    predicted = np.sqrt(np.diag(sandwich(problem, np.zeros(len(problem.parameters.names)))))
+    _check_influence(problem)
+    tasks = [_Start(problem, start, options.max_iterations) for start in _starts(problem.parameters, options)]
+    ends: list[Minimum] = parallel_map(_descend, tasks)
+    best = min(ends, key=lambda end: end.cost)
+    for _ in range(options.statics_updates):
+        stiffness = problem.parameters.parameters(best.parameters).stiffness
+        problem, dropped = _problem(elastic, frf, options, delay_s, stiffness)
+        best = _descend(_Start(problem, best.parameters, options.max_iterations))
+    return _solution(problem, options, best, ends, predicted, dropped)
+
+
+def _problem(
+    elastic: ElasticModel, frf: Frf, options: ElasticOptions, delay_s: float, stiffness: FloatArray | None
+) -> tuple[Problem, int]:
+    equilibrium = solve_statics(elastic, frf.configurations, stiffness)
+    model = linearize(elastic, equilibrium, frf.output_names)
+    nominal = nominal_parameters(elastic.robot, model, delay_s)
+    parameters = map_parameters(
+        elastic.robot, nominal, options, frf.coefficient_names, frf.coefficient_relative_std
+    )
+    return make_problem(frf, model, parameters, options)
+
+
+def _starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
+    generator = np.random.default_rng(options.seed)
+    spread = np.log(10) * options.start_decades * parameters.logarithmic
+    random = spread * generator.uniform(-1, 1, (options.starts - 1, len(parameters.names)))
+    return [np.zeros(len(parameters.names)), *random]
+
+
+def _descend(start: _Start) -> Minimum:
+    return minimise(
+        start.problem.cost, start.problem.normal, start.internal, max_iterations=start.max_iterations
+    )
+
+
+def _solution(
+    problem: Problem,
+    options: ElasticOptions,
+    best: Minimum,
+    ends: list[Minimum],
+    predicted: FloatArray,
+    dropped: int,
+) -> Solution:
+    parameters, internal = problem.parameters, best.parameters
+    covariance = sandwich(problem, internal)
+    values, slopes = parameters.values(internal), parameters.slopes(internal)
+    deviation = np.sqrt(np.diag(covariance))
+    reach = norm.ppf(0.5 + 0.5 * options.confidence) * deviation
+    size = np.where(np.array(parameters.kind_of) == "friction", 1.0, np.maximum(np.abs(values), 1e-300))
+    nominal = parameters.nominal_values()
+    predicted_slopes = parameters.slopes(np.zeros_like(internal))
+    predicted_size = np.where(nominal == 0, 1.0, np.abs(nominal))
+    predicted_relative = predicted * np.abs(predicted_slopes) / predicted_size
+    modelled = problem.model_response(internal)
+    scaled = problem.normal(internal).hessian
+    root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
+    costs = np.array([end.cost for end in ends])
+    return Solution(
+        family="elastic",
+        names=parameters.names,
+        kinds=parameters.kind_of,
+        units=parameters.units,
+        nominal=nominal,
+        estimate=values,
+        lower=parameters.values(internal - reach),
+        upper=parameters.values(internal + reach),
+        relative_std=deviation * np.abs(slopes) / size,
+        predicted_relative_std=predicted_relative,
+        identifiable=predicted_relative <= options.identifiable_relative_std,
+        internal=internal,
+        covariance=covariance,
+        singular_values=np.linalg.svd(scaled / np.outer(root, root), compute_uv=False),
+        confidence=options.confidence,
+        cost=best.cost,
+        configuration_cost=problem.configuration_cost(modelled, internal),
+        expected_cost=expected_cost(problem),
+        dropped=dropped,
+        start_cost=costs,
+        start_iterations=np.array([end.iterations for end in ends]),
+        start_status=tuple(end.status for end in ends),
+        start_minimum=distinct_minima(costs),
+        status=best.status,
+        advice=_advice(best, parameters, dropped, problem),
+        configurations=problem.frf.configurations,
+        frequency_hz=problem.frf.frequency_hz,
+        measured=problem.measured(internal),
+        modelled=modelled,
+    )
+
+
+def expected_cost(problem: Problem) -> FloatArray:
+    """Cost (n_conf,) that the measured response's covariance alone gives at the truth."""
+    variance = problem.frf.element_variance()
+    if problem.estimator == "lls":
+        variance = variance / np.abs(problem.frf.response) ** 2
+    return np.asarray((problem.weight * variance).sum(axis=(1, 2, 3)))
+
+
+def distinct_minima(costs: FloatArray) -> IntArray:
+    """Numbers the minima by cost, 0 the best; costs within 0.1 % are one minimum."""
+    labels = np.zeros(costs.size, int)
+    order = np.argsort(costs)
+    reference, label = costs[order[0]], 0
+    for index in order:
+        if costs[index] > reference * (1 + _SAME_MINIMUM) + 1e-12:
+            reference, label = costs[index], label + 1
+        labels[index] = label
+    return labels
+
+
+def _check_response(robot: Robot, frf: Frf) -> None:
+    motors = tuple(joint.name for joint in robot.joints)
+    if frf.input_names != motors:
+        message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
+        raise DataError(message, where=robot.name, remedy="name the inputs after the robot's joints, in order")
+    bad = ~np.isfinite(frf.response).all(axis=(0, 2, 3))
+    if bad.any():
+        shown = ", ".join(f"{frequency:.3g}" for frequency in frf.frequency_hz[bad][:5])
+        raise DataError(f"the response is not finite at {shown} Hz", where=robot.name, remedy="estimate it again")
+
+
+def _check_influence(problem: Problem) -> None:
+    hessian = np.diag(problem.normal(np.zeros(len(problem.parameters.names))).hessian)
+    silent = [name for name, value in zip(problem.parameters.names, hessian, strict=True) if value <= 0]
+    if silent:
+        message = f"free parameters change nothing: {', '.join(silent)}"
+        raise DataError(message, where="fit", remedy="list them under `fixed`, or measure other configurations")
+
+
+def _advice(best: Minimum, parameters: ParameterMap, dropped: int, problem: Problem) -> str:
+    advice = []
+    if best.status != "converged":
+        advice.append("raise `max_iterations`, add starts, or fix the parameters with the largest deviations")
+    factor = np.exp(best.parameters * parameters.logarithmic)
+    needless = [
+        name
+        for name, kind, ratio in zip(parameters.names, parameters.kind_of, factor, strict=True)
+        if kind == "stiffness" and ratio > _NEEDLESS_FACTOR
+    ]
+    if needless:
+        advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
+    share = dropped / problem.weight.size
+    if share > 0.2:
+        advice.append(f"{share:.0%} of the response lies below 10 dB: excite more, or measure more realizations")
+    return "; ".join(advice)

@@ -1,0 +1,107 @@
+"""Levenberg-Marquardt on the Gauss-Newton matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from robid.arrays import FloatArray
+
+Status = Literal["converged", "iteration_limit", "stalled"]
+
+_GRADIENT_TOLERANCE = 1e-9
+_STEP_TOLERANCE = 1e-10
+_COST_TOLERANCE = 1e-11
+_DAMPING_LIMIT = 1e12
+_FIRST_DAMPING = 1e-3
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Cost and its quadratic model at one point.
+
+    Attributes:
+        cost: The cost `V`.
+        gradient (n_param,): Half the gradient of `V`.
+        hessian (n_param, n_param): Half the Gauss-Newton Hessian of `V`.
+    """
+
+    cost: float
+    gradient: FloatArray
+    hessian: FloatArray
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a descent ended.
+
+    Attributes:
+        parameters (n_param,): Internal parameters.
+        cost: The cost there.
+        iterations: Accepted and refused steps.
+        status: How it ended.
+    """
+
+    parameters: FloatArray
+    cost: float
+    iterations: int
+    status: Status
+
+
+def minimise(
+    cost: Callable[[FloatArray], float],
+    normal: Callable[[FloatArray], Normal],
+    start: FloatArray,
+    *,
+    max_iterations: int = 200,
+    max_step: float = 1.0,
+) -> Minimum:
+    """Minimises a sum of squares.
+
+    Args:
+        cost: Cost at a point.
+        normal: Cost, half gradient and half Gauss-Newton Hessian at a point.
+        start (n_param,): Where to start.
+        max_iterations: Limit on steps.
+        max_step: Largest change of one internal parameter in a step.
+
+    Returns:
+        The minimum reached; failure to converge is a status, not an error.
+    """
+    point, here = start, normal(start)
+    damping, growth = _FIRST_DAMPING, 2.0
+    for iteration in range(max_iterations):
+        scale = np.maximum(np.diag(here.hessian), 1e-12 * np.diag(here.hessian).max())
+        if np.abs(here.gradient).max() <= _GRADIENT_TOLERANCE * max(here.cost, 1e-300):
+            return Minimum(point, here.cost, iteration, "converged")
+        step = _step(here, damping, scale)
+        largest = float(np.abs(step).max())
+        if largest <= _STEP_TOLERANCE:
+            return Minimum(point, here.cost, iteration, "converged")
+        step *= min(1.0, max_step / largest)
+        trial = cost(point + step)
+        predicted = -float(step @ (2 * here.gradient + here.hessian @ step))
+        gain = (here.cost - trial) / predicted if predicted > 0 else -1.0
+        if not np.isfinite(trial) or gain <= 0:
+            if 0 <= predicted <= _COST_TOLERANCE * here.cost:
+                return Minimum(point, here.cost, iteration, "converged")
+            damping, growth = damping * growth, growth * 2
+            if damping > _DAMPING_LIMIT:
+                return Minimum(point, here.cost, iteration, "stalled")
+            continue
+        damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
+        finished = here.cost - trial <= _COST_TOLERANCE * here.cost
+        point = point + step
+        here = normal(point)
+        if finished:
+            return Minimum(point, here.cost, iteration + 1, "converged")
+    return Minimum(point, here.cost, max_iterations, "iteration_limit")
+
+
+def _step(here: Normal, damping: float, scale: FloatArray) -> FloatArray:
+    factor = cho_factor(here.hessian + np.diag((damping + 1e-14) * scale))
+    return np.asarray(-cho_solve(factor, here.gradient))

@@ -1,0 +1,74 @@
+"""What a fit returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Estimated parameters with their uncertainty, and how the fit got there.
+
+    Attributes:
+        family: Fit family.
+        names: Name of each parameter.
+        kinds: Kind of each parameter.
+        units: Unit of each parameter.
+        nominal (n_param,): Value of the robot file.
+        estimate (n_param,): Estimated value.
+        lower (n_param,): Lower end of the interval.
+        upper (n_param,): Upper end of the interval.
+        relative_std (n_param,): Standard deviation over the estimate (of the relative error for friction).
+        predicted_relative_std (n_param,): The same, predicted at the nominal values before the fit.
+        identifiable (n_param,): Whether the prediction was small enough, decided before the fit.
+        internal (n_param,): Optimizer's values.
+        covariance (n_param, n_param): Covariance of the optimizer's values.
+        singular_values (n_param,): Of the scaled information matrix, largest first.
+        confidence: Level of the intervals.
+        cost: Cost at the minimum.
+        configuration_cost (n_conf,): Cost of each configuration.
+        expected_cost (n_conf,): What the response's covariance alone would give.
+        dropped: Response elements below 10 dB that the logarithm dropped.
+        start_cost (n_start,): Cost each start ended at.
+        start_iterations (n_start,): Its iterations.
+        start_status: How each start ended.
+        start_minimum (n_start,): Which distinct minimum it ended in, 0 is the best.
+        status: `converged`, `iteration_limit` or `stalled`.
+        advice: What to try next; empty when all is well.
+        configurations (n_conf, n_joint): Configurations of the fit [rad].
+        frequency_hz (n_freq,): Frequencies of the fit [Hz].
+        measured (n_conf, n_freq, n_out, n_in): Response after the fitted friction compensation.
+        modelled (n_conf, n_freq, n_out, n_in): Parametric response.
+    """
+
+    family: str
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    units: tuple[str, ...]
+    nominal: FloatArray
+    estimate: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    relative_std: FloatArray
+    predicted_relative_std: FloatArray
+    identifiable: BoolArray
+    internal: FloatArray
+    covariance: FloatArray
+    singular_values: FloatArray
+    confidence: float
+    cost: float
+    configuration_cost: FloatArray
+    expected_cost: FloatArray
+    dropped: int
+    start_cost: FloatArray
+    start_iterations: IntArray
+    start_status: tuple[str, ...]
+    start_minimum: IntArray
+    status: str
+    advice: str
+    configurations: FloatArray
+    frequency_hz: FloatArray
+    measured: ComplexArray
+    modelled: ComplexArray

@@ -1,0 +1,1 @@
+"""Frequency responses and their estimators."""

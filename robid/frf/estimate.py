@@ -1,0 +1,179 @@
+"""Block estimators of the frequency response with structured covariance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.errors import DataError
+from robid.frf.frf import Frf
+from robid.frf.options import EstimateOptions
+from robid.frf.spectra import Spectra, record_spectra
+from robid.signals.friction import KINDS, TorqueLaw
+from robid.signals.record import Record
+
+_CONDITION_LIMIT = 1e6
+
+
+def estimate_frf(
+    record: Record,
+    options: EstimateOptions,
+    laws: tuple[TorqueLaw, ...] | None = None,
+    delay_s: float = 0.0,
+) -> Frf:
+    """Estimates the frequency response of one configuration.
+
+    Args:
+        record: Record of a single configuration.
+        options: Estimator, compensation and pooling.
+        laws: Torque nonlinearities per motor, for `compensation: nominal`.
+        delay_s: Delay from recorded to applied torque, hold excluded [s].
+
+    Returns:
+        The response with its covariance; configuration axis kept.
+
+    Raises:
+        DataError: If an experiment block does not excite every input, or the data are not finite.
+
+    Source:
+        Wernholt and Moberg (2008), eq. 2; METHODS sec. 4.
+    """
+    compensate = options.compensation == "nominal" and laws is not None and not all(law.is_zero for law in laws)
+    spectra = record_spectra(record, laws if compensate else None, delay_s)
+    torque = _blocks(spectra.torque - spectra.nominal)
+    acceleration = _blocks(spectra.acceleration)
+    _check_blocks(record, torque)
+    inverse = np.linalg.inv(torque.mean(axis=1))
+    per_block = acceleration.mean(axis=1) @ inverse
+    response = average(per_block, options.estimator)
+    residual = acceleration - response @ torque
+    total, total_freedom = _total_covariance(residual.mean(axis=1), options.pooled_lines)
+    noise, noise_freedom = _noise_covariance(residual, options.pooled_lines)
+    outer = np.einsum("rfei,rfej->fij", inverse, inverse.conj())
+    names, deviation = _coefficients(record, laws if compensate else None)
+    sensitivity = _sensitivity(response, spectra, inverse)[deviation > 0]
+    return Frf(
+        frequency_hz=record.frequency_hz,
+        lines=record.excited_lines,
+        configurations=record.configurations,
+        response=response[None],
+        input_factor=outer[None] / per_block.shape[0] ** 2,
+        total_covariance=None if total is None else total[None],
+        noise_covariance=None if noise is None else noise[None],
+        total_degrees_of_freedom=total_freedom,
+        noise_degrees_of_freedom=noise_freedom,
+        sensitivity=sensitivity[None],
+        coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
+        coefficient_relative_std=deviation[deviation > 0],
+        removed_torque_rms=_removed(spectra, record)[None],
+        sampling_period_s=record.sampling_period_s,
+        input_names=record.input_names,
+        output_names=record.output_names,
+        torque_unit=record.torque_unit,
+        notes=(*record.notes, *_notes(total)),
+    )
+
+
+def average(per_block: ComplexArray, estimator: str) -> ComplexArray:
+    """Averages block responses (n_real, ...) arithmetically or by their logarithm.
+
+    The logarithm's branch is taken relative to the arithmetic mean (METHODS sec. 4).
+    """
+    mean = per_block.mean(axis=0)
+    if estimator == "arithmetic":
+        return np.asarray(mean)
+    return np.asarray(mean * np.exp(np.log(per_block / mean).mean(axis=0)))
+
+
+def concatenate(parts: list[Frf]) -> Frf:
+    """Joins responses of single configurations along the configuration axis."""
+    per_configuration = (
+        "configurations",
+        "response",
+        "input_factor",
+        "total_covariance",
+        "noise_covariance",
+        "sensitivity",
+        "removed_torque_rms",
+    )
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in per_configuration
+        if getattr(parts[0], name) is not None
+    }
+    return replace(parts[0], **joined)
+
+
+def _blocks(spectrum: ComplexArray) -> ComplexArray:
+    """Reorders (real, exp, period, freq, channel) to (real, period, freq, channel, exp)."""
+    return np.asarray(spectrum.transpose(0, 2, 3, 4, 1))
+
+
+def _check_blocks(record: Record, torque: ComplexArray) -> None:
+    where = f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
+    n_in, n_exp = torque.shape[-2:]
+    if n_exp != n_in:
+        message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
+        raise DataError(message, where=where, remedy="record as many experiments per realization as there are motors")
+    if not np.isfinite(torque).all():
+        raise DataError("the record holds NaN or infinite samples", where=where, remedy="acquire the record again")
+    condition = np.linalg.cond(torque.mean(axis=1)).max(axis=0)
+    worst = int(np.argmax(condition))
+    if condition[worst] > _CONDITION_LIMIT:
+        frequency = record.frequency_hz[worst]
+        message = f"the experiments do not excite every motor at {frequency:.3g} Hz (condition {condition[worst]:.1e})"
+        raise DataError(message, where=where, remedy="excite all motors, or check that the lines are those played")
+
+
+def _total_covariance(residual: ComplexArray, pooled: int) -> tuple[ComplexArray | None, float]:
+    n_real, n_freq, _, n_exp = residual.shape
+    if n_real < 2:
+        return None, 0.0
+    covariance = np.einsum("rfoe,rfpe->fop", residual, residual.conj()) / (n_exp * (n_real - 1))
+    return pool(covariance, pooled), float(n_exp * (n_real - 1) * min(pooled, n_freq))
+
+
+def _noise_covariance(residual: ComplexArray, pooled: int) -> tuple[ComplexArray | None, float]:
+    n_real, n_period, n_freq, _, n_exp = residual.shape
+    if n_period < 2:
+        return None, 0.0
+    deviation = residual - residual.mean(axis=1, keepdims=True)
+    freedom = n_exp * n_real * (n_period - 1)
+    covariance = np.einsum("rafoe,rafpe->fop", deviation, deviation.conj()) / (freedom * n_period)
+    return pool(covariance, pooled), float(freedom * min(pooled, n_freq))
+
+
+def pool(covariance: ComplexArray, count: int) -> ComplexArray:
+    """Averages covariances (n_freq, n, n) over `count` neighbouring lines, fewer at the edges."""
+    half = count // 2
+    n_freq = covariance.shape[0]
+    return np.array([covariance[max(0, k - half) : min(n_freq, k + half + 1)].mean(axis=0) for k in range(n_freq)])
+
+
+def _sensitivity(response: ComplexArray, spectra: Spectra, inverse: ComplexArray) -> ComplexArray:
+    """Derivative (n_coef, n_freq, n_out, n_in) of `Y (U - s F)^-1` with respect to each coefficient s."""
+    moved = [np.einsum("rfje,rfei->rfji", _blocks(kind).mean(axis=1), inverse).mean(axis=0) for kind in spectra.disturbance]
+    if not moved:
+        return np.zeros((0, *response.shape), complex)
+    each = np.einsum("foj,kfji->kjfoi", response, np.array(moved))
+    return np.asarray(each.reshape(-1, *response.shape))
+
+
+def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray]:
+    if laws is None:
+        return (), np.zeros(0)
+    names = tuple(f"{name}.{kind}" for kind in KINDS for name in record.input_names)
+    return names, np.array([law.coefficient_std for law in laws]).T.ravel()
+
+
+def _removed(spectra: Spectra, record: Record) -> FloatArray:
+    power = 2 * (np.abs(spectra.nominal) ** 2).sum(axis=3).mean(axis=(0, 1, 2))
+    return np.asarray(np.sqrt(power)).reshape(record.torque.shape[-1])
+
+
+def _notes(total: ComplexArray | None) -> tuple[str, ...]:
+    if total is not None:
+        return ()
+    return ("one realization: the covariance holds noise only, no distortion by nonlinearities",)

@@ -1,0 +1,79 @@
+"""The frequency response of a campaign with its structured covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Frf:
+    """Frequency responses from motor torque to acceleration, one per configuration.
+
+    The covariance is structured: `cov(vec G) = input_factor (x) C_v`, with `vec` stacking columns,
+    `C_v` the covariance of the output residual and `input_factor` the mean of `(U U^H)^-T` over
+    realizations divided by their number (METHODS sec. 4).
+
+    Attributes:
+        frequency_hz (n_freq,): Excited frequencies [Hz].
+        lines (n_freq,): Their DFT lines.
+        configurations (n_conf, n_joint): Arm-side joint angles [rad].
+        response (n_conf, n_freq, n_out, n_in): Frequency response [rad/(s^2 N m)].
+        input_factor (n_conf, n_freq, n_in, n_in): See above [1/(N m)^2].
+        total_covariance (n_conf, n_freq, n_out, n_out): `C_v` from realizations, or None when there is
+            only one [rad^2/s^4].
+        noise_covariance (n_conf, n_freq, n_out, n_out): `C_v` from periods, or None when there is only
+            one [rad^2/s^4].
+        total_degrees_of_freedom: Complex degrees of freedom behind `total_covariance` (0 if None).
+        noise_degrees_of_freedom: The same for `noise_covariance`.
+        sensitivity (n_conf, n_coef, n_freq, n_out, n_in): Derivative of `response` with respect to the
+            relative error of each compensated torque coefficient; n_coef may be 0.
+        coefficient_names: Name of each compensated coefficient.
+        coefficient_relative_std (n_coef,): Standard deviation of its relative error, from the robot file.
+        removed_torque_rms (n_conf, n_in): RMS of the torque that compensation removed [N m].
+        sampling_period_s: Sampling period of the experiment [s].
+        input_names: Name of each input.
+        output_names: Name of each output.
+        torque_unit: Unit that stands for N m.
+        notes: What the estimator wants the reader to know.
+    """
+
+    frequency_hz: FloatArray
+    lines: IntArray
+    configurations: FloatArray
+    response: ComplexArray
+    input_factor: ComplexArray
+    total_covariance: ComplexArray | None
+    noise_covariance: ComplexArray | None
+    total_degrees_of_freedom: float
+    noise_degrees_of_freedom: float
+    sensitivity: ComplexArray
+    coefficient_names: tuple[str, ...]
+    coefficient_relative_std: FloatArray
+    removed_torque_rms: FloatArray
+    sampling_period_s: float
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    torque_unit: str = "N m"
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def covariance(self) -> ComplexArray:
+        """Returns the output residual's covariance to use: total where known, else noise."""
+        chosen = self.noise_covariance if self.total_covariance is None else self.total_covariance
+        if chosen is None:
+            shape = (*self.response.shape[:3], self.response.shape[2])
+            return np.zeros(shape, complex)
+        return chosen
+
+    def element_variance(self, *, noise_only: bool = False) -> FloatArray:
+        """Variance of each element (n_conf, n_freq, n_out, n_in), `E|G_hat - G|^2`."""
+        chosen = self.noise_covariance if noise_only else self.covariance
+        if chosen is None:
+            return np.zeros(self.response.shape)
+        rows = np.real(np.diagonal(chosen, axis1=-2, axis2=-1))
+        columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
+        return np.asarray(rows[..., :, None] * columns[..., None, :])

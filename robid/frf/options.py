@@ -1,0 +1,21 @@
+"""Options of the frequency response estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class EstimateOptions:
+    """How a record becomes a frequency response."""
+
+    estimator: Literal["logarithmic", "arithmetic"] = field(
+        default="logarithmic", metadata={"description": "How the blocks' responses are averaged."}
+    )
+    compensation: Literal["none", "nominal"] = field(
+        default="nominal", metadata={"description": "Friction subtracted from the torque: none, or the robot file's."}
+    )
+    pooled_lines: int = field(
+        default=3, metadata={"description": "Neighbouring lines (odd number) pooled in the residual covariance.", "ge": 1}
+    )

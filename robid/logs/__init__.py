@@ -1,0 +1,1 @@
+"""Vendor log files, imported into records."""

@@ -1,0 +1,248 @@
+"""Checks of a log against what was said about it; each returns its problems."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError, SettingsError
+from robid.logs.mapping import INPUT_UNITS, OUTPUT_UNITS, LogMapping
+from robid.logs.period import Repetition, find_silent_lines, measure_repetition, measure_share
+
+_SHOWN = 8
+"""How many names or runs of lines a message lists."""
+
+_JITTER = 0.05
+"""Largest deviation of a time step from the sampling period, relative, that still counts as regular."""
+
+
+def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray) -> None:
+    """Checks units, signs, torque constants and lines before the file is read.
+
+    Raises:
+        SettingsError: With every contradiction.
+    """
+    problems = []
+    if len(mapping.inputs) != 1:
+        problems.append(f"a log of one experiment has one input, not {len(mapping.inputs)}")
+    if not mapping.outputs:
+        problems.append("there is no output channel")
+    known = [(channel, INPUT_UNITS) for channel in mapping.inputs] + [(c, OUTPUT_UNITS) for c in mapping.outputs]
+    for channel, units in known:
+        if channel.unit not in units:
+            problems.append(f"{channel.name}: unknown unit `{channel.unit}` (known: {', '.join(units)})")
+        if channel.sign not in (-1, 1):
+            problems.append(f"{channel.name}: sign {channel.sign} is neither 1 nor -1")
+    for channel in mapping.inputs:
+        if channel.normalised and (not channel.is_current or channel.torque_constant_nm_a != 1):
+            problems.append(f"{channel.name}: `normalised` needs a current and a torque constant of 1")
+        if not channel.is_current and channel.torque_constant_nm_a != 1:
+            problems.append(f"{channel.name}: a torque constant needs a current, not {channel.unit}")
+    for names in ([channel.name for channel in mapping.inputs], [channel.name for channel in mapping.outputs]):
+        problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    if not len(lines) or lines.min() < 1 or 2 * lines.max() >= samples_per_period:
+        problems.append(f"the excited lines are not all within 1 to {(samples_per_period - 1) // 2}, below Nyquist")
+    if problems:
+        raise SettingsError(
+            "; ".join(problems), where=f"log mapping of {mapping.file}", remedy="Correct the acquire section."
+        )
+
+
+def read_column(
+    mapping: LogMapping, variables: Mapping[str, Any], name: str
+) -> tuple[NDArray[Any] | None, list[DataError]]:
+    """Returns a variable as a real column of finite, changing numbers, or why it is none."""
+    where = f"{mapping.file}: variable `{name}`"
+    if name not in variables:
+        close = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
+        columns = [key for key, value in variables.items() if np.size(value) > _SHOWN]
+        guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
+        remedy = f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
+        return None, [DataError("The log has no such variable.", where=where, remedy=remedy)]
+    raw = np.asarray(variables[name])
+    if raw.dtype.kind not in "fiu":
+        remedy = "Save it as a real numeric column."
+        return None, [DataError(f"It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
+    if raw.size != max(raw.shape, default=0) or raw.size < 2:
+        remedy = "Save one column per channel."
+        return None, [DataError(f"It has shape {raw.shape}, not one column.", where=where, remedy=remedy)]
+    column = raw.ravel()
+    bad = np.flatnonzero(~np.isfinite(column))
+    if len(bad):
+        what = f"{len(bad)} of {len(column)} values are NaN or infinite, the first at sample {bad[0]}."
+        remedy = "Record again, or cut the log to whole periods without them."
+        return column, [DataError(what, where=f"{where}, sample {bad[0]}", remedy=remedy)]
+    if np.ptp(column) == 0:
+        remedy = "Check that the channel was connected and that the variable is the right one."
+        return column, [DataError(f"It is constant ({column[0]:g}).", where=where, remedy=remedy)]
+    return column, []
+
+
+def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:
+    """Compares the channels' lengths; the most frequent one counts as right."""
+    lengths = [len(column) for column in columns.values()]
+    usual = max(lengths, key=lengths.count, default=0)
+    return [
+        DataError(
+            f"It has {len(column)} samples, the other channels have {usual}.",
+            where=f"{mapping.file}: variable `{name}`",
+            remedy="Export all channels over the same time span and at the same rate.",
+        )
+        for name, column in columns.items()
+        if len(column) != usual
+    ]
+
+
+def check_time(mapping: LogMapping, variable: str, stamps: FloatArray, to_seconds: float) -> list[DataError]:
+    """Compares the time stamps with the sampling period: unit, rate, order, gaps, jitter."""
+    where = f"{mapping.file}: variable `{variable}`"
+    stated = mapping.sampling_period_s
+    steps = np.diff(stamps.astype(float)) * to_seconds
+    usual = float(np.median(steps))
+    backward = np.flatnonzero(steps <= 0)
+    if len(backward):
+        what = f"Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
+        remedy = "Sort the log by time and drop repeated samples, or leave out `time`."
+        return [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
+    exponent = round(np.log10(usual / stated))
+    if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < 0.2:
+        what = f"The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
+        return [DataError(what, where=where, remedy="Correct the unit of `time`.")]
+    if abs(usual / stated - 1) > 0.01:
+        what = f"The time steps are {usual:.6g} s, but a sampling period of {stated:g} s was stated."
+        return [DataError(what, where=where, remedy=f"Set sampling_period_s to {usual:.6g}, or correct the time unit.")]
+    gaps = np.flatnonzero(steps > 1.5 * stated)
+    problems = []
+    if len(gaps):
+        missing = round(float(np.sum(steps[gaps] / stated - 1)))
+        what = (
+            f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, about {missing} missing samples; the first after sample"
+            f" {gaps[0]}: {steps[gaps[0]]:.6g} s instead of {stated:g} s."
+        )
+        remedy = "Record again, or cut the log to whole periods without a gap."
+        problems.append(DataError(what, where=f"{where}, sample {gaps[0]}", remedy=remedy))
+    deviation = np.abs(np.delete(steps, gaps) / stated - 1)
+    if deviation.max(initial=0) > _JITTER:
+        what = f"The time steps deviate from {stated:g} s by up to {100 * deviation.max():.0f} %."
+        remedy = "Resample the log to equal steps, or leave out `time` if only the stamps are coarse."
+        problems.append(DataError(what, where=where, remedy=remedy))
+    if not problems and abs(float(np.mean(steps)) / stated - 1) > 1e-4:
+        what = f"The mean time step is {np.mean(steps):.8g} s, but {stated:g} s was stated."
+        problems.append(DataError(what, where=where, remedy=f"Set sampling_period_s to {np.mean(steps):.8g}."))
+    return problems
+
+
+def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, periods: int) -> list[DataError]:
+    """Checks that the log holds the periods that were said."""
+    held = n_sample / samples_per_period
+    wanted = mapping.drop_periods + periods
+    if held >= wanted:
+        return []
+    return [
+        DataError(
+            f"It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
+            f" ({mapping.drop_periods} dropped and {periods} used).",
+            where=f"{mapping.file}: {n_sample} samples",
+            remedy=f"Set periods to {max(int(held) - mapping.drop_periods, 0)} at most, or correct the period.",
+        )
+    ]
+
+
+def check_period(
+    mapping: LogMapping, steady: FloatArray, samples_per_period: int, periods: int, lines: IntArray
+) -> tuple[list[DataError], list[str]]:
+    """Measures the period on the input and compares it with what was said; then the excited lines.
+
+    Args:
+        mapping: The log mapping.
+        steady (n_sample,): The input channel without its dropped periods.
+        samples_per_period: The stated period.
+        periods: Periods that are used.
+        lines (n_freq,): Lines that were said to be excited.
+
+    Returns:
+        Problems and notes.
+    """
+    where = f"{mapping.file}: variable `{mapping.inputs[0].variable}`"
+    found = measure_repetition(steady, samples_per_period, lines)
+    notes = [] if found.reachable else ["The log holds one period: its length could not be checked by repetition."]
+    if found.samples is None and found.reachable:
+        what = f"It does not repeat with a period of {samples_per_period} samples, nor with any other."
+        remedy = "Check that the excitation is periodic and that this is the excited channel."
+        return [DataError(what, where=where, remedy=remedy)], notes
+    real = _real_period(found, samples_per_period, lines)
+    if real != samples_per_period:
+        period_s = real * mapping.sampling_period_s
+        what = (
+            f"It repeats every {real} samples ({period_s:.9g} s), not every {samples_per_period}"
+            f" ({samples_per_period * mapping.sampling_period_s:.9g} s)."
+        )
+        remedy = f"Set excitation.period_s to {period_s:.9g}, or correct sampling_period_s."
+        return [DataError(what, where=where, remedy=remedy)], notes
+    if found.drifts(periods, lines):
+        what = (
+            f"Its period is {found.samples:.4f} samples, not a whole number: generator and log have different clocks."
+        )
+        remedy = f"Resample the log so that a period has {samples_per_period} samples, or use fewer periods."
+        return [DataError(what, where=where, remedy=remedy)], notes
+    if found.std_samples > 0.2:
+        notes.append(f"The noise lets the period be checked to +-{4 * found.std_samples:.1g} samples only.")
+    whole_periods = len(steady) // samples_per_period
+    blocks = steady[: whole_periods * samples_per_period].reshape(whole_periods, samples_per_period)
+    return check_lines(where, blocks[:periods], lines), notes
+
+
+def _real_period(found: Repetition, stated: int, lines: IntArray) -> int:
+    """The period to propose: the stated one where the signal does not speak against it."""
+    if found.samples is None:
+        return stated
+    whole = stated if found.agrees(stated) else round(found.samples)
+    if found.multiple > 1 and np.any(lines % found.multiple):
+        return round(whole / found.multiple)
+    # A stated period of several real ones is as good when the stated lines fit it.
+    repeats = stated % whole == 0 and not np.any(lines % (stated // whole))
+    return stated if repeats else whole
+
+
+def check_lines(where: str, blocks: FloatArray, lines: IntArray) -> list[DataError]:
+    """Checks that the stated lines carry the excitation, all of them.
+
+    Args:
+        where: File and variable.
+        blocks (n_period, n_sample): The input's periods; nothing is checked when there is none.
+        lines (n_freq,): Lines that were said to be excited.
+    """
+    if not len(blocks):
+        return []
+    share, carrying = measure_share(blocks, lines)
+    silent = find_silent_lines(blocks, lines)
+    if share >= 0.5 and not len(silent):
+        return []
+    what = (
+        f"The excited lines {format_lines(lines)} carry only {100 * share:.1f} % of its energy"
+        if share < 0.5
+        else f"{len(silent)} of {len(lines)} excited lines are silent: {format_lines(silent)}"
+    )
+    remedy = f"The energy is at lines {format_lines(carrying)}: correct the excitation's band, lines or period."
+    return [DataError(f"{what}.", where=where, remedy=remedy)]
+
+
+def format_lines(lines: IntArray) -> str:
+    """Writes rising lines as runs of equal steps: `11-250, 301-399 by 2`."""
+    runs: list[list[int]] = []
+    for line in map(int, lines):
+        last = runs[-1] if runs else []
+        if len(last) == 1 or (len(last) > 1 and line - last[-1] == last[1] - last[0]):
+            last.append(line)
+        else:
+            runs.append([line])
+    texts = []
+    for run in runs[:_SHOWN]:
+        step = run[1] - run[0] if len(run) > 1 else 1
+        texts.append(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" + (f" by {step}" if step > 1 else ""))
+    return ", ".join(texts) + (", ..." if len(runs) > _SHOWN else "")

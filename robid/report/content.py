@@ -1,0 +1,297 @@
+"""What a report is made of, as plain values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from robid.arrays import ComplexArray, check_shape
+from robid.frf.frf import Frf
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer in one line.
+
+    Attributes:
+        text: One sentence.
+        level: `ok` when the result can be used as it is, `warn` when the reader has to look closer.
+    """
+
+    text: str
+    level: Literal["ok", "warn"]
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One parameter of a fit, in SI units.
+
+    Attributes:
+        name: Name of the parameter.
+        kind: Its kind, as in `stiffness`, `damping`, `delay`.
+        unit: Its SI unit, as in `N m/rad`.
+        nominal: Value in the robot file.
+        estimate: Fitted value.
+        lower: Lower end of the interval.
+        upper: Upper end of the interval.
+        relative_std: Predicted relative standard deviation.
+        truth: True value of a simulated robot, or None.
+        identifiable: Whether the data determine the parameter, fixed before the fit.
+        covered: Whether the interval holds the truth, or None without a truth.
+        assumed: Whether the nominal value has no published source.
+        note: What the reader should know, such as why it is not identifiable.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    nominal: float
+    estimate: float
+    lower: float
+    upper: float
+    relative_std: float
+    truth: float | None = None
+    identifiable: bool = True
+    covered: bool | None = None
+    assumed: bool = False
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class ResonanceRow:
+    """One resonance or antiresonance of one channel, measured against the model.
+
+    Attributes:
+        configuration: Index of the configuration in the estimation campaign.
+        channel: Name of the channel.
+        kind: Peak or dip of the magnitude.
+        measured_hz: Measured frequency [Hz], or None when the data show none.
+        model_hz: The model's frequency [Hz], or None when the model has none.
+        interval_hz: Lower and upper end of the measured frequency's interval [Hz], or None.
+        damping: The model's damping ratio, or None.
+    """
+
+    configuration: int
+    channel: str
+    kind: Literal["resonance", "antiresonance"]
+    measured_hz: float | None
+    model_hz: float | None
+    interval_hz: tuple[float, float] | None = None
+    damping: float | None = None
+
+
+@dataclass(frozen=True)
+class CostRow:
+    """The cost in one configuration.
+
+    Attributes:
+        campaign: Name of the campaign.
+        configuration: Index of the configuration in it.
+        cost: Weighted cost.
+        expected_cost: Its expectation when the model is exact, or None when no covariance is known.
+        excess: Cost above the expectation, or None.
+    """
+
+    campaign: str
+    configuration: int
+    cost: float
+    expected_cost: float | None = None
+    excess: float | None = None
+
+
+@dataclass(frozen=True)
+class StartRow:
+    """One start of the optimizer.
+
+    Attributes:
+        index: Index of the start; 0 are the robot file's values.
+        cost: Cost where it ended.
+        iterations: Iterations it took.
+        status: How it ended.
+        minimum_index: Index of the minimum that it ended in; 0 is the best.
+    """
+
+    index: int
+    cost: float
+    iterations: int
+    status: str
+    minimum_index: int
+
+
+@dataclass(frozen=True)
+class FitContent:
+    """One fit with the data that it explains.
+
+    Attributes:
+        name: Name of the fit.
+        campaign: Name of the estimation campaign.
+        frf: Measured frequency responses.
+        model_response (n_conf, n_freq, n_out, n_in): The model's, in the unit of `frf.response`.
+        level: Level of the intervals and the band.
+        parameters: The parameters, in the order to show.
+        resonances: Resonances and antiresonances.
+        estimation_costs: Cost per configuration of the fit's own data.
+        validation_costs: Cost per configuration of data that the fit never saw.
+        starts: The optimizer's starts.
+        status: How the fit ended.
+        advice: What to do about it; empty when there is nothing to do.
+        identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
+        validation_campaign: Name of the validation campaign.
+        validation_frf: Its frequency responses, or None.
+        validation_model: The model's responses there, or None.
+    """
+
+    name: str
+    campaign: str
+    frf: Frf
+    model_response: ComplexArray
+    level: float = 0.95
+    parameters: tuple[ParameterRow, ...] = ()
+    resonances: tuple[ResonanceRow, ...] = ()
+    estimation_costs: tuple[CostRow, ...] = ()
+    validation_costs: tuple[CostRow, ...] = ()
+    starts: tuple[StartRow, ...] = ()
+    status: str = ""
+    advice: str = ""
+    identifiable_relative_std: float | None = None
+    validation_campaign: str = ""
+    validation_frf: Frf | None = None
+    validation_model: ComplexArray | None = None
+
+    def __post_init__(self) -> None:
+        _check_model("model_response", self.frf, self.model_response)
+        if self.validation_frf is not None and self.validation_model is not None:
+            _check_model("validation_model", self.validation_frf, self.validation_model)
+
+
+def _check_model(name: str, frf: Frf, model: ComplexArray) -> None:
+    axes = ("n_conf", "n_freq", "n_out", "n_in")
+    check_shape(name, model, " ".join(axes), **dict(zip(axes, frf.response.shape, strict=True)))
+
+
+@dataclass(frozen=True)
+class ConfigurationRow:
+    """One measured configuration.
+
+    Attributes:
+        campaign: Name of the campaign.
+        index: Index in the campaign.
+        angles_rad: Arm-side joint angles [rad].
+    """
+
+    campaign: str
+    index: int
+    angles_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class PeakRow:
+    """A predicted peak against its limit.
+
+    Attributes:
+        channel: Motor or joint.
+        quantity: What peaks, as in `speed`.
+        unit: SI unit of both.
+        predicted: Predicted peak.
+        limit: Limit.
+    """
+
+    channel: str
+    quantity: str
+    unit: str
+    predicted: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class ExcitationRow:
+    """What one campaign excites with.
+
+    Attributes:
+        campaign: Name of the campaign.
+        lines: Number of excited lines.
+        low_hz: Lowest excited frequency [Hz].
+        high_hz: Highest excited frequency [Hz].
+        duration_s: Measuring time over all configurations [s].
+        rms: RMS of the injected signal, one for all channels or one each.
+        rms_unit: Its unit.
+        peaks: Predicted peaks against limits.
+    """
+
+    campaign: str
+    lines: int
+    low_hz: float
+    high_hz: float
+    duration_s: float
+    rms: tuple[float, ...]
+    rms_unit: str
+    peaks: tuple[PeakRow, ...] = ()
+
+
+@dataclass(frozen=True)
+class TorqueRow:
+    """Torque that compensation removed, over a campaign.
+
+    Attributes:
+        campaign: Name of the campaign.
+        channel: Motor.
+        removed_rms: RMS of the removed torque.
+        unit: Its unit.
+    """
+
+    campaign: str
+    channel: str
+    removed_rms: float
+    unit: str = "N m"
+
+
+@dataclass(frozen=True)
+class StageRow:
+    """One stage that was run.
+
+    Attributes:
+        stage: Name of the stage.
+        artifact: Path of the artifact in the run folder.
+        settings_hash: Short hash of the settings it read.
+        content_hash: Short hash of what it wrote.
+        seconds: Time it took [s], or None when it was not run anew.
+        figures: Key figures in a phrase.
+    """
+
+    stage: str
+    artifact: str
+    settings_hash: str
+    content_hash: str
+    seconds: float | None = None
+    figures: str = ""
+
+
+@dataclass(frozen=True)
+class ReportContent:
+    """All of a report.
+
+    Attributes:
+        title: Title of the page, usually the experiment's name.
+        verdict: The answer in one line.
+        robot: Name of the robot.
+        robot_notes: Notes of the robot file.
+        fits: The fits, the most important first.
+        joint_names: Names of the joints, for the table of configurations.
+        configurations: The measured configurations.
+        excitations: The excitation per campaign.
+        removed_torques: Removed friction torque per campaign and motor.
+        stages: What was run.
+        warnings: What the reader must know before using a number.
+    """
+
+    title: str
+    verdict: Verdict
+    robot: str
+    robot_notes: tuple[str, ...] = ()
+    fits: tuple[FitContent, ...] = ()
+    joint_names: tuple[str, ...] = ()
+    configurations: tuple[ConfigurationRow, ...] = ()
+    excitations: tuple[ExcitationRow, ...] = ()
+    removed_torques: tuple[TorqueRow, ...] = ()
+    stages: tuple[StageRow, ...] = ()
+    warnings: tuple[str, ...] = ()

@@ -1,0 +1,220 @@
+"""Rows of the page's tables: numbers written out, reasons said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+from statistics import median
+
+from robid.report.content import (
+    CostRow,
+    ExcitationRow,
+    FitContent,
+    ParameterRow,
+    ResonanceRow,
+    StartRow,
+)
+from robid.report.numbers import MISSING, number_of, percent, pretty_unit, scale_for, significant
+from robid.report.summary import average_and_worst, resonance_errors
+
+KIND_TITLES = {
+    "stiffness": "Springs",
+    "damping": "Dampers",
+    "viscous": "Equivalent viscous friction",
+    "motor_inertia": "Motor inertias",
+    "link_inertia": "Link inertias",
+    "delay": "Delay",
+}
+
+
+@dataclass(frozen=True)
+class ParameterLine:
+    """A parameter as text; the numbers share one scale."""
+
+    name: str
+    unit: str
+    nominal: str
+    estimate: str
+    lower: str
+    upper: str
+    half_width: str
+    change: str
+    truth: str
+    off_truth: str
+    covered: bool | None
+    assumed: bool
+    identifiable: bool
+    note: str
+
+
+@dataclass(frozen=True)
+class CampaignCosts:
+    """The costs of one campaign as text: configuration, cost, expected, excess."""
+
+    role: str
+    lines: tuple[tuple[str, str, str, str], ...]
+    average: str
+    worst: str
+
+
+def parameter_line(row: ParameterRow, threshold: float | None = None) -> ParameterLine:
+    """Writes a parameter; a row that is not identifiable says why."""
+    half_width = (row.upper - row.lower) / 2
+    scale = scale_for(row.estimate or row.nominal, row.unit, half_width)
+    relative = half_width / abs(row.estimate) if row.estimate else float("nan")
+    return ParameterLine(
+        name=row.name,
+        unit=scale.unit,
+        nominal=scale.text(row.nominal),
+        estimate=scale.text(row.estimate),
+        lower=scale.text(row.lower),
+        upper=scale.text(row.upper),
+        half_width=percent(relative),
+        change=percent(row.estimate / row.nominal - 1, signed=True) if row.nominal else MISSING,
+        truth=scale.text(row.truth),
+        off_truth=percent(row.estimate / row.truth - 1, signed=True) if row.truth else MISSING,
+        covered=row.covered,
+        assumed=row.assumed,
+        identifiable=row.identifiable,
+        note=row.note if row.identifiable else _reason(row, threshold),
+    )
+
+
+def parameter_groups(fit: FitContent) -> list[tuple[str, list[ParameterLine]]]:
+    """Groups a fit's parameters by kind, in the order given."""
+    order = list(dict.fromkeys(row.kind for row in fit.parameters))
+    rows = sorted(fit.parameters, key=lambda row: order.index(row.kind))
+    return [
+        (KIND_TITLES.get(kind, kind), [parameter_line(row, fit.identifiable_relative_std) for row in group])
+        for kind, group in groupby(rows, key=lambda row: row.kind)
+    ]
+
+
+def _reason(row: ParameterRow, threshold: float | None) -> str:
+    limit = f", above {percent(threshold)}" if threshold is not None and row.relative_std > threshold else ""
+    reason = f"not identifiable: predicted deviation {percent(row.relative_std)}{limit}"
+    return f"{reason}; {row.note}" if row.note else reason
+
+
+@dataclass(frozen=True)
+class ResonanceLine:
+    """A resonance as text."""
+
+    configuration: int
+    number: str
+    channel: str
+    kind: str
+    measured: str
+    interval: str
+    model: str
+    error: str
+    within: bool | None
+    damping: str
+
+
+def resonance_line(row: ResonanceRow) -> ResonanceLine:
+    """Writes a resonance with what it can be judged by."""
+    errors = resonance_errors((row,))
+    low_high = row.interval_hz
+    return ResonanceLine(
+        configuration=row.configuration,
+        number=number_of(row.configuration),
+        channel=row.channel,
+        kind=row.kind,
+        measured=significant(row.measured_hz, 4) if row.measured_hz is not None else "not seen",
+        interval=f"{significant(low_high[0], 4)} … {significant(low_high[1], 4)}" if low_high else MISSING,
+        model=significant(row.model_hz, 4) if row.model_hz is not None else "none",
+        error=percent(errors[0][0], signed=True) if errors else MISSING,
+        within=low_high[0] <= row.model_hz <= low_high[1] if low_high and row.model_hz is not None else None,
+        damping=percent(row.damping),
+    )
+
+
+def resonance_sentence(rows: tuple[ResonanceRow, ...]) -> str:
+    """Says how far the model's resonances are from the measured ones."""
+    errors = resonance_errors(rows)
+    if not errors:
+        return ""
+    worst, row = max(errors, key=lambda item: abs(item[0]))
+    middle = median(abs(error) for error, _ in errors)
+    return (
+        f"{len(errors)} pairs; the model is off by {percent(middle)} in the median and by {percent(abs(worst))} "
+        f"at worst, the {row.kind} of {row.channel} at {significant(row.measured_hz, 4)} Hz in configuration "
+        f"{number_of(row.configuration)}."
+    )
+
+
+def campaign_title(role: str, campaign: str) -> str:
+    """Names a campaign by its role, and by its name where that says more."""
+    return role if campaign.lower() in {"", role.lower()} else f"{role}: {campaign}"
+
+
+def cost_tables(fit: FitContent) -> list[CampaignCosts]:
+    """Writes the costs of estimation and validation."""
+    named = (("Estimation", fit.estimation_costs), ("Validation", fit.validation_costs))
+    return [_cost_table(role, rows) for role, rows in named if rows]
+
+
+def _cost_table(role: str, rows: tuple[CostRow, ...]) -> CampaignCosts:
+    found = average_and_worst(rows)
+    average, worst = found if found is not None else (float("nan"), rows[0])
+    lines = tuple(
+        (
+            number_of(row.configuration),
+            significant(row.cost, 4),
+            significant(row.expected_cost, 4),
+            significant(row.excess, 3),
+        )
+        for row in rows
+    )
+    worst_text = f"{significant(worst.cost, 4)} (configuration {number_of(worst.configuration)})"
+    return CampaignCosts(campaign_title(role, rows[0].campaign), lines, significant(average, 4), worst_text)
+
+
+def start_lines(rows: tuple[StartRow, ...]) -> list[tuple[str, str, str, str, str]]:
+    """Writes the starts by cost: start, cost, minimum, iterations, status."""
+    return [
+        (number_of(row.index), significant(row.cost, 7), number_of(row.minimum_index), str(row.iterations), row.status)
+        for row in sorted(rows, key=lambda row: (row.minimum_index, row.cost))
+    ]
+
+
+@dataclass(frozen=True)
+class PeakLine:
+    """A predicted peak as text, with its share of the limit."""
+
+    channel: str
+    quantity: str
+    predicted: str
+    limit: str
+    share: float
+
+    @property
+    def share_text(self) -> str:
+        """The share in percent."""
+        return percent(self.share)
+
+
+def peak_lines(row: ExcitationRow) -> list[PeakLine]:
+    """Writes the predicted peaks of one campaign."""
+    return [
+        PeakLine(
+            channel=peak.channel,
+            quantity=peak.quantity,
+            predicted=f"{significant(peak.predicted, 3)} {pretty_unit(peak.unit)}",
+            limit=f"{significant(peak.limit, 3)} {pretty_unit(peak.unit)}",
+            share=peak.predicted / peak.limit if peak.limit else float("nan"),
+        )
+        for peak in row.peaks
+    ]
+
+
+def rms_text(row: ExcitationRow) -> str:
+    """Writes the RMS of an excitation: once when all channels have the same."""
+    values = sorted(set(row.rms))
+    unit = pretty_unit(row.rms_unit)
+    if not values:
+        return MISSING
+    if len(values) == 1:
+        return f"{significant(values[0], 3)} {unit}"
+    return f"{significant(values[0], 3)} … {significant(values[-1], 3)} {unit}"

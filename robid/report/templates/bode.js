@@ -1,0 +1,248 @@
+"use strict";
+// The Bode matrix: one figure per fit, its selectors, and the enlarged element.
+(() => {
+  const { data, colour, axis, layout, title, logTicks, element, onDraw } = robid;
+  const FLOOR_DB = -40;
+
+  // Splits a wrapped phase into runs without jumps, with a gap between them.
+  function broken(x, y) {
+    const outX = [], outY = [];
+    y.forEach((value, index) => {
+      if (index > 0 && value !== null && y[index - 1] !== null && Math.abs(value - y[index - 1]) > 180) {
+        outX.push(x[index]);
+        outY.push(null);
+      }
+      outX.push(x[index]);
+      outY.push(value);
+    });
+    return { x: outX, y: outY };
+  }
+
+  // Closed outlines of the band, one per run without jump or missing value.
+  function outline(x, lower, upper, jump) {
+    const outX = [], outY = [];
+    let start = 0;
+    const close = (end) => {
+      if (end - start > 1) {
+        outX.push(...x.slice(start, end), ...x.slice(start, end).reverse(), null);
+        outY.push(...upper.slice(start, end), ...lower.slice(start, end).reverse(), null);
+      }
+      start = end;
+    };
+    for (let index = 0; index < x.length; index += 1) {
+      if (lower[index] === null) { close(index); start = index + 1; }
+      else if (index > start && Math.abs(upper[index] - upper[index - 1]) > jump) close(index);
+    }
+    close(x.length);
+    return { x: outX, y: outY };
+  }
+
+  function curves(response, chosen, view, row, column) {
+    const x = response.frequency;
+    const phase = view === "phase";
+    const measured = (phase ? chosen.measured_phase : chosen.measured)[row][column];
+    const model = (phase ? chosen.model_phase : chosen.model)[row][column];
+    const radius = chosen.radius ? chosen.radius[row][column] : null;
+    let band = { x: [], y: [] };
+    if (radius) {
+      const half = radius.map((r) => (r === null ? null : r < 1 ? (Math.asin(r) * 180) / Math.PI : 180));
+      const lower = measured.map((y, i) => (radius[i] === null || y === null ? null
+        : phase ? y - half[i] : y + Math.max(20 * Math.log10(Math.max(1 - radius[i], 1e-9)), FLOOR_DB)));
+      const upper = measured.map((y, i) => (lower[i] === null ? null : phase ? y + half[i] : y + 20 * Math.log10(1 + radius[i])));
+      band = outline(x, lower, upper, phase ? 180 : Infinity);
+    }
+    return { x, measured, band, model: phase ? broken(x, model) : { x, y: model } };
+  }
+
+  function traces(drawn, axes, size) {
+    return [
+      { ...drawn.band, ...axes, type: "scatter", mode: "lines", fill: "toself", fillcolor: colour("band"), line: { width: 0 }, hoverinfo: "skip" },
+      { x: drawn.x, y: drawn.measured, ...axes, type: "scatter", mode: "markers", marker: { color: colour("measured"), size: size.dot, line: { width: 0 } }, name: "measured", hovertemplate: "measured %{y:.2f}<extra></extra>" },
+      { ...drawn.model, ...axes, type: "scatter", mode: "lines", line: { color: colour("model"), width: size.line }, name: "model", hovertemplate: "model %{y:.2f}<extra></extra>" },
+    ];
+  }
+
+  function magnitudeRange(response, chosen) {
+    const all = [...chosen.measured.flat(2), ...chosen.model.flat(2)].filter((y) => y !== null && y > -500);
+    if (!all.length) return [-60, 0];
+    const low = Math.min(...all), high = Math.max(...all);
+    const pad = Math.max(0.04 * (high - low), 2);
+    return [low - pad, high + pad];
+  }
+
+  function frequencyRange(frequency) {
+    const low = Math.log10(frequency[0]), high = Math.log10(frequency[frequency.length - 1]);
+    const pad = Math.max(0.03 * (high - low), 0.01);
+    return [low - pad, high + pad];
+  }
+
+  function decibelStep(range, height) {
+    const wanted = ((range[1] - range[0]) * 15) / height;
+    return [2, 5, 10, 20, 40, 60, 100].find((step) => step >= wanted) || 100;
+  }
+
+  function geometry(response, width) {
+    const outputs = response.outputs.length, inputs = response.inputs.length;
+    const margin = { l: 76, r: 6, t: 24, b: 42 };
+    const gap = outputs > 3 || inputs > 3 ? 6 : 16;
+    const cellWidth = (width - margin.l - margin.r - gap * (inputs - 1)) / inputs;
+    const cellHeight = Math.max(Math.min(cellWidth * 0.72, outputs > 3 ? 128 : 260), 60);
+    const height = margin.t + margin.b + outputs * cellHeight + (outputs - 1) * gap;
+    return { margin, gap, cellWidth, cellHeight, height, width, outputs, inputs };
+  }
+
+  function matrix(response, chosen, view, place) {
+    const annotations = [], all = [];
+    const figure = layout({ margin: place.margin, width: place.width, height: place.height });
+    const plotWidth = place.width - place.margin.l - place.margin.r, plotHeight = place.height - place.margin.t - place.margin.b;
+    const range = view === "phase" ? [-200, 200] : magnitudeRange(response, chosen);
+    const ticks = logTicks(response.frequency[0], response.frequency[response.frequency.length - 1]);
+    for (let row = 0; row < place.outputs; row += 1) {
+      for (let column = 0; column < place.inputs; column += 1) {
+        const number = row * place.inputs + column + 1;
+        const suffix = number === 1 ? "" : String(number);
+        const left = (column * (place.cellWidth + place.gap)) / plotWidth, right = left + place.cellWidth / plotWidth;
+        const top = 1 - (row * (place.cellHeight + place.gap)) / plotHeight, bottom = top - place.cellHeight / plotHeight;
+        const frame = { showline: true, mirror: true, linecolor: row === column ? colour("faint") : colour("line"), linewidth: 1 };
+        figure[`xaxis${suffix}`] = axis({ ...frame, type: "log", domain: [left, right], anchor: `y${suffix}`, range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), tickangle: 0, showticklabels: row === place.outputs - 1 });
+        figure[`yaxis${suffix}`] = axis({ ...frame, domain: [Math.max(bottom, 0), Math.min(top, 1)], anchor: `x${suffix}`, range, dtick: view === "phase" ? 90 : decibelStep(range, place.cellHeight), tick0: 0, showticklabels: column === 0 });
+        all.push(...traces(curves(response, chosen, view, row, column), { xaxis: `x${suffix}`, yaxis: `y${suffix}` }, place.cellWidth < 260 ? { line: 1.1, dot: 3.6 } : { line: 1.4, dot: 5 }));
+      }
+    }
+    const label = { showarrow: false, xref: "paper", yref: "paper", font: { size: 12, color: colour("ink") } };
+    response.inputs.forEach((name, column) => annotations.push({ ...label, text: name, x: (column * (place.cellWidth + place.gap) + place.cellWidth / 2) / plotWidth, xanchor: "center", y: 1, yanchor: "bottom", yshift: 3 }));
+    response.outputs.forEach((name, row) => annotations.push({ ...label, text: name, textangle: -90, x: 0, xshift: -62, y: 1 - (row * (place.cellHeight + place.gap) + place.cellHeight / 2) / plotHeight, yanchor: "middle", xanchor: "center" }));
+    annotations.push({ ...label, text: view === "phase" ? "°" : "dB", font: { size: 11, color: colour("muted") }, x: 0, xanchor: "right", xshift: -4, y: 1, yanchor: "bottom", yshift: 3 });
+    annotations.push({ ...label, text: "Frequency [Hz]", font: { size: 12, color: colour("muted") }, x: 0.5, xanchor: "center", y: 0, yanchor: "top", yshift: -22 });
+    return { traces: all, layout: { ...figure, annotations } };
+  }
+
+  // ---------------------------------------------------------------- enlarged element
+  const dialog = document.getElementById("enlarged");
+  let shown = null;
+
+  function drawEnlarged() {
+    if (!shown || !dialog.open) return;
+    const { fit, response, state, row, column } = shown;
+    const chosen = response.configurations[state.configuration];
+    const style = { line: 1.6, dot: 6 };
+    document.getElementById("enlarged-title").textContent =
+      `${response.outputs[row]} acceleration per ${response.inputs[column]} torque, configuration ${chosen.label}`;
+    document.getElementById("enlarged-caption").textContent = describe(fit, response, chosen, "phase")
+      + (state.response === 0 && fit.marks.length ? " Dotted lines: measured resonances and antiresonances of this channel." : "");
+    const ticks = logTicks(response.frequency[0] / 2, response.frequency[response.frequency.length - 1] * 2);
+    const shared = { type: "log", range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), fixedrange: false };
+    const marks = state.response === 0 ? fit.marks.filter(([configuration, channel]) => configuration === state.configuration
+      && channel === response.outputs[row] && (response.inputs[column] === channel || response.inputs.length === 1)) : [];
+    const figure = layout({
+      width: dialog.clientWidth - 52, height: Math.min(Math.max(window.innerHeight * 0.66, 360), 640),
+      margin: { l: 62, r: 10, t: 30, b: 46 }, hovermode: "x", dragmode: "zoom",
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("faint"), activecolor: colour("ink") },
+      xaxis: axis({ ...shared, domain: [0, 1], anchor: "y2", title: title("Frequency [Hz]"), hoverformat: ".4~r" }),
+      yaxis: axis({ domain: [0.42, 1], anchor: "x", title: title(`Magnitude [dB re 1 ${response.unit}]`), fixedrange: false }),
+      yaxis2: axis({ domain: [0, 0.36], anchor: "x", title: title("Phase [°]"), range: [-200, 200], dtick: 90, fixedrange: false }),
+      shapes: marks.map(([, , hz]) => ({ type: "line", xref: "x", yref: "paper", x0: hz, x1: hz, y0: 0, y1: 1, line: { color: colour("faint"), width: 1, dash: "dot" } })),
+    });
+    const all = [
+      ...traces(curves(response, chosen, "magnitude", row, column), { xaxis: "x", yaxis: "y" }, style),
+      ...traces(curves(response, chosen, "phase", row, column), { xaxis: "x", yaxis: "y2" }, style),
+    ];
+    Plotly.react("enlarged-plot", all, figure, robid.zoomable);
+    dialog.querySelectorAll("[data-move]").forEach((button) => {
+      const [down, right] = button.dataset.move.split(",").map(Number);
+      button.disabled = !response.outputs[row + down] || !response.inputs[column + right];
+    });
+  }
+
+  function move(down, right) {
+    if (!shown.response.outputs[shown.row + down] || !shown.response.inputs[shown.column + right]) return;
+    shown.row += down;
+    shown.column += right;
+    drawEnlarged();
+  }
+
+  dialog.querySelectorAll("[data-move]").forEach((button) => button.addEventListener("click", () => move(...button.dataset.move.split(",").map(Number))));
+  dialog.querySelector("[data-close]").addEventListener("click", () => dialog.close());
+  dialog.addEventListener("click", (event) => { if (event.target === dialog) dialog.close(); });
+  dialog.addEventListener("keydown", (event) => {
+    const steps = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
+    if (event.key in steps) { event.preventDefault(); move(...steps[event.key]); }
+  });
+
+  function describe(fit, response, chosen, view) {
+    const band = chosen.radius
+      ? `Shaded: the circle that holds the true response with ${fit.level} probability, cut off at ${-FLOOR_DB} dB below the measurement.`
+      : "No covariance is known for these data, so there is no uncertainty band.";
+    return view === "phase" ? band : `Magnitude in dB relative to 1 ${response.unit}. ${band}`;
+  }
+
+  // ---------------------------------------------------------------- selectors
+  function options(select, labels) {
+    select.replaceChildren(...labels.map((label, index) => element("option", { value: index }, label)));
+  }
+
+  function controls(host, fit, state, changed) {
+    const configuration = element("select", { "aria-label": "configuration", onchange: () => { state.configuration = Number(configuration.value); changed(); } });
+    const fill = () => {
+      options(configuration, fit.responses[state.response].configurations.map((one) => one.label));
+      configuration.value = String(state.configuration);
+    };
+    const step = (by) => {
+      const count = fit.responses[state.response].configurations.length;
+      state.configuration = (state.configuration + by + count) % count;
+      configuration.value = String(state.configuration);
+      changed();
+    };
+    const views = ["magnitude", "phase"].map((view) => element("button", { type: "button", "aria-pressed": view === state.view, onclick: () => {
+      state.view = view;
+      views.forEach((button, index) => button.setAttribute("aria-pressed", ["magnitude", "phase"][index] === view));
+      changed();
+    } }, view === "phase" ? "Phase" : "Magnitude"));
+    if (fit.responses.length > 1) {
+      const source = element("select", { "aria-label": "data", onchange: () => { state.response = Number(source.value); state.configuration = 0; fill(); changed(); } });
+      options(source, fit.responses.map((response) => response.label));
+      host.append(element("label", {}, "Data", source));
+    }
+    fill();
+    const stepper = element("span", { class: "stepper" }, configuration,
+      element("button", { type: "button", "aria-label": "previous configuration", onclick: () => step(-1) }, "←"),
+      element("button", { type: "button", "aria-label": "next configuration", onclick: () => step(1) }, "→"));
+    host.append(element("label", {}, "Configuration", stepper), element("span", { class: "segments" }, ...views));
+    const key = element("span", { class: "key" });
+    key.innerHTML = `<span><i class="dot"></i>measured</span><span><i class="area"></i>${fit.level} band</span><span><i class="stroke"></i>model</span>`;
+    host.append(key);
+  }
+
+  document.querySelectorAll("article[data-fit]").forEach((article) => {
+    const fit = data.fits[Number(article.dataset.fit)];
+    const host = article.querySelector('[data-role="matrix"]');
+    const plot = element("div");
+    const cells = element("div");
+    host.append(plot, cells);
+    const state = { response: 0, configuration: 0, view: "magnitude" };
+
+    function place(response, g) {
+      cells.replaceChildren(...response.outputs.flatMap((output, row) => response.inputs.map((input, column) => element("button", {
+        type: "button", class: "cell", "aria-label": `enlarge ${output} acceleration per ${input} torque`,
+        style: `left:${g.margin.l + column * (g.cellWidth + g.gap)}px;top:${g.margin.t + row * (g.cellHeight + g.gap)}px;width:${g.cellWidth}px;height:${g.cellHeight}px`,
+        onclick: () => { shown = { fit, response, state, row, column }; dialog.showModal(); drawEnlarged(); },
+      }))));
+    }
+
+    function draw() {
+      const response = fit.responses[state.response];
+      const chosen = response.configurations[state.configuration];
+      const smallest = response.inputs.length > 3 && !window.matchMedia("print").matches ? 780 : 280;
+      const g = geometry(response, Math.max(host.parentElement.clientWidth, smallest));
+      host.style.width = `${g.width}px`;
+      const figure = matrix(response, chosen, state.view, g);
+      Plotly.react(plot, figure.traces, figure.layout, robid.still);
+      place(response, g);
+      article.querySelector('[data-role="caption"]').textContent = describe(fit, response, chosen, state.view);
+    }
+
+    controls(article.querySelector('[data-role="controls"]'), fit, state, draw);
+    onDraw(draw);
+  });
+  onDraw(drawEnlarged);
+})();

@@ -1,0 +1,1 @@
+"""The robot: description, elastic MuJoCo model, equilibrium and linearization."""

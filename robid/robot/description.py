@@ -1,0 +1,168 @@
+"""Plain description of an elastic robot: joints, motors, springs, payload."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from robid.arrays import FloatArray
+
+SpringPlace = Literal["transmission", "bearing", "split"]
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Mass properties of a rigid body.
+
+    Attributes:
+        mass_kg: Mass [kg].
+        com_m (3,): Centre of mass in the body frame [m].
+        inertia_kgm2 (3, 3): Inertia about the centre of mass, along the body axes [kg m^2].
+    """
+
+    mass_kg: float
+    com_m: FloatArray
+    inertia_kgm2: FloatArray
+
+
+@dataclass(frozen=True)
+class Friction:
+    """LuGre motor friction with its Coulomb level as the limit of fast motion; motor side.
+
+    Attributes:
+        viscous_nms_rad: Viscous coefficient [N m s/rad].
+        coulomb_nm: Coulomb level [N m].
+        static_nm: Breakaway level [N m].
+        stribeck_rad_s: Stribeck speed [rad/s].
+        presliding_rad: Bristle deflection at the Coulomb level: `sigma_0 = coulomb / presliding` [rad].
+        relative_std: Standard deviation of the relative error of the coefficients.
+    """
+
+    viscous_nms_rad: float = 0.0
+    coulomb_nm: float = 0.0
+    static_nm: float = 0.0
+    stribeck_rad_s: float = 1.0
+    presliding_rad: float = 0.02
+    relative_std: float = 0.1
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor behind a gear; everything on the motor side.
+
+    Attributes:
+        inertia_kgm2: Rotor inertia [kg m^2].
+        gear_ratio: Motor turns per arm turn.
+        max_speed_rad_s: Speed limit [rad/s].
+        max_torque_nm: Torque limit [N m].
+        friction: Nominal friction.
+        ripple_nm: Amplitude of the torque ripple [N m].
+        ripple_order: Ripple periods per motor turn.
+    """
+
+    inertia_kgm2: float
+    gear_ratio: float
+    max_speed_rad_s: float
+    max_torque_nm: float
+    friction: Friction = field(default_factory=Friction)
+    ripple_nm: float = 0.0
+    ripple_order: int = 6
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A revolute joint about the z axis of its frame, the link it moves and the motor that moves it.
+
+    Attributes:
+        name: Name of the joint.
+        position_m (3,): Origin of the joint frame in the previous joint's frame [m].
+        rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero angle.
+        link: Mass properties of the link in the joint frame.
+        lower_rad: Lower joint limit [rad].
+        upper_rad: Upper joint limit [rad].
+        motor: The motor.
+    """
+
+    name: str
+    position_m: FloatArray
+    rotation: FloatArray
+    link: Inertial
+    lower_rad: float
+    upper_rad: float
+    motor: Motor
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A torsional spring-damper pair; arm side.
+
+    Attributes:
+        name: Name of the spring.
+        joint: Index of the joint it belongs to.
+        place: `transmission` between motor and arm, `bearing` about a further axis of the joint's
+            parent frame, `split` inside the joint's link.
+        axis (3,): Unit axis: bearing, in the parent's frame turned by the joint's fixed rotation;
+            split, in the joint frame.
+        stiffness_nm_rad: Stiffness [N m/rad].
+        damping_nms_rad: Damping [N m s/rad].
+        cubic_nm_rad3: Cubic coefficient of a symmetrically stiffening spring [N m/rad^3].
+        point_m (3,): Split only: where the link is split, in the joint frame [m].
+        outboard: Split only: mass properties of the part beyond the split, in the joint frame.
+    """
+
+    name: str
+    joint: int
+    place: SpringPlace
+    axis: FloatArray
+    stiffness_nm_rad: float
+    damping_nms_rad: float
+    cubic_nm_rad3: float = 0.0
+    point_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    outboard: Inertial | None = None
+
+
+@dataclass(frozen=True)
+class Robot:
+    """An elastic robot with its payload.
+
+    Attributes:
+        name: Name of the robot.
+        gravity_m_s2 (3,): Gravity in the base frame [m/s^2].
+        joints: The joints, base to flange.
+        springs: The spring-damper pairs; every joint has exactly one transmission.
+        payload: Mass properties of the payload in the last joint's frame.
+        rotor: `spong` neglects the rotors' motion with the links, `on_link` does not.
+        assumed: Dotted names of the values that no source gives.
+        notes: What the robot file wants the reader to know.
+    """
+
+    name: str
+    gravity_m_s2: FloatArray
+    joints: tuple[Joint, ...]
+    springs: tuple[Spring, ...]
+    payload: Inertial
+    rotor: Literal["spong", "on_link"] = "spong"
+    assumed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def gear_ratio(self) -> FloatArray:
+        """Gear ratios (n_joint,), motor turns per arm turn."""
+        return np.array([joint.motor.gear_ratio for joint in self.joints])
+
+    @property
+    def motor_inertia_kgm2(self) -> FloatArray:
+        """Rotor inertias (n_joint,) [kg m^2]."""
+        return np.array([joint.motor.inertia_kgm2 for joint in self.joints])
+
+    @property
+    def lower_rad(self) -> FloatArray:
+        """Lower joint limits (n_joint,) [rad]."""
+        return np.array([joint.lower_rad for joint in self.joints])
+
+    @property
+    def upper_rad(self) -> FloatArray:
+        """Upper joint limits (n_joint,) [rad]."""
+        return np.array([joint.upper_rad for joint in self.joints])

@@ -1,0 +1,206 @@
+"""Equilibrium under gravity and linearization there, in spring coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.robot.model import ElasticModel
+
+_GRADIENT_STEP_RAD = 1e-5
+_NEWTON_STEPS = 20
+_NEWTON_TOLERANCE_RAD = 1e-12
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Rest positions with the encoders held at their configurations.
+
+    Attributes:
+        position (n_conf, n_dof): All coordinates [rad].
+        motor_torque (n_conf, n_joint): Torque that holds the motors [N m].
+        deflection (n_conf, n_spring): Spring deflections [rad].
+    """
+
+    position: FloatArray
+    motor_torque: FloatArray
+    deflection: FloatArray
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """What a configuration's dynamic stiffness holds besides springs, dampers and rotors.
+
+    Coordinates are `z = (q_m, spring deflections)`, so that springs, dampers, rotor inertias and motor
+    viscosities are diagonal (METHODS sec. 1).
+
+    Attributes:
+        mass (n_conf, n, n): Inertia matrix without the rotors' and the links' own axial inertia.
+        gravity_stiffness (n_conf, n, n): Symmetrised gradient of gravity [N m/rad].
+        link_inertia (n_conf, n_joint, n, n): Derivative of the inertia matrix with respect to each link's
+            own inertia about its joint axis direction.
+        output (n_out, n): Outputs in these coordinates; motors first, then arm-side angles.
+        rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
+        axial (n_joint,): Links' own inertia about the joint axis direction, payload included [kg m^2].
+    """
+
+    mass: FloatArray
+    gravity_stiffness: FloatArray
+    link_inertia: FloatArray
+    output: FloatArray
+    rotor: FloatArray
+    axial: FloatArray
+
+    @property
+    def n_motor(self) -> int:
+        """Number of motors."""
+        return int(self.rotor.size)
+
+
+def solve_statics(
+    model: ElasticModel, configurations: FloatArray, stiffness: FloatArray | None = None
+) -> Equilibrium:
+    """Solves the statics with the motor angles held by the encoders.
+
+    Args:
+        model: The elastic model.
+        configurations (n_conf, n_joint): Arm-side angles that the encoders show [rad].
+        stiffness (n_spring,): Linear stiffness to use instead of the robot's own [N m/rad].
+
+    Returns:
+        The equilibrium of every configuration.
+
+    Raises:
+        DataError: If a configuration has no equilibrium within reach.
+    """
+    springs = model.robot.springs
+    linear = np.array([s.stiffness_nm_rad for s in springs]) if stiffness is None else stiffness
+    cubic = np.array([s.cubic_nm_rad3 for s in springs])
+    data = mujoco.MjData(model.mujoco)
+    positions = [_settle(model, data, linear, cubic, configuration) for configuration in configurations]
+    position = np.array(positions)
+    deflection = position @ model.deflection.T
+    torque = linear * deflection + cubic * deflection**3
+    return Equilibrium(position, (torque @ model.deflection)[:, model.motor], deflection)
+
+
+def linearize(
+    model: ElasticModel, equilibrium: Equilibrium, output_names: tuple[str, ...] | None = None
+) -> LinearModel:
+    """Linearises the elastic model at rest.
+
+    Args:
+        model: The elastic model.
+        equilibrium: Where to linearise.
+        output_names: Outputs: a joint's name is its motor angle, `<joint>.arm` its arm angle; by default
+            all motors.
+
+    Returns:
+        Constant matrices of all configurations.
+
+    Source:
+        Wernholt and Moberg (2008), sec. 5; METHODS sec. 1.
+    """
+    data = mujoco.MjData(model.mujoco)
+    to_spring = np.linalg.inv(np.vstack([np.eye(model.mujoco.nv)[model.motor], model.deflection]))
+    axial = _axial_inertia(model)
+    masses, gravities, links = [], [], []
+    for position in equilibrium.position:
+        gravities.append(to_spring.T @ _gravity_gradient(model, data, position) @ to_spring)
+        mass, turns = _inertia(model, data, position)
+        turns = turns @ to_spring
+        links.append(turns[:, :, None] * turns[:, None, :])
+        masses.append(to_spring.T @ mass @ to_spring - np.einsum("l,lij->ij", axial, links[-1]))
+    output = _outputs(model, output_names) @ to_spring
+    return LinearModel(
+        np.array(masses), np.array(gravities), np.array(links), output, model.robot.motor_inertia_kgm2, axial
+    )
+
+
+def _settle(
+    model: ElasticModel, data: mujoco.MjData, linear: FloatArray, cubic: FloatArray, configuration: FloatArray
+) -> FloatArray:
+    position = np.zeros(model.mujoco.nv)
+    position[model.motor] = model.robot.gear_ratio * configuration
+    position[model.arm] = configuration
+    free = model.passive
+    for _ in range(_NEWTON_STEPS):
+        deflection = model.deflection @ position
+        slope = linear + 3 * cubic * deflection**2
+        torque = linear * deflection + cubic * deflection**3
+        residual = (model.deflection.T @ torque + _gravity(model, data, position))[free]
+        hessian = model.deflection.T @ (slope[:, None] * model.deflection)
+        jacobian = (hessian + _gravity_gradient(model, data, position))[np.ix_(free, free)]
+        step = np.linalg.solve(jacobian, residual)
+        position[free] -= step
+        if np.abs(step).max() < _NEWTON_TOLERANCE_RAD:
+            return position
+    shown = np.array2string(np.rad2deg(configuration), precision=1)
+    message = f"no equilibrium under gravity in configuration {shown} deg; the springs give way"
+    raise DataError(message, where=model.robot.name, remedy="check stiffness values and payload of the robot file")
+
+
+def _gravity(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> FloatArray:
+    data.qpos[:] = position
+    data.qvel[:] = 0.0
+    mujoco.mj_kinematics(model.mujoco, data)
+    mujoco.mj_comPos(model.mujoco, data)
+    torque = np.zeros(model.mujoco.nv)
+    mujoco.mj_rne(model.mujoco, data, 0, torque)
+    return torque
+
+
+def _gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> FloatArray:
+    gradient = np.zeros((position.size, position.size))
+    for index in model.passive:
+        step = np.zeros_like(position)
+        step[index] = _GRADIENT_STEP_RAD
+        difference = _gravity(model, data, position + step) - _gravity(model, data, position - step)
+        gradient[:, index] = difference / (2 * _GRADIENT_STEP_RAD)
+    return 0.5 * (gradient + gradient.T)
+
+
+def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Inertia matrix without rotors, and each link's rotation rate about its joint axis per coordinate rate."""
+    data.qpos[:] = position
+    mujoco.mj_forward(model.mujoco, data)
+    mass = np.zeros((position.size, position.size))
+    mujoco.mj_fullM(model.mujoco, data, mass)
+    mass[model.motor, model.motor] -= model.robot.motor_inertia_kgm2
+    turns = np.zeros((len(model.robot.joints), position.size))
+    rotation = np.zeros((3, position.size))
+    for row, joint in enumerate(model.robot.joints):
+        body = model.mujoco.body(joint.name).id
+        mujoco.mj_jacBody(model.mujoco, data, None, rotation, body)
+        turns[row] = data.xmat[body].reshape(3, 3)[:, 2] @ rotation
+    return mass, turns
+
+
+def _axial_inertia(model: ElasticModel) -> FloatArray:
+    axial = []
+    for joint in model.robot.joints:
+        body = model.mujoco.body(joint.name)
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, body.iquat)
+        axial.append(float(rotation.reshape(3, 3)[2] ** 2 @ body.inertia))
+    return np.array(axial)
+
+
+def _outputs(model: ElasticModel, names: tuple[str, ...] | None) -> FloatArray:
+    identity = np.eye(model.mujoco.nv)
+    if names is None:
+        return identity[model.motor]
+    joints = [joint.name for joint in model.robot.joints]
+    rows = []
+    for name in names:
+        joint, _, side = name.partition(".")
+        if joint not in joints or side not in ("", "arm"):
+            known = ", ".join([*joints, *(f"{name}.arm" for name in joints)])
+            message = f"output `{name}` is not an angle of the robot (known: {known})"
+            raise DataError(message, where=model.robot.name, remedy="name the log's outputs after the robot's joints")
+        rows.append(identity[(model.arm if side else model.motor)[joints.index(joint)]])
+    return np.array(rows)

@@ -1,0 +1,203 @@
+"""The elastic robot in MuJoCo: motors, transmissions, bearings and split links."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
+from robid.robot.inertia import combine, remove
+
+_MASSLESS_KG = 1e-6
+_HYSTERESIS_SHARE = 0.1  # bristle stiffness over transmission stiffness
+
+
+@dataclass(frozen=True)
+class ElasticModel:
+    """A compiled elastic robot; all joints are hinges, so positions and velocities share indices.
+
+    Attributes:
+        robot: What it was built from.
+        mujoco: The compiled model.
+        motor (n_joint,): Indices of the motor angles `q_m`.
+        arm (n_joint,): Indices of the arm angles `q_a`.
+        passive (n_passive,): Indices of arm angles and elastic angles `q_e`: all that gravity deflects.
+        deflection (n_spring, n_dof): Spring deflection per coordinate: `delta = deflection @ q`.
+    """
+
+    robot: Robot
+    mujoco: mujoco.MjModel
+    motor: IntArray
+    arm: IntArray
+    passive: IntArray
+    deflection: FloatArray
+
+
+def build_model(
+    robot: Robot,
+    *,
+    friction: bool = False,
+    ripple: bool = False,
+    backlash_rad: float = 0.0,
+    hysteresis_nm: float = 0.0,
+    timestep_s: float = 1e-3,
+) -> ElasticModel:
+    """Builds the elastic MuJoCo model of a robot.
+
+    Args:
+        robot: The robot.
+        friction: Adds LuGre friction to the motors inside the integrator.
+        ripple: Adds torque ripple to the motors inside the integrator.
+        backlash_rad: Dead band of the transmissions, arm side [rad].
+        hysteresis_nm: Bristle torque parallel to the transmissions, arm side [N m].
+        timestep_s: Integration step [s].
+
+    Returns:
+        The compiled model; its controls are the motor torques [N m].
+
+    Source:
+        Zimmermann et al. (2023), eq. 1; Wernholt and Moberg (2008), sec. 3.
+    """
+    spec = mujoco.MjSpec()
+    spec.option.timestep = timestep_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    spec.option.gravity = robot.gravity_m_s2
+    flags = mujoco.mjtDisableBit
+    spec.option.disableflags = int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_AUTORESET)
+    parent, offset = spec.worldbody, np.zeros(3)
+    for index, joint in enumerate(robot.joints):
+        is_last = index == len(robot.joints) - 1
+        carrier = parent if robot.rotor == "on_link" else spec.worldbody
+        _add_motor(carrier, joint, offset, robot.rotor)
+        parent, offset = _add_link(parent, joint, index, offset, robot, is_last=is_last)
+    for spring in robot.springs:
+        if spring.place == "transmission":
+            _add_transmission(spec, robot.joints[spring.joint], spring, backlash_rad, hysteresis_nm)
+    for joint in robot.joints:
+        _add_torque(spec, joint, friction=friction, ripple=ripple)
+    return _compile(spec, robot)
+
+
+def _add_motor(parent: mujoco.MjsBody, joint: Joint, offset: FloatArray, rotor: str) -> None:
+    inertia = joint.motor.inertia_kgm2
+    body = parent.add_body(name=f"motor_{joint.name}", mass=_MASSLESS_KG, explicitinertial=True)
+    body.inertia = np.array([0.5, 0.5, 1.0]) * inertia
+    if rotor == "on_link":
+        body.pos = joint.position_m - offset
+        body.quat = _quaternion(joint.rotation)
+    hinge = body.add_joint(name=f"q_m_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    hinge.damping = np.array([joint.motor.friction.viscous_nms_rad, 0.0, 0.0])
+
+
+def _add_link(
+    parent: mujoco.MjsBody, joint: Joint, index: int, offset: FloatArray, robot: Robot, *, is_last: bool
+) -> tuple[mujoco.MjsBody, FloatArray]:
+    body = parent.add_body(name=joint.name, pos=joint.position_m - offset, quat=_quaternion(joint.rotation))
+    springs = [spring for spring in robot.springs if spring.joint == index]
+    for spring in springs:
+        if spring.place == "bearing":
+            _add_elastic_hinge(body, spring)
+    body.add_joint(name=f"q_a_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    whole, origin = joint.link, np.zeros(3)
+    for spring in springs:
+        if spring.place == "split" and spring.outboard is not None:
+            _set_inertial(body, remove(whole, spring.outboard), origin)
+            body = body.add_body(name=f"{joint.name}_{spring.name}", pos=spring.point_m - origin)
+            _add_elastic_hinge(body, spring)
+            whole, origin = spring.outboard, spring.point_m
+    if is_last and robot.payload.mass_kg > 0:
+        whole = combine(whole, robot.payload)
+    _set_inertial(body, whole, origin)
+    return body, origin
+
+
+def _add_elastic_hinge(body: mujoco.MjsBody, spring: Spring) -> None:
+    hinge = body.add_joint(name=f"q_e_{spring.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=spring.axis)
+    hinge.stiffness = np.array([spring.stiffness_nm_rad, 0.0, spring.cubic_nm_rad3])
+    hinge.damping = np.array([spring.damping_nms_rad, 0.0, 0.0])
+
+
+def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) -> None:
+    tensor = inertial.inertia_kgm2
+    body.explicitinertial = True
+    body.mass = inertial.mass_kg
+    body.ipos = inertial.com_m - origin
+    body.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+
+
+def _add_transmission(
+    spec: mujoco.MjSpec, joint: Joint, spring: Spring, backlash_rad: float, hysteresis_nm: float
+) -> None:
+    tendon = spec.add_tendon(name=spring.name)
+    tendon.wrap_joint(f"q_m_{joint.name}", 1.0 / joint.motor.gear_ratio)
+    tendon.wrap_joint(f"q_a_{joint.name}", -1.0)
+    tendon.stiffness = np.array([spring.stiffness_nm_rad, 0.0, spring.cubic_nm_rad3])
+    tendon.damping = np.array([spring.damping_nms_rad, 0.0, 0.0])
+    tendon.springlength = [-0.5 * backlash_rad, 0.5 * backlash_rad]
+    if hysteresis_nm > 0:
+        bristle = _HYSTERESIS_SHARE * spring.stiffness_nm_rad
+        law = [bristle, 0.0, hysteresis_nm, hysteresis_nm, 1.0]
+        _add_passive(spec, f"hysteresis_{joint.name}", mujoco.mjtTrn.mjTRN_TENDON, spring.name, lugre=law)
+
+
+def _add_torque(spec: mujoco.MjSpec, joint: Joint, *, friction: bool, ripple: bool) -> None:
+    actuator = spec.add_actuator(name=f"torque_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    actuator.target = f"q_m_{joint.name}"
+    actuator.set_to_motor()
+    motor = joint.motor
+    lugre = _lugre(motor) if friction and motor.friction.coulomb_nm > 0 else None
+    cogging = [motor.ripple_nm, motor.ripple_order, 0.0] if ripple and motor.ripple_nm > 0 else None
+    if lugre or cogging:
+        target = f"q_m_{joint.name}"
+        _add_passive(
+            spec, f"friction_{joint.name}", mujoco.mjtTrn.mjTRN_JOINT, target, lugre=lugre, cogging=cogging
+        )
+
+
+def _lugre(motor: Motor) -> list[float]:
+    law = motor.friction
+    return [law.coulomb_nm / law.presliding_rad, 0.0, law.coulomb_nm, law.static_nm, law.stribeck_rad_s]
+
+
+def _add_passive(
+    spec: mujoco.MjSpec,
+    name: str,
+    transmission: mujoco.mjtTrn,
+    target: str,
+    *,
+    lugre: list[float] | None = None,
+    cogging: list[float] | None = None,
+) -> None:
+    actuator = spec.add_actuator(name=name, trntype=transmission, target=target)
+    actuator.set_to_dcmotor(
+        motorconst=[0.0, 0.0],
+        resistance=1.0,
+        lugre=lugre or [0.0] * 5,
+        cogging=cogging or [0.0] * 3,
+        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
+    )
+
+
+def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
+    model = spec.compile()
+    names = [joint.name for joint in robot.joints]
+    motor = np.array([model.joint(f"q_m_{name}").dofadr[0] for name in names])
+    arm = np.array([model.joint(f"q_a_{name}").dofadr[0] for name in names])
+    deflection = np.zeros((len(robot.springs), model.nv))
+    for row, spring in enumerate(robot.springs):
+        if spring.place == "transmission":
+            deflection[row, motor[spring.joint]] = 1.0 / robot.joints[spring.joint].motor.gear_ratio
+            deflection[row, arm[spring.joint]] = -1.0
+        else:
+            deflection[row, model.joint(f"q_e_{spring.name}").dofadr[0]] = 1.0
+    passive = np.setdiff1d(np.arange(model.nv), motor)
+    return ElasticModel(robot, model, motor, arm, passive, deflection)
+
+
+def _quaternion(rotation: FloatArray) -> FloatArray:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.asarray(rotation, float).ravel())
+    return quaternion

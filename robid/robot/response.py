@@ -1,0 +1,228 @@
+"""Sampled frequency response of the linearised elastic robot and its analytic derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.robot.description import Robot
+from robid.robot.linearize import LinearModel
+
+_ALIASES = (-2, -1, 1, 2)
+
+
+@dataclass(frozen=True)
+class ElasticParameters:
+    """Values of everything that a fit may estimate.
+
+    Attributes:
+        stiffness (n_spring,): Stiffnesses, arm side [N m/rad].
+        damping (n_spring,): Dampings, arm side [N m s/rad].
+        viscous (n_joint,): Equivalent viscous friction, motor side [N m s/rad].
+        motor_inertia (n_joint,): Rotor inertias, motor side [kg m^2].
+        link_inertia (n_joint,): Links' own inertia about the joint axis direction [kg m^2].
+        delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
+    """
+
+    stiffness: FloatArray
+    damping: FloatArray
+    viscous: FloatArray
+    motor_inertia: FloatArray
+    link_inertia: FloatArray
+    delay: FloatArray
+
+
+@dataclass(frozen=True)
+class Response:
+    """A parametric response with what its derivatives need.
+
+    Attributes:
+        sampled (n_conf, n_freq, n_out, n_in): Sampled response, acceleration per torque.
+        inputs (n_conf, n_freq, n, n_in): `Z^-1 B`.
+        outputs (n_conf, n_freq, n, n_out): `Z^-1 C'`.
+        hold (n_freq,): Zero-order hold and delay.
+        omega (n_freq,): Angular frequency [rad/s].
+    """
+
+    sampled: ComplexArray
+    inputs: ComplexArray
+    outputs: ComplexArray
+    hold: ComplexArray
+    omega: FloatArray
+
+
+def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> ElasticParameters:
+    """Returns the robot file's own values."""
+    return ElasticParameters(
+        stiffness=np.array([spring.stiffness_nm_rad for spring in robot.springs]),
+        damping=np.array([spring.damping_nms_rad for spring in robot.springs]),
+        viscous=np.array([joint.motor.friction.viscous_nms_rad for joint in robot.joints]),
+        motor_inertia=robot.motor_inertia_kgm2,
+        link_inertia=model.axial,
+        delay=np.array([delay_s]),
+    )
+
+
+def response(
+    model: LinearModel, parameters: ElasticParameters, frequency_hz: FloatArray, sampling_period_s: float | None
+) -> Response:
+    """Computes the response from motor torque to the outputs' acceleration.
+
+    Args:
+        model: Linearised robot.
+        parameters: Parameter values.
+        frequency_hz (n_freq,): Frequencies [Hz].
+        sampling_period_s: Period of the held torque and the sampled position; None for continuous time.
+
+    Returns:
+        `-w^2 C Z^-1 B`, with hold, delay and aliases of the held position response.
+
+    Source:
+        METHODS sec. 1 (FRF, Sampling).
+    """
+    omega = 2 * np.pi * np.asarray(frequency_hz, float)
+    stiffness = _dynamic_stiffness(model, parameters, omega)
+    n_motor, n = model.n_motor, model.mass.shape[-1]
+    collocated = model.output.shape[0] == n_motor and np.array_equal(model.output, np.eye(n_motor, n))
+    right = np.eye(n, n_motor) if collocated else np.hstack([np.eye(n, n_motor), model.output.T])
+    solved = np.linalg.solve(stiffness, np.broadcast_to(right, (*stiffness.shape[:2], *right.shape)))
+    inputs = solved[..., :n_motor]
+    outputs = inputs if collocated else solved[..., n_motor:]
+    continuous = -(omega**2)[:, None, None] * (model.output @ inputs)
+    hold = _hold(omega, parameters.delay[0], sampling_period_s)
+    sampled = hold[:, None, None] * continuous
+    if sampling_period_s is not None:
+        fast = _fast_limit(model, parameters)
+        sampled = sampled + _aliases(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
+    return Response(sampled, inputs, outputs, hold, omega)
+
+
+def jacobian(
+    model: LinearModel,
+    parameters: ElasticParameters,
+    result: Response,
+    kinds: tuple[str, ...],
+    sampling_period_s: float | None,
+) -> ComplexArray:
+    """Derivatives of the sampled response, springs and dampers as outer products.
+
+    Args:
+        model: Linearised robot.
+        parameters: Where `result` was computed.
+        result: The response.
+        kinds: Field names of `ElasticParameters`, in the order wanted.
+        sampling_period_s: As for `response`.
+
+    Returns:
+        (n_conf, n_freq, n_out, n_in, n_param), with respect to the plain (not logarithmic) values.
+
+    Source:
+        METHODS sec. 1: `dG = w^2 X_o' (dZ) X_i`.
+    """
+    columns = [_columns(model, parameters, result, kind, sampling_period_s) for kind in kinds]
+    return np.concatenate(columns, axis=-1)
+
+
+def _columns(
+    model: LinearModel, parameters: ElasticParameters, result: Response, kind: str, sampling_period_s: float | None
+) -> ComplexArray:
+    n_motor = model.n_motor
+    scale = (result.hold * result.omega**2)[:, None, None, None]
+    rate = 1j * result.omega[:, None, None, None]
+    if kind == "stiffness":
+        return scale * _outer(result, slice(n_motor, None))
+    if kind == "damping":
+        return scale * rate * _outer(result, slice(n_motor, None))
+    if kind == "viscous":
+        return scale * rate * _outer(result, slice(0, n_motor))
+    if kind == "motor_inertia":
+        matrices = np.eye(n_motor, model.mass.shape[-1])
+        directions = np.einsum("li,lj->lij", matrices, matrices)
+        return _inertia_columns(model, parameters, result, directions[None], sampling_period_s)
+    if kind == "link_inertia":
+        return _inertia_columns(model, parameters, result, model.link_inertia, sampling_period_s)
+    return _delay_column(model, parameters, result, sampling_period_s)
+
+
+def _outer(result: Response, rows: slice) -> ComplexArray:
+    left = np.swapaxes(result.outputs[..., rows, :], -1, -2)
+    right = np.swapaxes(result.inputs[..., rows, :], -1, -2)
+    return np.asarray(left[..., :, None, :] * right[..., None, :, :])
+
+
+def _inertia_columns(
+    model: LinearModel,
+    parameters: ElasticParameters,
+    result: Response,
+    directions: FloatArray,
+    sampling_period_s: float | None,
+) -> ComplexArray:
+    spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
+    change = np.einsum("cfao,clab,cfbi->cfoil", result.outputs, spread, result.inputs, optimize=True)
+    columns = -(result.hold * result.omega**4)[:, None, None, None] * change
+    if sampling_period_s is None:
+        return columns
+    inverse = np.linalg.inv(_mass(model, parameters))
+    left, right = model.output @ inverse, inverse[..., : model.n_motor]
+    fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
+    aliases = _aliases(result.omega, parameters.delay[0], sampling_period_s)[0]
+    return np.asarray(columns + aliases[:, None, None, None] * fast[:, None])
+
+
+def _delay_column(
+    model: LinearModel, parameters: ElasticParameters, result: Response, sampling_period_s: float | None
+) -> ComplexArray:
+    rate = -1j * result.omega[:, None, None]
+    if sampling_period_s is None:
+        return np.asarray(rate * result.sampled)[..., None]
+    fast = _fast_limit(model, parameters)[:, None]
+    aliases, slope = _aliases(result.omega, parameters.delay[0], sampling_period_s)
+    own = result.sampled - aliases[:, None, None] * fast
+    return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]
+
+
+def _mass(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    mass = model.mass + np.einsum("l,clij->cij", parameters.link_inertia, model.link_inertia)
+    motors = np.arange(model.n_motor)
+    mass[:, motors, motors] += parameters.motor_inertia
+    return np.asarray(mass)
+
+
+def _dynamic_stiffness(model: LinearModel, parameters: ElasticParameters, omega: FloatArray) -> ComplexArray:
+    n_motor = model.n_motor
+    diagonal = np.concatenate([np.zeros(n_motor), parameters.stiffness])
+    damping = np.concatenate([parameters.viscous, parameters.damping])
+    constant = model.gravity_stiffness[:, None] + np.diag(diagonal)
+    dynamic = constant - (omega**2)[:, None, None] * _mass(model, parameters)[:, None]
+    return np.asarray(dynamic + 1j * omega[:, None, None] * np.diag(damping))
+
+
+def _fast_limit(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    inverse = np.linalg.inv(_mass(model, parameters))
+    return np.asarray(model.output @ inverse[..., : model.n_motor])
+
+
+def _hold(omega: FloatArray, delay_s: float, sampling_period_s: float | None) -> ComplexArray:
+    lag = np.exp(-1j * omega * delay_s)
+    if sampling_period_s is None:
+        return np.asarray(lag)
+    half = 0.5 * omega * sampling_period_s
+    return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half) * lag)
+
+
+def _aliases(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
+    total = np.zeros(omega.size, complex)
+    slope = np.zeros(omega.size, complex)
+    for shift in _ALIASES:
+        alias = omega + shift * 2 * np.pi / sampling_period_s
+        term = (omega / alias) ** 2 * _hold(alias, delay_s, sampling_period_s)
+        total += term
+        slope += -1j * alias * term
+    return total, slope
+
+
+def with_values(parameters: ElasticParameters, kind: str, values: FloatArray) -> ElasticParameters:
+    """Returns the parameters with one kind replaced."""
+    return replace(parameters, **{kind: values})

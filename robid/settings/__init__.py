@@ -1,0 +1,1 @@
+"""The experiment and robot files: pydantic models, YAML loading, checks, JSON schema."""

@@ -1,0 +1,248 @@
+"""What must hold across an experiment file and its robot beyond the types of the fields."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
+from typing import TypeAlias
+
+import numpy as np
+
+from robid.design.lines import choose_lines
+from robid.errors import SettingsError
+from robid.settings.experiment import DATA_VARIABLE, Acquire, Campaign, Configurations, Experiment, Fit
+from robid.settings.problems import Problem, problem_at, suggest
+from robid.settings.robot import RobotFile
+from robid.settings.yaml import Document, FieldPath
+
+_Found: TypeAlias = Iterator[tuple[FieldPath, str]]
+_FOLDERS = ("designs", "fits")
+_LIMIT_TOLERANCE_DEG = 1e-9
+
+
+def check_experiment(document: Document, experiment: Experiment, robot: RobotFile | None) -> list[Problem]:
+    """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
+    found = [_folders(experiment), _designs(experiment), _cycles(experiment)]
+    for name, campaign in experiment.campaigns.items():
+        found.append(_campaign(experiment, name, campaign))
+        if robot is not None:
+            found.append(_campaign_of_robot(name, campaign, robot))
+    for name, fit in experiment.fits.items():
+        found.append(_fit(experiment, name, fit))
+        if robot is not None:
+            found.append(_fit_of_robot(experiment, name, fit, robot))
+    return [problem_at(document, field, message) for field, message in chain.from_iterable(found)]
+
+
+def sampling_period_s(campaign: Campaign, robot: RobotFile) -> float | None:
+    """Returns the sampling period of a campaign: the log's, else the controller's [s]."""
+    if campaign.source is not None and campaign.source.acquire is not None:
+        return campaign.source.acquire.sampling_period_s
+    return None if robot.controller is None else robot.controller.sampling_period_s
+
+
+def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
+    """Returns the names of a campaign's measured angles; a simulation measures every motor."""
+    if campaign.source is not None and campaign.source.acquire is not None:
+        return tuple(channel.name for channel in campaign.source.acquire.outputs)
+    return tuple(joint.name for joint in robot.joints)
+
+
+def parameter_names(robot: RobotFile, kinds: Iterable[str]) -> list[str]:
+    """Returns the name of every parameter of these kinds that an elastic fit of this robot has."""
+    springs, joints = [spring.name for spring in robot.springs], [joint.name for joint in robot.joints]
+    names = []
+    for kind in kinds:
+        owners = springs if kind in ("stiffness", "damping") else joints
+        names += ["delay"] if kind == "delay" else [f"{owner}.{kind}" for owner in owners]
+    return names
+
+
+def configuration_count(experiment: Experiment, campaign: Campaign) -> int | None:
+    """Returns the number of a campaign's configurations, None where its design is unknown."""
+    chosen = campaign.configurations
+    if chosen.list_deg is not None:
+        return len(chosen.list_deg)
+    if chosen.grid_deg is not None:
+        return int(np.prod([len(row) for row in chosen.grid_deg]))
+    if chosen.random is not None:
+        return chosen.random.count
+    design = experiment.designs.get(chosen.design or "")
+    return None if design is None else design.count
+
+
+def _folders(experiment: Experiment) -> _Found:
+    for name in experiment.campaigns:
+        if name in _FOLDERS:
+            yield ("campaigns", name), f"`{name}` is a folder of every run: give the campaign another name"
+
+
+def _unknown(kind: str, name: str, known: Mapping[str, object]) -> str:
+    return f"there is no {kind} `{name}`; {suggest(name, known)}"
+
+
+def _designs(experiment: Experiment) -> _Found:
+    for name, design in experiment.designs.items():
+        campaign = experiment.campaigns.get(design.campaign)
+        if campaign is None:
+            yield ("designs", name, "campaign"), _unknown("campaign", design.campaign, experiment.campaigns)
+            continue
+        count = configuration_count(experiment, campaign)
+        if count is not None and design.count > count:
+            message = f"cannot choose {design.count} of the {count} configurations of `{design.campaign}`"
+            yield ("designs", name, "count"), message
+
+
+def _cycles(experiment: Experiment) -> _Found:
+    """Follows each campaign to the campaign that its design reads; a cycle is told once, at its first name."""
+    for start in experiment.campaigns:
+        trail: list[str] = []
+        current: str | None = start
+        while current in experiment.campaigns and current not in trail:
+            trail.append(current)
+            design = experiment.designs.get(experiment.campaigns[current].configurations.design or "")
+            current = None if design is None else design.campaign
+        if current == start and start == min(trail):
+            message = f"campaigns and designs go in a circle: {' -> '.join([*trail, start])}"
+            yield ("campaigns", start, "configurations", "from"), message
+
+
+def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
+    field = ("campaigns", name)
+    design = campaign.configurations.design
+    if design is not None and design not in experiment.designs:
+        yield (*field, "configurations", "from"), _unknown("design", design, experiment.designs)
+    rms = campaign.excitation.rms
+    if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
+        yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
+    if campaign.source is not None and campaign.source.acquire is not None:
+        yield from _acquire(experiment, campaign, campaign.source.acquire, field)
+
+
+def _acquire(experiment: Experiment, campaign: Campaign, acquire: Acquire, field: FieldPath) -> _Found:
+    inside = (*field, "source", "acquire")
+    if "$" in acquire.file.removeprefix(DATA_VARIABLE):
+        yield (*inside, "file"), f"only `{DATA_VARIABLE}`, at the start, is replaced in a path"
+    for key, channels in (("inputs", acquire.inputs), ("outputs", acquire.outputs)):
+        names = [channel.name for channel in channels]
+        for index, channel in enumerate(names):
+            if channel in names[:index]:
+                yield (*inside, key, index, "name"), f"`{channel}` is there twice"
+    if configuration_count(experiment, campaign) not in (1, None):
+        yield (*field, "configurations"), "a log is of one robot configuration: give exactly one"
+    if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
+        message = "friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
+        yield (*field, "estimate", "compensation"), message
+
+
+def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
+    field = ("campaigns", name)
+    n_joint = len(robot.joints)
+    yield from _reachable((*field, "configurations"), campaign.configurations, robot)
+    rms = campaign.excitation.rms
+    if isinstance(rms, tuple) and len(rms) != n_joint:
+        message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
+        yield (*field, "excitation", "rms"), message
+    if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
+        yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
+    yield from _lines(field, campaign, robot)
+    acquire = None if campaign.source is None else campaign.source.acquire
+    if acquire is not None:
+        yield from _channels((*field, "source", "acquire"), acquire, robot)
+    elif campaign.source is not None and robot.controller is None:
+        yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
+
+
+def _channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Found:
+    joints = [joint.name for joint in robot.joints]
+    if [channel.name for channel in acquire.inputs] != joints:
+        yield (*field, "inputs"), f"must be one channel per joint, named in this order: {', '.join(joints)}"
+    known = [*joints, *(f"{joint}.arm" for joint in joints)]
+    for index, channel in enumerate(acquire.outputs):
+        if channel.name not in known:
+            message = f"`{channel.name}` is not an angle of the robot; {suggest(channel.name, known)}"
+            yield (*field, "outputs", index, "name"), message
+
+
+def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+    """Chooses the lines as the design will; a log may have been played on all lines, not the odd ones alone."""
+    period_s = sampling_period_s(campaign, robot)
+    if period_s is None:
+        return
+    try:
+        if campaign.source is not None and campaign.source.acquire is not None:
+            choose_lines(dataclasses.replace(campaign.excitation, detection_share=0.0), period_s, grid="full")
+        else:
+            choose_lines(campaign.excitation, period_s)
+    except SettingsError as error:
+        yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
+
+
+def _reachable(field: FieldPath, chosen: Configurations, robot: RobotFile) -> _Found:
+    n_joint = len(robot.joints)
+    for index, row in enumerate(chosen.list_deg or ()):
+        if len(row) != n_joint:
+            yield (*field, "list_deg", index), f"has {len(row)} angles for the {n_joint} joints of the robot"
+            continue
+        for joint, angle in enumerate(row):
+            yield from _within((*field, "list_deg", index, joint), robot, joint, angle)
+    if chosen.grid_deg is not None and len(chosen.grid_deg) != n_joint:
+        yield (*field, "grid_deg"), f"has {len(chosen.grid_deg)} rows for the {n_joint} joints of the robot"
+    elif chosen.grid_deg is not None:
+        for joint, row in enumerate(chosen.grid_deg):
+            for index, angle in enumerate(row):
+                yield from _within((*field, "grid_deg", joint, index), robot, joint, angle)
+    if chosen.random is not None:
+        for section in robot.joints:
+            lower, upper = section.limits_deg
+            if upper - lower < 2 * chosen.random.margin_deg:
+                message = f"leaves nothing of the range of joint `{section.name}`, {lower:g} to {upper:g} deg"
+                yield (*field, "random", "margin_deg"), message
+
+
+def _within(field: FieldPath, robot: RobotFile, joint: int, angle: float) -> _Found:
+    section = robot.joints[joint]
+    lower, upper = section.limits_deg
+    if not lower - _LIMIT_TOLERANCE_DEG <= angle <= upper + _LIMIT_TOLERANCE_DEG:
+        message = f"{angle:g} deg is unreachable: joint `{section.name}` moves from {lower:g} to {upper:g} deg"
+        yield field, message
+
+
+def _fit(experiment: Experiment, name: str, fit: Fit) -> _Found:
+    field = ("fits", name)
+    for key, campaign in (("from", fit.campaign), ("validate_on", fit.validate_on)):
+        if campaign is None:
+            continue
+        if campaign not in experiment.campaigns:
+            yield (*field, key), _unknown("campaign", campaign, experiment.campaigns)
+        elif experiment.campaigns[campaign].source is None:
+            yield (*field, key), f"campaign `{campaign}` has no `source`, so there is no record to read"
+    if fit.validate_on == fit.campaign:
+        yield (*field, "validate_on"), f"campaign `{fit.campaign}` is what the fit reads: validate on another one"
+    used = experiment.campaigns.get(fit.campaign)
+    count = None if used is None else configuration_count(experiment, used)
+    for position, index in enumerate(fit.configurations or ()):
+        if count is not None and index >= count:
+            message = f"there is no configuration {index}: `{fit.campaign}` has {count}, counted from 0"
+            yield (*field, "configurations", position), message
+        if index in (fit.configurations or ())[:position]:
+            yield (*field, "configurations", position), f"configuration {index} is there twice"
+
+
+def _fit_of_robot(experiment: Experiment, name: str, fit: Fit, robot: RobotFile) -> _Found:
+    field = ("fits", name)
+    known = parameter_names(robot, fit.free)
+    for index, parameter in enumerate(fit.fixed):
+        if parameter not in known:
+            message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"
+            yield (*field, "fixed", index), message
+    for spring in robot.springs:
+        parameter = f"{spring.name}.damping"
+        if spring.damping_nms_rad == 0 and parameter in known and parameter not in fit.fixed:
+            message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
+            yield (*field, "free"), message
+    used, other = experiment.campaigns.get(fit.campaign), experiment.campaigns.get(fit.validate_on or "")
+    if used is not None and other is not None and output_names(used, robot) != output_names(other, robot):
+        ours, theirs = ", ".join(output_names(used, robot)), ", ".join(output_names(other, robot))
+        yield (*field, "validate_on"), f"`{fit.validate_on}` measures {theirs}, but the fit reads {ours}"

@@ -1,0 +1,231 @@
+"""Models of the experiment file."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias, TypeVar
+
+import numpy as np
+import pydantic.dataclasses
+from pydantic import ConfigDict, Field, model_validator
+
+from robid.arrays import FloatArray
+from robid.design.options import DesignOptions, ExcitationOptions
+from robid.fit.options import ElasticOptions
+from robid.frf.options import EstimateOptions
+from robid.settings.base import Name, Section
+from robid.simulate.options import SimulateOptions
+
+DATA_VARIABLE = "${ROBID_DATA}"
+DATA_DEFAULT = "../shared/data"
+Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(min_length=1)], ...], Field(min_length=1)]
+_Options = TypeVar("_Options")
+_ONE_KEY = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class OneKey(Section):
+    """A choice among sections that is made by writing exactly one of the keys."""
+
+    model_config = _ONE_KEY
+
+    @model_validator(mode="after")
+    def _has_one_key(self) -> OneKey:
+        if len(self.model_fields_set) != 1 or getattr(self, next(iter(self.model_fields_set))) is None:
+            keys = [info.alias or name for name, info in type(self).model_fields.items()]
+            message = f"needs exactly one of {', '.join(f'`{key}`' for key in keys)}"
+            raise ValueError(message)
+        return self
+
+
+class RandomConfigurations(Section):
+    """Robot configurations drawn uniformly within the joint limits."""
+
+    count: int = Field(description="Number of configurations.", ge=1)
+    seed: int = Field(default=1, description="Seed of the draw.", ge=0)
+    margin_deg: float = Field(default=10.0, description="Distance kept from the joint limits [deg].", ge=0)
+
+
+class Configurations(OneKey):
+    """The robot configurations of a campaign; exactly one of the keys."""
+
+    list_deg: Rows | None = Field(default=None, description="Joint angles, one row per configuration [deg].")
+    random: RandomConfigurations | None = Field(default=None, description="Drawn within the joint limits.")
+    grid_deg: Rows | None = Field(
+        default=None, description="Angles of each joint, one row per joint; every combination is measured [deg]."
+    )
+    design: Name | None = Field(default=None, alias="from", description="Name of the design that chooses them.")
+
+    def angles_rad(self, lower_rad: FloatArray, upper_rad: FloatArray) -> FloatArray | None:
+        """Returns the configurations, or None where a design chooses them.
+
+        Args:
+            lower_rad (n_joint,): Lower joint limits [rad].
+            upper_rad (n_joint,): Upper joint limits [rad].
+
+        Returns:
+            Joint angles (n_conf, n_joint) [rad].
+        """
+        if self.list_deg is not None:
+            return np.asarray(np.deg2rad(self.list_deg))
+        if self.grid_deg is not None:
+            axes = np.meshgrid(*(np.deg2rad(row) for row in self.grid_deg), indexing="ij")
+            return np.stack([axis.ravel() for axis in axes], axis=-1)
+        if self.random is not None:
+            margin = np.deg2rad(self.random.margin_deg)
+            shape = (self.random.count, len(lower_rad))
+            return np.random.default_rng(self.random.seed).uniform(lower_rad + margin, upper_rad - margin, shape)
+        return None
+
+
+class TimeChannel(Section):
+    """The log's own time, against which the sampling period is checked."""
+
+    variable: str = Field(description="Name of the variable in the log.")
+    unit: Literal["s", "ms", "us"] = Field(default="s", description="Unit of the time.")
+
+
+class InputChannel(Section):
+    """A motor torque, or the current that stands for it."""
+
+    name: Name = Field(description="Name of the channel: that of the joint whose motor it drives.")
+    variable: str = Field(description="Name of the variable in the log.")
+    unit: Literal["N m", "A"] = Field(default="N m", description="Unit in the log.")
+    torque_constant_nm_a: float | None = Field(
+        default=None, description="Torque constant K_t of a current; 1 with `normalised` [N m/A].", gt=0
+    )
+    torque_constant_relative_std: float = Field(
+        default=0.0, description="Relative standard deviation of the torque constant.", ge=0
+    )
+    normalised: bool = Field(
+        default=False, description="The current stands for the torque: every result is a ratio to K_t."
+    )
+    sign: Literal[1, -1] = Field(default=1, description="Sign that turns the log's direction into the joint's.")
+
+    @model_validator(mode="after")
+    def _torque_is_known(self) -> InputChannel:
+        if self.unit == "A" and self.torque_constant_nm_a is None:
+            message = "a current needs `torque_constant_nm_a` (1 together with `normalised: true` where it is unknown)"
+            raise ValueError(message)
+        if self.unit == "N m" and (self.torque_constant_nm_a is not None or self.normalised):
+            message = "a torque in N m takes neither `torque_constant_nm_a` nor `normalised`"
+            raise ValueError(message)
+        return self
+
+
+class OutputChannel(Section):
+    """A measured angle."""
+
+    name: str = Field(
+        description="Name of the channel: the joint's for its motor angle, `<joint>.arm` for its arm side.",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*(\.arm)?$",
+    )
+    variable: str = Field(description="Name of the variable in the log.")
+    unit: Literal["rad", "deg"] = Field(default="rad", description="Unit in the log.")
+    sign: Literal[1, -1] = Field(default=1, description="Sign that turns the log's direction into the joint's.")
+
+
+class Acquire(Section):
+    """A measured log and what its variables mean."""
+
+    file: str = Field(
+        description="The log; `${ROBID_DATA}` stands for the data folder, other paths start at the experiment file."
+    )
+    format: Literal["mat"] = Field(description="Format of the log.")
+    sampling_period_s: float = Field(description="Sampling period of the log [s].", gt=0)
+    drop_periods: int = Field(default=0, description="Periods dropped at the start of the log.", ge=0)
+    time: TimeChannel | None = Field(default=None, description="The log's own time, if it has one.")
+    inputs: tuple[InputChannel, ...] = Field(description="Motor torques, in the order of the joints.", min_length=1)
+    outputs: tuple[OutputChannel, ...] = Field(description="Measured angles.", min_length=1)
+
+    def log_path(self, folder: Path) -> Path:
+        """Returns the path of the log.
+
+        Args:
+            folder: Folder of the experiment file, for a path that does not start with `${ROBID_DATA}`.
+        """
+        if self.file.startswith(DATA_VARIABLE):
+            inside = self.file.removeprefix(DATA_VARIABLE).lstrip("/")
+            return Path(os.environ.get("ROBID_DATA", DATA_DEFAULT)) / inside
+        return folder / self.file
+
+
+class Source(OneKey):
+    """Where a campaign's record comes from; exactly one of the keys."""
+
+    simulate: SimulateOptions | None = Field(default=None, description="Simulated in closed loop.")
+    acquire: Acquire | None = Field(default=None, description="Imported from a log.")
+
+
+class Campaign(Section):
+    """One set of experiments in one set of robot configurations."""
+
+    configurations: Configurations = Field(description="The robot configurations.")
+    payload_kg: float | None = Field(
+        default=None, description="Payload mass; the robot file's when not given [kg].", ge=0
+    )
+    excitation: ExcitationOptions = Field(
+        default_factory=ExcitationOptions, description="What the motors are told to do."
+    )
+    realizations: int = Field(default=1, description="Blocks of experiments with new random phases.", ge=1)
+    periods: int = Field(default=2, description="Recorded periods of each experiment.", ge=1)
+    source: Source | None = Field(default=None, description="Where the record comes from; none if never measured.")
+    estimate: EstimateOptions = Field(
+        default_factory=EstimateOptions, description="How the record becomes a frequency response."
+    )
+
+
+@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)
+class Design(DesignOptions):
+    """A choice of robot configurations among those of a campaign."""
+
+    campaign: Name = Field(description="Name of the campaign with the configurations to choose from.")
+
+    def options(self) -> DesignOptions:
+        """Returns the options of the algorithm."""
+        return _part(self, DesignOptions)
+
+
+@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)
+class ElasticFit(ElasticOptions):
+    """A fit of springs and dampers to frequency responses."""
+
+    family: Literal["elastic"] = Field(description="Family of the model.")
+    campaign: Name = Field(alias="from", description="Name of the campaign it reads.")
+    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
+        default=None, description="Indices of the campaign's configurations to use; all when not given.", min_length=1
+    )
+    validate_on: Name | None = Field(default=None, description="Name of the campaign it is validated on.")
+
+    def options(self) -> ElasticOptions:
+        """Returns the options of the algorithm."""
+        return _part(self, ElasticOptions)
+
+
+Fit: TypeAlias = ElasticFit
+
+
+class Execution(Section):
+    """How the experiment is computed; nothing here changes a result."""
+
+    backend: Literal["serial", "processes"] = Field(default="processes", description="How tasks are mapped to cores.")
+    workers: int | None = Field(default=None, description="Number of processes; all cores when not given.", ge=1)
+    log_level: Literal["debug", "info", "warning", "error"] = Field(default="info", description="What is reported.")
+
+
+class Experiment(Section):
+    """An experiment file."""
+
+    schema_version: Literal[1] = Field(description="Version of this format.")
+    name: Name = Field(description="Name of the experiment and of its run folder.")
+    robot: str = Field(description="The robot file, relative to this file.", min_length=1)
+    campaigns: dict[Name, Campaign] = Field(description="Campaigns by name.", min_length=1)
+    designs: dict[Name, Design] = Field(default_factory=dict, description="Choices of configurations by name.")
+    fits: dict[Name, Fit] = Field(default_factory=dict, description="Fits by name.")
+    execution: Execution = Field(default_factory=Execution, description="How it is computed.")
+
+
+def _part(settings: object, kind: type[_Options]) -> _Options:
+    return kind(**{field.name: getattr(settings, field.name) for field in dataclasses.fields(kind)})  # type: ignore[arg-type]

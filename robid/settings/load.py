@@ -1,0 +1,78 @@
+"""Loading an experiment file together with its robot file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from robid.errors import SettingsError
+from robid.settings.checks import check_experiment
+from robid.settings.experiment import Experiment
+from robid.settings.problems import Problem, problem_at, raise_problems, validate
+from robid.settings.robot import RobotFile
+from robid.settings.robot_checks import check_robot
+from robid.settings.yaml import Document, load_yaml
+
+
+@dataclass(frozen=True)
+class LoadedExperiment:
+    """An experiment and its robot, checked.
+
+    Attributes:
+        path: The experiment file, as the user named it.
+        experiment: The experiment.
+        robot: The robot file.
+    """
+
+    path: Path
+    experiment: Experiment
+    robot: RobotFile
+
+
+def load_experiment(path: Path) -> LoadedExperiment:
+    """Loads an experiment file and the robot file it names, and checks both.
+
+    Raises:
+        SettingsError: With every problem of both files, each with its line and field.
+    """
+    document = load_yaml(path)
+    experiment, problems = validate(Experiment, document)
+    robot, robot_problems = _named_robot(document)
+    if experiment is not None:
+        problems += check_experiment(document, experiment, None if robot_problems else robot)
+    raise_problems([*problems, *robot_problems])
+    if experiment is None or robot is None:
+        message = "a file without a problem has no model"
+        raise RuntimeError(message)
+    return LoadedExperiment(path, experiment, robot)
+
+
+def load_robot(path: Path) -> RobotFile:
+    """Loads a robot file and checks it.
+
+    Raises:
+        SettingsError: With every problem, each with its line and field.
+    """
+    robot, problems = _checked_robot(load_yaml(path))
+    raise_problems(problems)
+    if robot is None:
+        message = "a file without a problem has no model"
+        raise RuntimeError(message)
+    return robot
+
+
+def _named_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
+    name = document.data.get("robot")
+    if not isinstance(name, str):
+        return None, []
+    try:
+        robot = load_yaml(document.path.parent / name)
+    except SettingsError as error:
+        where = f"{error.where}: " if error.where else ""
+        return None, [problem_at(document, ("robot",), f"{where}{error.what}; {error.remedy}")]
+    return _checked_robot(robot)
+
+
+def _checked_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
+    robot, problems = validate(RobotFile, document)
+    return robot, problems if robot is None else check_robot(document, robot)

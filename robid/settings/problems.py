@@ -1,0 +1,149 @@
+"""Problems of settings files: gathered, placed on their line, and raised together."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from robid.errors import SettingsError
+from robid.settings.base import NAME_PATTERN
+from robid.settings.yaml import Document, FieldPath
+
+_Model = TypeVar("_Model", bound=BaseModel)
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+_REMEDY = "correct the file; `robid schema` prints every key with its meaning"
+_LONGEST_VALUE = 60
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong in a settings file."""
+
+    file: Path
+    line: int
+    field: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.field}: {self.message}"
+
+
+def problem_at(document: Document, field: FieldPath, message: str) -> Problem:
+    """Places a message on the line of a field, or of its nearest parent that is written."""
+    return Problem(document.path, document.line(field), format_field(field), message)
+
+
+def format_field(field: FieldPath) -> str:
+    """Writes a path as `joints[0].motor.gear_ratio`."""
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in field)
+    return text.removeprefix(".")
+
+
+def raise_problems(problems: Sequence[Problem]) -> None:
+    """Raises all problems as one error, in the order of files and lines; does nothing when there are none.
+
+    Raises:
+        SettingsError: If there is a problem.
+    """
+    if not problems:
+        return
+    files = list(dict.fromkeys(problem.file for problem in problems))
+    ordered = sorted(dict.fromkeys(problems), key=lambda problem: (files.index(problem.file), problem.line))
+    raise SettingsError("\n".join(str(problem) for problem in ordered), remedy=_REMEDY)
+
+
+def suggest(wrong: str, known: Iterable[str]) -> str:
+    """Returns the end of a sentence that names what was probably meant, or everything that is known."""
+    names = sorted(known)
+    close = difflib.get_close_matches(wrong, names, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean `{close[0]}`?"
+    return f"known here: {', '.join(f'`{name}`' for name in names)}" if names else "there is none"
+
+
+def validate(model: type[_Model], document: Document) -> tuple[_Model | None, list[Problem]]:
+    """Builds a model from a document, or returns why it cannot be."""
+    try:
+        return model.model_validate(document.data), []
+    except ValidationError as error:
+        return None, _translate(model, document, error)
+
+
+def _translate(model: type[BaseModel], document: Document, error: ValidationError) -> list[Problem]:
+    schema = model.model_json_schema(by_alias=True)
+    messages: dict[FieldPath, list[str]] = {}
+    choices: set[FieldPath] = set()
+    for detail in error.errors(include_url=False):
+        if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
+            continue  # the items are wrong, not their number
+        missing = detail["type"] == "missing"
+        field, is_choice = _written_field(document.data, detail["loc"], missing=missing)
+        message = _message(detail, field, schema)
+        if message not in messages.setdefault(field, []):
+            messages[field].append(message)
+        if is_choice:
+            choices.add(field)
+    hidden = {outer for outer in choices if any(field[: len(outer)] == outer != field for field in messages)}
+    return [
+        problem_at(document, field, "; or: ".join(texts)) for field, texts in messages.items() if field not in hidden
+    ]
+
+
+def _written_field(data: Any, loc: FieldPath, *, missing: bool) -> tuple[FieldPath, bool]:  # noqa: ANN401
+    """Drops what pydantic adds to a path (members of unions, `[key]`); says whether something was dropped."""
+    field: list[str | int] = []
+    node, dropped = data, False
+    for position, part in enumerate(loc):
+        inside = part in node if isinstance(node, dict) else isinstance(node, list) and part in range(len(node))
+        if inside:
+            node = node[part]
+        elif not (missing and position == len(loc) - 1):
+            dropped = dropped or part != "[key]"
+            continue
+        field.append(part)
+    return tuple(field), dropped
+
+
+def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # noqa: ANN401
+    if detail["type"] in _UNKNOWN:
+        return f"unknown key; {suggest(str(field[-1]), _keys_at(schema, field[:-1]))}"
+    if detail["type"] == "missing":
+        return "is missing"
+    if detail["type"] == "value_error":
+        return str(detail["ctx"]["error"])
+    message = detail["msg"][0].lower() + detail["msg"][1:]
+    if detail["type"] == "string_pattern_mismatch" and detail["ctx"]["pattern"] == NAME_PATTERN:
+        message = "a name has up to 64 letters, digits, `_` or `-`, and starts with a letter or digit"
+    value = detail["input"]
+    shown = "nothing" if value is None else repr(value)
+    return message if len(shown) > _LONGEST_VALUE else f"{message} (found {shown})"
+
+
+def _keys_at(schema: dict[str, Any], field: FieldPath) -> list[str]:
+    """Lists the keys that a JSON schema allows at a path."""
+    nodes = _resolve(schema, schema)
+    for part in field:
+        nodes = [found for node in nodes for child in _children(node, part) for found in _resolve(schema, child)]
+    return [key for node in nodes for key in node.get("properties", {})]
+
+
+def _children(node: dict[str, Any], part: str | int) -> list[Any]:
+    if isinstance(part, int):
+        items = [*node.get("prefixItems", [])[part : part + 1], node.get("items")]
+    else:
+        items = [node.get("properties", {}).get(part), *node.get("patternProperties", {}).values()]
+        items.append(node.get("additionalProperties"))
+    return [item for item in items if isinstance(item, dict)]
+
+
+def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> list[dict[str, Any]]:
+    """Follows references and unions to the plain schemas behind a node."""
+    if "$ref" in node:
+        return _resolve(schema, schema["$defs"][node["$ref"].rpartition("/")[2]])
+    members = [*node.get("anyOf", []), *node.get("oneOf", []), *node.get("allOf", [])]
+    return [found for member in members for found in _resolve(schema, member)] or [node]

@@ -1,0 +1,142 @@
+"""YAML files as plain values that know the line they stand on."""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+from ruamel.yaml.scalarbool import ScalarBoolean
+
+from robid.errors import SettingsError
+
+FieldPath: TypeAlias = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Document:
+    """A YAML file.
+
+    Attributes:
+        path: The file, as the user named it.
+        data: Its content as plain dictionaries, lists, numbers, texts and None; merge keys are resolved.
+        tree: The same content as ruamel.yaml read it, for the line numbers.
+    """
+
+    path: Path
+    data: dict[str, Any]
+    tree: CommentedMap
+
+    def line(self, field: FieldPath) -> int:
+        """Returns the line (from 1) of a key or list item, or of the nearest parent that is written."""
+        node: Any = self.tree
+        line = 0
+        for part in field:
+            found = _step(node, part)
+            if found is None:
+                break
+            node, line = found
+        return line + 1
+
+
+def load_yaml(path: Path) -> Document:
+    """Reads a YAML file whose root is a mapping.
+
+    Raises:
+        SettingsError: If it cannot be read, is not YAML, repeats a key, or holds other than plain values.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SettingsError(
+            f"cannot be read: {error.strerror or error}", where=str(path), remedy="check the path"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise SettingsError("is not a UTF-8 text file", where=str(path), remedy="save it as UTF-8") from error
+    try:
+        _check_aliases(path, YAML(typ="rt").compose(text), ())
+        tree = YAML(typ="rt").load(text)
+    except YAMLError as error:
+        raise _syntax_error(path, error) from error
+    if not isinstance(tree, CommentedMap):
+        found = "is empty" if tree is None else "must hold `key: value` lines, not a list or a single value"
+        raise SettingsError(found, where=f"{path}:1", remedy="start from one of the examples in `configs/`")
+    return Document(path, _mapping(path, tree), tree)
+
+
+def _step(node: Any, part: str | int) -> tuple[Any, int] | None:  # noqa: ANN401
+    """Goes one key or index down: the value there and its line from 0, or None where nothing is written."""
+    if isinstance(node, CommentedSeq):
+        if isinstance(part, int) and 0 <= part < len(node):
+            return node[part], node.lc.item(part)[0]
+        return None
+    if not isinstance(node, CommentedMap) or part not in node:
+        return None
+    if part in (node.lc.data or {}):
+        return node[part], node.lc.key(part)[0]
+    merged = (_step(parent, part) for parent in node.merge)
+    return next((found for found in merged if found is not None), None)
+
+
+def _check_aliases(path: Path, node: Node | None, parents: tuple[Node, ...]) -> None:
+    """Refuses a section that contains itself, which ruamel.yaml would read as nothing or fail on."""
+    if any(node is parent for parent in parents):
+        where = f"{path}:{parents[-1].start_mark.line + 1}"
+        raise SettingsError("an alias refers to a section that contains it", where=where, remedy="leave it out")
+    if isinstance(node, MappingNode | SequenceNode):
+        for item in chain.from_iterable(node.value) if isinstance(node, MappingNode) else node.value:
+            _check_aliases(path, item, (*parents, node))
+
+
+def _syntax_error(path: Path, error: YAMLError) -> SettingsError:
+    mark = None
+    problem = str(error).splitlines()[0]
+    if isinstance(error, MarkedYAMLError):
+        mark = error.problem_mark or error.context_mark
+        start = f" (line {error.context_mark.line + 1})" if error.context_mark else ""
+        problem = ": ".join(
+            text for text in (f"{error.context}{start}" if error.context else "", error.problem) if text
+        )
+    where = f"{path}:{mark.line + 1}" if mark is not None else str(path)
+    return SettingsError(f"is not valid YAML: {problem}", where=where, remedy="correct the line, or the one above it")
+
+
+def _mapping(path: Path, node: CommentedMap) -> dict[str, Any]:
+    plain = {}
+    for key, item in node.items():
+        found = _step(node, key)
+        line = found[1] if found else node.lc.line
+        if not isinstance(key, str):
+            raise SettingsError(
+                f"the key `{key}` must be a text", where=f"{path}:{line + 1}", remedy="put it in quotes"
+            )
+        plain[str(key)] = _value(path, item, line)
+    return plain
+
+
+def _value(path: Path, node: Any, line: int) -> Any:  # noqa: ANN401
+    """Turns ruamel.yaml's containers and scalars into Python's own."""
+    if isinstance(node, CommentedMap):
+        return _mapping(path, node)
+    if isinstance(node, CommentedSeq):
+        return [_value(path, item, node.lc.item(index)[0]) for index, item in enumerate(node)]
+    if node is None or isinstance(node, bool):
+        return node
+    if isinstance(node, ScalarBoolean):
+        return bool(node)
+    if isinstance(node, datetime.date):
+        return node.isoformat()
+    for kind in (int, float, str):
+        if isinstance(node, kind):
+            return kind(node)
+    raise SettingsError(
+        "tags, sets and binary values of YAML are not used here",
+        where=f"{path}:{line + 1}",
+        remedy="use plain numbers, texts, lists and sections",
+    )

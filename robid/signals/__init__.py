@@ -1,0 +1,1 @@
+"""Signals: the record, excitation spectra, friction laws."""

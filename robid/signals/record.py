@@ -1,0 +1,82 @@
+"""The record: sampled signals of one campaign, simulated or measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Record:
+    """Whole periods of the steady state, simulated or measured.
+
+    Attributes:
+        sampling_period_s: Sampling period of all channels [s].
+        configurations (n_conf, n_joint): Arm-side joint angles, encoder side of the gears [rad].
+        torque (n_conf, n_real, n_exp, n_period, n_sample, n_in): Motor torque, motor side [N m].
+        position (n_conf, n_real, n_exp, n_period, n_sample, n_out): Measured angles relative to
+            `position_offset_rad`: motor side for motors, arm side for link encoders [rad].
+        reference (n_conf, n_real, n_exp, n_sample, n_in): One period of what was injected, or None.
+        reference_kind: What `reference` is: `speed_reference`, `position_reference`, `torque`, or "".
+        excited_lines (n_freq,): Excited DFT lines of one period.
+        detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
+        input_names: Name of each torque channel.
+        output_names: Name of each position channel; collocated channels carry the motor's name.
+        position_offset_rad (n_conf, n_out): Offset subtracted from `position` [rad].
+        torque_unit: `N m`, or the unit that stands for it (a current where K_t is unknown).
+        notes: What the import or the simulation wants the reader to know.
+    """
+
+    sampling_period_s: float
+    configurations: FloatArray
+    torque: FloatArray
+    position: FloatArray
+    reference: FloatArray | None
+    reference_kind: str
+    excited_lines: IntArray
+    detection_lines: IntArray
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    position_offset_rad: FloatArray
+    torque_unit: str = "N m"
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def period_s(self) -> float:
+        """Length of one period [s]."""
+        return float(self.torque.shape[4]) * self.sampling_period_s
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Excited frequencies (n_freq,) [Hz]."""
+        return np.asarray(self.excited_lines / self.period_s)
+
+    def select(self, configuration: int) -> Record:
+        """Returns the record of one configuration, its axis kept."""
+        part = slice(configuration, configuration + 1)
+        return replace(
+            self,
+            configurations=self.configurations[part],
+            torque=self.torque[part],
+            position=self.position[part],
+            reference=None if self.reference is None else self.reference[part],
+            position_offset_rad=self.position_offset_rad[part],
+        )
+
+
+def concatenate(records: list[Record]) -> Record:
+    """Joins records of single configurations along the configuration axis."""
+    first = records[0]
+    references = [record.reference for record in records if record.reference is not None]
+    return replace(
+        first,
+        configurations=np.concatenate([record.configurations for record in records]),
+        torque=np.concatenate([record.torque for record in records]),
+        position=np.concatenate([record.position for record in records]),
+        reference=np.concatenate(references) if references else None,
+        position_offset_rad=np.concatenate([record.position_offset_rad for record in records]),
+        notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
+    )

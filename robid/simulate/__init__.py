@@ -1,0 +1,1 @@
+"""The simulated experiment: controller, imperfections, closed loop."""

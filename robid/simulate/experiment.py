@@ -1,0 +1,199 @@
+"""The simulated closed-loop experiment of one configuration, all its experiments at once."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from mujoco.batch import Batch
+
+from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
+from robid.robot.description import Robot
+from robid.robot.linearize import solve_statics
+from robid.robot.model import ElasticModel, build_model
+from robid.signals.record import Record
+from robid.simulate.controller import Cascade, angle_reference
+from robid.simulate.options import Controller, Imperfections, SimulateOptions
+from robid.simulate.truth import with_imperfections
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What all configurations of a simulated campaign share.
+
+    Attributes:
+        robot: The true robot.
+        controller: Its controller.
+        options: Imperfections, steps and seed.
+        reference (n_real, n_exp, n_sample, n_motor): One period of the excitation [unit of its kind].
+        inject: Where the excitation enters.
+        excited_lines (n_freq,): Excited lines.
+        detection_lines (n_detection,): Lines left out on purpose.
+        periods: Recorded periods.
+    """
+
+    robot: Robot
+    controller: Controller
+    options: SimulateOptions
+    reference: FloatArray
+    inject: str
+    excited_lines: IntArray
+    detection_lines: IntArray
+    periods: int
+
+
+def simulate(experiment: Experiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
+    """Simulates every realization and experiment of one configuration in closed loop.
+
+    Args:
+        experiment: The campaign.
+        configuration (n_joint,): Arm-side angles [rad].
+        index: The configuration's index, which seeds its noise.
+        threads: Simulation threads; the result does not depend on them.
+
+    Returns:
+        The record of this configuration: torque commands and measured motor angles.
+
+    Raises:
+        DataError: If the simulation blows up, naming the configuration.
+    """
+    model = _true_model(experiment)
+    rest = solve_statics(model, configuration[None])
+    n_real, n_exp, n_sample, n_motor = experiment.reference.shape
+    n_sim = n_real * n_exp
+    batch = Batch(model.mujoco, n_sim, nthread=threads)
+    batch.qpos[:] = rest.position
+    run = _Run(experiment, model, batch, rest.motor_torque[0], np.random.default_rng([experiment.options.seed, index]))
+    total = experiment.options.transient_periods + experiment.periods
+    torque = np.empty((experiment.periods, n_sample, n_sim, n_motor))
+    angle = np.empty_like(torque)
+    scrap = np.empty_like(torque[0]), np.empty_like(torque[0])
+    with _quiet_directory():
+        for period in range(total):
+            kept = period - experiment.options.transient_periods
+            run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
+            _refuse_explosion(batch, configuration, index, period)
+    offset = model.robot.gear_ratio * configuration
+    shape = (experiment.periods, n_sample, n_real, n_exp, n_motor)
+    names = tuple(joint.name for joint in experiment.robot.joints)
+    return Record(
+        sampling_period_s=experiment.controller.sampling_period_s,
+        configurations=configuration[None],
+        torque=torque.reshape(shape).transpose(2, 3, 0, 1, 4)[None],
+        position=(angle - offset).reshape(shape).transpose(2, 3, 0, 1, 4)[None],
+        reference=experiment.reference[None],
+        reference_kind=experiment.inject,
+        excited_lines=experiment.excited_lines,
+        detection_lines=experiment.detection_lines,
+        input_names=names,
+        output_names=names,
+        position_offset_rad=offset[None],
+    )
+
+
+class _Run:
+    """State of the closed loop between periods."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        model: ElasticModel,
+        batch: Batch,
+        rest_torque: FloatArray,
+        generator: np.random.Generator,
+    ) -> None:
+        self._experiment, self._batch, self._generator = experiment, batch, generator
+        n_sim = batch.nsim
+        reference = experiment.reference.reshape(n_sim, *experiment.reference.shape[2:])
+        self._reference = np.ascontiguousarray(reference.transpose(1, 0, 2))
+        self._motor = model.motor
+        self._rest = batch.qpos[:, model.motor].copy()
+        zero = np.zeros_like(self._reference)
+        speed, angle, torque = zero, zero, zero
+        if experiment.inject == "speed_reference":
+            speed = self._reference
+            integral = angle_reference(reference, experiment.controller.sampling_period_s)
+            angle = np.ascontiguousarray(integral.transpose(1, 0, 2))
+        elif experiment.inject == "position_reference":
+            angle = self._reference
+        else:
+            torque = self._reference
+        self._speed, self._angle, self._torque = speed, self._rest + angle, torque
+        self._cascade = Cascade(
+            experiment.controller,
+            experiment.robot.motor_inertia_kgm2,
+            np.array([joint.motor.max_torque_nm for joint in experiment.robot.joints]),
+            self._rest,
+            rest_torque,
+        )
+        rest = np.broadcast_to(rest_torque, self._rest.shape).copy()
+        self._pending = [rest.copy() for _ in range(experiment.controller.delay_samples)]
+
+    def period(self, torque: FloatArray, angle: FloatArray) -> None:
+        """Runs one period into the given arrays (n_sample, n_sim, n_motor)."""
+        flaws, batch = self._experiment.options.imperfections, self._batch
+        qpos, ctrl = batch.qpos, batch.ctrl
+        noise = self._generator.standard_normal(torque.shape) * flaws.encoder_noise_rad
+        disturbance = self._generator.standard_normal(torque.shape) * flaws.torque_noise_nm
+        steps = self._experiment.options.steps_per_sample
+        for sample in range(torque.shape[0]):
+            measured = measure(qpos[:, self._motor], noise[sample], flaws)
+            command = self._cascade.command(measured, self._angle[sample], self._speed[sample])
+            command = command + self._torque[sample]
+            angle[sample], torque[sample] = measured, command
+            self._pending.append(command)
+            ctrl[:] = self._pending.pop(0) + disturbance[sample]
+            batch.step(nstep=steps)
+
+
+def measure(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:
+    """Returns what the encoders show: resolver error, noise and quantisation on the true angle [rad]."""
+    shown = angle + noise
+    if flaws.resolver_error_rad:
+        shown += flaws.resolver_error_rad * np.sin(flaws.resolver_order * angle)
+    if flaws.encoder_resolution_rad:
+        shown = np.round(shown / flaws.encoder_resolution_rad) * flaws.encoder_resolution_rad
+    return shown
+
+
+def _true_model(experiment: Experiment) -> ElasticModel:
+    flaws = experiment.options.imperfections
+    return build_model(
+        with_imperfections(experiment.robot, flaws),
+        friction=flaws.friction == "lugre",
+        ripple=flaws.ripple,
+        backlash_rad=flaws.backlash_rad,
+        hysteresis_nm=flaws.hysteresis_nm,
+        timestep_s=experiment.controller.sampling_period_s / experiment.options.steps_per_sample,
+    )
+
+
+def _refuse_explosion(batch: Batch, configuration: FloatArray, index: int, period: int) -> None:
+    if not batch.warning.any() and np.isfinite(batch.qpos).all():
+        return
+    shown = np.array2string(np.rad2deg(configuration), precision=1)
+    raise DataError(
+        f"the simulation blew up in period {period + 1}",
+        where=f"configuration {index} at {shown} deg",
+        remedy="lower the speed loop's bandwidth or the excitation, raise steps_per_sample, or check springs and inertias",
+    )
+
+
+@contextlib.contextmanager
+def _quiet_directory() -> Iterator[None]:
+    """Keeps MuJoCo's warning log out of the current directory."""
+    here = Path.cwd()
+    with tempfile.TemporaryDirectory() as scratch:
+        os.chdir(scratch)
+        try:
+            yield
+        finally:
+            os.chdir(here)
+
+

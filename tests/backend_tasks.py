@@ -1,0 +1,51 @@
+"""Tasks for worker processes, which can only run functions of importable modules."""
+
+import os
+import time
+
+import numpy as np
+from threadpoolctl import threadpool_info
+
+from robid.errors import DataError
+
+
+def slow_first(task: int) -> int:
+    """The earlier the task, the later it ends."""
+    time.sleep(0.1 if task == 0 else 0.0)
+    return task * task
+
+
+def matrix_product(seed: int) -> bytes:
+    matrix = np.random.default_rng(seed).standard_normal((300, 300))
+    return (matrix @ matrix.T).tobytes()
+
+
+def blas_threads(_: int) -> list[int]:
+    np.linalg.norm(np.ones((4, 4)) @ np.ones((4, 4)))
+    return [library["num_threads"] for library in threadpool_info()]
+
+
+def fail_at_two(task: int) -> int:
+    if task == 2:
+        raise DataError("Sample 7 is NaN.", where="record.h5: torque", remedy="look at the log")
+    return task
+
+
+def touch_slowly(path: str) -> None:
+    time.sleep(0.05)
+    with open(path, "w", encoding="utf-8"):  # noqa: PTH123
+        pass
+
+
+def die(_: int) -> None:
+    os._exit(3)
+
+
+def process_id(_: int) -> int:
+    return os.getpid()
+
+
+def sleep_long(path: str) -> None:
+    with open(path, "w", encoding="utf-8") as file:  # noqa: PTH123
+        file.write(str(os.getpid()))
+    time.sleep(600)

@@ -1,0 +1,113 @@
+"""The page in a real browser: no console error, figures drawn, screenshots to look at."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from robid.report.page import write_report
+
+CHROMIUM = next(
+    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
+)
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+    "--enable-logging=stderr",
+    "--virtual-time-budget=8000",
+)
+DARK = "--blink-settings=preferredColorScheme=0"
+
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
+
+
+def open_page(path, tmp_path, *arguments):
+    command = [CHROMIUM, *FLAGS, f"--user-data-dir={tmp_path / 'profile'}", *arguments, path.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=True)
+    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def add_script(path, script):
+    changed = path.with_name(f"scripted-{path.name}")
+    changed.write_text(
+        path.read_text(encoding="utf-8").replace("</body>", f"<script>{script}</script></body>"), encoding="utf-8"
+    )
+    return changed
+
+
+@pytest.mark.parametrize("which", ["arm", "bench"])
+def test_all_figures_are_drawn_without_a_complaint(which, tmp_path, request):
+    content = request.getfixturevalue(f"{which}_content")
+    page = tmp_path / "report.html"
+    write_report(page, content)
+    html, console = open_page(page, tmp_path, "--dump-dom", "--window-size=1400,2600")
+    assert console == []
+    _, _, n_out, n_in = content.fits[0].frf.response.shape
+    assert len(re.findall(r'class="cell"', html)) == n_out * n_in
+    assert len(re.findall(r'class="subplot ', html)) >= n_out * n_in
+    for role in ("ratios", "costs", "starts"):
+        assert re.search(
+            rf'class="[^"]*js-plotly-plot[^"]*" data-role="{role}"|data-role="{role}" class="[^"]*js-plotly-plot', html
+        ), role
+
+
+def test_the_controls_change_the_figures(tmp_path, arm_content):
+    page = tmp_path / "report.html"
+    write_report(page, arm_content)
+    script = """
+      const plot = document.querySelector('.matrix .js-plotly-plot');
+      const first = () => plot.data[1].y[5];
+      const seen = [first()];
+      document.querySelector('[aria-label="next configuration"]').click(); seen.push(first());
+      document.querySelectorAll('.segments button')[1].click(); seen.push(first());
+      const source = document.querySelector('select[aria-label="data"]');
+      source.value = '1'; source.dispatchEvent(new Event('change')); seen.push(first());
+      document.querySelectorAll('.cell')[9].click();
+      document.querySelector('[data-move="1,0"]').click();
+      seen.push(document.getElementById('enlarged-title').textContent);
+      seen.push([...document.querySelectorAll('.modebar-btn')].map((one) => one.dataset.title).join());
+      document.title = JSON.stringify(seen);
+    """
+    html, console = open_page(add_script(page, script), tmp_path, "--dump-dom", "--window-size=1400,1200")
+    assert console == []
+    seen = re.search(r"<title>\[(.*?)\]</title>", html).group(1)
+    fit = arm_content.fits[0]
+    numbers = [float(value) for value in seen.split(",")[:4]]
+    assert numbers == pytest.approx(expected_first_points(fit), abs=0.06)
+    assert "axis_3 acceleration per axis_4 torque, configuration 1" in seen
+    assert "Share" not in seen
+
+
+def expected_first_points(fit):
+    one, two, other = (
+        fit.frf.response[0, 5, 0, 0],
+        fit.frf.response[1, 5, 0, 0],
+        fit.validation_frf.response[0, 5, 0, 0],
+    )
+    decibels = [20 * np.log10(abs(value)) for value in (one, two)]
+    return [*decibels, *(np.rad2deg(np.angle(value)) for value in (two, other))]
+
+
+@pytest.mark.parametrize(
+    ("size", "scheme"), [("1400,2600", ""), ("1400,2600", DARK), ("500,2600", ""), ("500,2600", DARK)]
+)
+def test_screenshots(size, scheme, tmp_path, arm_content):
+    page = tmp_path / "report.html"
+    picture = tmp_path / "report.png"
+    write_report(page, arm_content)
+    _, console = open_page(
+        page, tmp_path, f"--window-size={size}", f"--screenshot={picture}", *([scheme] if scheme else [])
+    )
+    assert console == []
+    assert picture.stat().st_size > 50_000

@@ -1,0 +1,219 @@
+"""The page: self-contained, complete, of bounded size."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from html import unescape
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from robid.report.content import FitContent, ReportContent, Verdict
+from robid.report.figures import band_radius
+from robid.report.page import render, write_report
+from robid.report.summary import key_figures
+from robid.report.tables import parameter_line
+
+FETCHING = {"src", "href", "srcset", "action", "poster", "data", "xlink:href", "background", "formaction"}
+
+
+class PageReader(HTMLParser):
+    """Collects attributes that fetch, the text of the body, and the scripts."""
+
+    def __init__(self):
+        super().__init__()
+        self.fetched, self.texts, self.styles = [], [], []
+        self.policy = self.inside = ""
+
+    def handle_starttag(self, tag, attrs):
+        self.inside = tag
+        self.fetched += [value for name, value in attrs if name in FETCHING]
+        attributes = dict(attrs)
+        if attributes.get("http-equiv") == "Content-Security-Policy":
+            self.policy = attributes["content"]
+
+    def handle_endtag(self, _tag):
+        self.inside = ""
+
+    def handle_data(self, data):
+        if self.inside != "script":
+            (self.styles if self.inside == "style" else self.texts).append(data)
+
+
+def read_page(html):
+    reader = PageReader()
+    reader.feed(html)
+    reader.close()
+    return reader
+
+
+def page_text(html):
+    return re.sub(r"\s+", " ", unescape(" ".join(read_page(html).texts)))
+
+
+def embedded(html):
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.DOTALL)
+    return json.loads(found.group(1))
+
+
+@pytest.fixture(scope="module")
+def arm_page(arm_content):
+    return render(arm_content)
+
+
+@pytest.fixture(scope="module")
+def bench_page(bench_content):
+    return render(bench_content)
+
+
+def test_nothing_is_fetched(arm_page, bench_page):
+    for html in (arm_page, bench_page):
+        reader = read_page(html)
+        assert reader.fetched
+        assert all(value.startswith("#") for value in reader.fetched)
+        assert not re.search(r"@import|url\(", "".join(reader.styles))
+        assert "default-src 'none'" in reader.policy
+        assert "connect-src" not in reader.policy
+        assert "http" not in reader.policy
+
+
+def test_plotly_is_there_once_and_cannot_send(arm_page):
+    assert arm_page.count("plotly.js v") == 1
+    assert 'plotlyServerURL: ""' in arm_page
+
+
+def test_twelve_configurations_stay_below_eight_megabytes(large_content):
+    html = render(large_content)
+    assert len(large_content.fits[0].frf.configurations) == 12
+    assert len(html.encode()) < 8e6
+
+
+def test_the_verdict_comes_before_everything_else(arm_page, arm_content):
+    text = page_text(arm_page)
+    assert (
+        text.index(arm_content.verdict.text)
+        < text.index("Springs identified")
+        < text.index("Every column is one input")
+    )
+
+
+def test_every_row_is_on_the_page(arm_page, arm_content):
+    text = page_text(arm_page)
+    fit = arm_content.fits[0]
+    for row in fit.parameters:
+        line = parameter_line(row, fit.identifiable_relative_std)
+        assert f"{line.name} {line.estimate} {line.lower} … {line.upper} {line.unit}" in text
+    for row in fit.resonances:
+        assert row.measured_hz is None or f"{row.measured_hz:.4g}"[:4] in text
+    for row in (*fit.estimation_costs, *fit.validation_costs):
+        assert f"{row.cost:.5f}" in text
+    for stage in arm_content.stages:
+        assert stage.artifact in text
+        assert stage.content_hash in text
+    for configuration in arm_content.configurations:
+        for angle in np.rad2deg(configuration.angles_rad):
+            assert f"{angle:.1f}".replace("-", "\N{MINUS SIGN}") in text
+    for words in (
+        *arm_content.robot_notes,
+        *arm_content.warnings,
+        *fit.frf.notes,
+        "1 min 11 s",
+        "108 %",
+        "61.37",
+        "not seen",
+    ):
+        assert words in text
+
+
+def test_the_figures_hold_the_data(arm_page, arm_content):
+    fit = arm_content.fits[0]
+    data = embedded(arm_page)["fits"][0]
+    estimation, validation = data["responses"]
+    for drawn, frf, model in (
+        (estimation, fit.frf, fit.model_response),
+        (validation, fit.validation_frf, fit.validation_model),
+    ):
+        chosen = drawn["configurations"][1]
+        measured = 10 ** (np.array(chosen["measured"]) / 20) * np.exp(1j * np.deg2rad(chosen["measured_phase"]))
+        np.testing.assert_allclose(measured, np.moveaxis(frf.response[1], 0, -1), rtol=2e-3)
+        predicted = 10 ** (np.array(chosen["model"]) / 20) * np.exp(1j * np.deg2rad(chosen["model_phase"]))
+        np.testing.assert_allclose(predicted, np.moveaxis(model[1], 0, -1), rtol=2e-3)
+    springs = data["ratios"][0]
+    assert springs["title"] == "Springs"
+    assert springs["rows"][0]["truth"] == pytest.approx(fit.parameters[0].truth / fit.parameters[0].nominal, rel=1e-4)
+
+
+def test_the_band_holds_the_truth_as_often_as_its_level_says(arm_content):
+    frf = arm_content.fits[0].frf
+    rng = np.random.default_rng(8)
+    error = np.sqrt(frf.element_variance() / 2) * (
+        rng.normal(size=frf.response.shape) + 1j * rng.normal(size=frf.response.shape)
+    )
+    radius = band_radius(frf, 0.95) * np.abs(frf.response)
+    assert np.mean(np.abs(error) < radius) == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / error.size))
+
+
+def test_unidentifiable_rows_are_grey_and_say_why(arm_page):
+    rows = re.findall(r'<tr class="unidentified">(.*?)</tr>', arm_page, re.DOTALL)
+    assert len(rows) == 2
+    assert all("not identifiable: predicted deviation 55 %, above 20 %" in row for row in rows)
+
+
+def test_without_truth_there_are_no_truth_columns(bench_page, arm_page):
+    assert "Off truth" in page_text(arm_page)
+    assert "Off truth" not in page_text(bench_page)
+
+
+def test_without_covariance_the_page_says_so_in_the_data(bench_content):
+    fit = bench_content.fits[0]
+    bare = replace(fit, frf=replace(fit.frf, total_covariance=None))
+    data = embedded(render(replace(bench_content, fits=(bare,))))
+    assert data["fits"][0]["responses"][0]["configurations"][0]["radius"] is None
+
+
+def test_text_cannot_break_out_of_the_page(bench_page):
+    assert "but </script> one" not in bench_page
+    assert "but </script> one damper" in page_text(bench_page)
+    assert "no effect <here>" in page_text(bench_page)
+
+
+def test_numbers_that_are_not_finite_do_not_break_the_figures(bench_content):
+    fit = bench_content.fits[0]
+    response = fit.model_response.copy()
+    response[0, 3] = np.nan
+    data = embedded(render(replace(bench_content, fits=(replace(fit, model_response=response),))))
+    assert data["fits"][0]["responses"][0]["configurations"][0]["model"][0][0][3] is None
+
+
+def test_a_report_without_a_fit_still_stands():
+    html = render(ReportContent("empty", Verdict("Nothing was fitted.", "warn"), "robot"))
+    assert "Nothing was fitted." in page_text(html)
+
+
+def test_the_page_replaces_the_old_one_and_leaves_nothing_behind(tmp_path, bench_content):
+    path = tmp_path / "report.html"
+    path.write_text("old")
+    write_report(path, bench_content)
+    assert path.read_text(encoding="utf-8") == render(bench_content)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_model_of_another_shape_is_refused(arm_content):
+    fit = arm_content.fits[0]
+    with pytest.raises(ValueError, match="model_response"):
+        FitContent("elastic", "estimation", fit.frf, fit.model_response[:, :-1])
+
+
+def test_key_figures_count_what_the_rows_say(arm_content, bench_content):
+    shown = {figure.label: figure for figure in key_figures(arm_content.fits[0])}
+    assert shown["Springs identified"].value == "13 of 13"
+    assert shown["Springs identified"].detail == "31 of 33 parameters"
+    assert shown["Starts at the best"].value == "18 of 20"
+    costs = [row.cost for row in arm_content.fits[0].validation_costs]
+    assert float(shown["Validation cost / noise"].value) == pytest.approx(np.mean(costs) / 0.0191, rel=5e-3)
+    assert {figure.label for figure in key_figures(bench_content.fits[0])} == {
+        "Springs identified", "Spring interval", "Resonances off", "Estimation cost",
+    }  # fmt: skip

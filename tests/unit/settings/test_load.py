@@ -1,0 +1,332 @@
+from pathlib import Path
+
+import pytest
+
+from robid.errors import SettingsError
+from robid.settings.load import load_experiment
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+
+ROBOT = """schema_version: 1
+name: arm
+controller: {sampling_period_s: 1.0e-3}
+joints:
+  - &joint
+    name: one
+    dh: {}
+    limits_deg: [-90, 90]
+    link: {mass_kg: 1, com_m: [0, 0, 0], inertia_kgm2: {xx: 1, yy: 1, zz: 1}}
+    motor: {inertia_kgm2: 1.0e-3, gear_ratio: 100, max_speed_rad_s: 300, max_torque_nm: 10}
+  - {<<: *joint, name: two, limits_deg: [-45, 45]}
+springs:
+  - &spring {name: g1, joint: one, place: transmission, stiffness_nm_rad: 1.0e+5, damping_nms_rad: 10}
+  - {<<: *spring, name: g2, joint: two}
+"""
+
+EXPERIMENT = """schema_version: 1
+name: test
+robot: robot.yaml
+campaigns:
+  candidates:
+    configurations: {random: {count: 5, seed: 1}}
+    excitation: &excitation {period_s: 2, low_hz: 1, high_hz: 50, count: 20}
+  measured:
+    configurations: {from: best}
+    excitation: *excitation
+    source: &source {simulate: {seed: 1}}
+  fresh:
+    configurations: {list_deg: [[10, 20], [-80, 40]]}
+    excitation: {<<: *excitation, seed: 2}
+    source: *source
+designs:
+  best: {campaign: candidates, count: 3}
+fits:
+  springs: {family: elastic, from: measured, validate_on: fresh}
+"""
+
+LOG = """source:
+      acquire:
+        file: log.mat
+        format: mat
+        sampling_period_s: 1.0e-3
+        inputs: [{name: one, variable: u1}, {name: two, variable: u2}]
+        outputs: [{name: one, variable: y1}, {name: two.arm, variable: y2}]
+    estimate: {compensation: none}
+"""
+
+
+def _write(folder: Path, experiment: str = EXPERIMENT, robot: str = ROBOT) -> Path:
+    (folder / "robot.yaml").write_text(robot, encoding="utf-8")
+    path = folder / "experiment.yaml"
+    path.write_text(experiment, encoding="utf-8")
+    return path
+
+
+def _replaced(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def _refused(path: Path) -> list[str]:
+    with pytest.raises(SettingsError) as caught:
+        load_experiment(path)
+    assert caught.value.remedy
+    return caught.value.what.splitlines()
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_example_loads_without_its_data(path, monkeypatch):
+    monkeypatch.setenv("ROBID_DATA", "/nowhere")
+    loaded = load_experiment(path)
+    assert loaded.path == path
+    robot = loaded.robot.to_robot()
+    assert len(robot.springs) >= len(robot.joints)
+
+
+def test_every_robot_is_used_by_an_example():
+    used = {(path.parent / load_experiment(path).experiment.robot).resolve() for path in CONFIGS.glob("*.yaml")}
+    assert used == {path.resolve() for path in (CONFIGS / "robots").glob("*.yaml")}
+
+
+def test_merge_keys_reach_the_models(tmp_path):
+    experiment = load_experiment(_write(tmp_path)).experiment
+    ours, other = (experiment.campaigns[name].excitation for name in ("measured", "fresh"))
+    assert (ours.count, ours.seed) == (20, 1)
+    assert (other.count, other.seed) == (20, 2)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "field", "words"),
+    [
+        ("period_s: 2", "periods_s: 2", 7, "campaigns.candidates.excitation.periods_s", "did you mean `period_s`?"),
+        (
+            "{simulate: {seed: 1}}",
+            "{simulate: {truth: {sead: 1}}}",
+            11,
+            "campaigns.measured.source.simulate.truth.sead",
+            "did you mean `seed`?",
+        ),
+        ("validate_on: fresh", "validates_on: fresh", 19, "fits.springs.validates_on", "did you mean `validate_on`?"),
+        ("validate_on: fresh", "weights: {knd: user}", 19, "fits.springs.weights.knd", "did you mean `kind`?"),
+        ("count: 3", "cuont: 3", 17, "designs.best.cuont", "did you mean `count`?"),
+        ("fits:", "fit:", 18, "fit", "did you mean `fits`?"),
+        (
+            "count: 20",
+            "count: many",
+            7,
+            "campaigns.candidates.excitation.count",
+            "valid integer, unable to parse string as an integer (found 'many')",
+        ),
+        ("count: 20", "count: 0", 7, "campaigns.candidates.excitation.count", "greater than or equal to 1 (found 0)"),
+        ("count: 20", "count: null", 7, "campaigns.candidates.excitation.count", "found nothing"),
+        ("count: 20", "count: 20, rms: [1, x]", 7, "campaigns.candidates.excitation.rms[1]", "found 'x'"),
+        ("count: 20", "count: 20, rms: x", 7, "campaigns.candidates.excitation.rms", "; or: "),
+        ("count: 20", "count: 20, spacing: lin", 7, "campaigns.candidates.excitation.spacing", "'log' or 'linear'"),
+        ("high_hz: 50", "high_hz: .inf", 7, "campaigns.candidates.excitation.high_hz", "finite"),
+        ("family: elastic, ", "", 19, "fits.springs.family", "is missing"),
+        ("family: elastic", "family: lpv", 19, "fits.springs.family", "'elastic'"),
+        ("name: test", "name: ../test", 2, "name", "a name has up to 64 letters"),
+        ("  fresh:\n", "  fr/esh:\n", 12, "campaigns.fr/esh", "a name has up to 64 letters"),
+        ("schema_version: 1", "schema_version: 2", 1, "schema_version", "should be 1"),
+        (
+            "{from: best}",
+            "{from: best, random: {count: 2}}",
+            9,
+            "campaigns.measured.configurations",
+            "exactly one of `list_deg`",
+        ),
+        ("{from: best}", "{}", 9, "campaigns.measured.configurations", "exactly one of"),
+        ("{from: best}", "{list_deg: []}", 9, "campaigns.measured.configurations.list_deg", "at least 1"),
+        (
+            "{simulate: {seed: 1}}",
+            "{simulate: }",
+            11,
+            "campaigns.measured.source",
+            "exactly one of `simulate`, `acquire`",
+        ),
+    ],
+)
+def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, words):
+    path = _write(tmp_path, _replaced(EXPERIMENT, old, new))
+    told = [text for text in _refused(path) if text.startswith(f"{path}:{line}: {field}: ")]
+    assert len(told) == 1
+    assert words in told[0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field", "words"),
+    [
+        (
+            "from: best",
+            "from: bets",
+            "campaigns.measured.configurations.from",
+            "no design `bets`; did you mean `best`?",
+        ),
+        ("campaign: candidates", "campaign: candidate", "designs.best.campaign", "did you mean `candidates`?"),
+        (
+            "campaign: candidates",
+            "campaign: measured",
+            "campaigns.measured.configurations.from",
+            "circle: measured -> measured",
+        ),
+        ("count: 3", "count: 6", "designs.best.count", "cannot choose 6 of the 5"),
+        ("from: measured", "from: measure", "fits.springs.from", "did you mean `measured`?"),
+        ("validate_on: fresh", "validate_on: frech", "fits.springs.validate_on", "did you mean `fresh`?"),
+        ("validate_on: fresh", "validate_on: measured", "fits.springs.validate_on", "validate on another"),
+        ("from: measured", "from: candidates", "fits.springs.from", "has no `source`"),
+        ("validate_on: fresh", "configurations: [0, 3]", "fits.springs.configurations[1]", "no configuration 3"),
+        ("validate_on: fresh", "configurations: [1, 1]", "fits.springs.configurations[1]", "there twice"),
+        (
+            "validate_on: fresh",
+            "fixed: [g2.damping, g1.stifness]",
+            "fits.springs.fixed[1]",
+            "did you mean `g1.stiffness`?",
+        ),
+        ("validate_on: fresh", "free: [delay], fixed: [g1.damping]", "fits.springs.fixed[0]", "known here: `delay`"),
+        ("count: 20}", "count: 20, rms: [1, 2, 3]}", "campaigns.measured.excitation.rms", "3 values for the 2 motors"),
+        ("count: 20}", "count: 20, rms: 0}", "campaigns.measured.excitation.rms", "above 0"),
+        ("high_hz: 50", "high_hz: 501", "campaigns.measured.excitation", "Nyquist frequency 500 Hz"),
+        ("high_hz: 50", "high_hz: 1", "campaigns.measured.excitation", "not below high_hz"),
+        ("period_s: 2", "period_s: 2.0005", "campaigns.measured.excitation.period_s", "not a whole number"),
+        ("count: 20}", "count: 60}", "campaigns.measured.excitation", "holds 49 odd lines"),
+        (
+            "[[10, 20], [-80, 40]]",
+            "[[10, 20], [-80]]",
+            "campaigns.fresh.configurations.list_deg[1]",
+            "1 angles for the 2 joints",
+        ),
+        (
+            "[-80, 40]]",
+            "[-80, 46]]",
+            "campaigns.fresh.configurations.list_deg[1][1]",
+            "46 deg is unreachable: joint `two` moves from -45 to 45 deg",
+        ),
+        (
+            "{list_deg: [[10, 20], [-80, 40]]}",
+            "{grid_deg: [[0, 91], [0]]}",
+            "campaigns.fresh.configurations.grid_deg[0][1]",
+            "joint `one`",
+        ),
+        (
+            "{list_deg: [[10, 20], [-80, 40]]}",
+            "{grid_deg: [[0]]}",
+            "campaigns.fresh.configurations.grid_deg",
+            "1 rows for the 2 joints",
+        ),
+        (
+            "{count: 5, seed: 1}",
+            "{count: 5, margin_deg: 50}",
+            "campaigns.candidates.configurations.random.margin_deg",
+            "joint `two`",
+        ),
+        ("  fresh:\n", "  fresh:\n    payload_kg: 5\n", "campaigns.fresh.payload_kg", "no payload"),
+        ("  candidates:\n", "  fits:\n", "campaigns.fits", "a folder of every run"),
+    ],
+)
+def test_what_cannot_work_together_is_told(tmp_path, old, new, field, words):
+    path = _write(tmp_path, _replaced(EXPERIMENT, old, new))
+    told = [text for text in _refused(path) if f": {field}: " in text]
+    assert len(told) == 1
+    assert words in told[0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field", "words"),
+    [
+        ("file: log.mat", "file: $HOME/log.mat", "file", "only `${ROBID_DATA}`"),
+        ("{name: two, variable: u2}", "{name: three, variable: u2}", "inputs", "named in this order: one, two"),
+        ("name: two.arm", "name: to.arm", "outputs[1].name", "did you mean `two.arm`?"),
+        ("name: two.arm", "name: one", "outputs[1].name", "there twice"),
+        ("variable: u1", "variable: u1, unit: A", "inputs[0]", "needs `torque_constant_nm_a`"),
+        ("variable: u1", "variable: u1, normalised: true", "inputs[0]", "neither"),
+        ("inputs:", "input:", "input", "did you mean `inputs`?"),
+        ("sampling_period_s: 1.0e-3", "sampling_period_s: 2.0e-2", None, "Nyquist frequency 25 Hz"),
+    ],
+)
+def test_wrong_logs_are_told(tmp_path, old, new, field, words):
+    experiment = _replaced(EXPERIMENT, "{list_deg: [[10, 20], [-80, 40]]}", "{list_deg: [[10, 20]]}")
+    experiment = _replaced(experiment, "source: *source\n", LOG)
+    experiment = _replaced(experiment, ", validate_on: fresh", "")
+    load_experiment(_write(tmp_path, experiment))
+    place = f"campaigns.fresh.source.acquire.{field}" if field else "campaigns.fresh.excitation"
+    told = [text for text in _refused(_write(tmp_path, _replaced(experiment, old, new))) if f": {place}: " in text]
+    assert len(told) == 1
+    assert words in told[0]
+
+
+def test_a_log_needs_one_configuration_the_fits_outputs_and_compensation_in_its_unit(tmp_path):
+    log = LOG.replace("u1}", "u1, unit: A, torque_constant_nm_a: 1, normalised: true}").replace(": none", ": nominal")
+    told = "\n".join(_refused(_write(tmp_path, _replaced(EXPERIMENT, "source: *source\n", log))))
+    assert "campaigns.fresh.configurations: a log is of one robot configuration" in told
+    assert "campaigns.fresh.estimate.compensation: friction in N m" in told
+    assert "fits.springs.validate_on: `fresh` measures one, two.arm, but the fit reads one, two" in told
+
+
+def test_a_log_may_use_even_lines_too(tmp_path):
+    experiment = _replaced(EXPERIMENT, "{list_deg: [[10, 20], [-80, 40]]}", "{list_deg: [[10, 20]]}")
+    experiment = _replaced(experiment, "source: *source\n", LOG)
+    experiment = _replaced(experiment, ", validate_on: fresh", "")
+    load_experiment(_write(tmp_path, _replaced(experiment, "seed: 2", "count: 99")))
+    assert "holds 99 lines" in _refused(_write(tmp_path, _replaced(experiment, "seed: 2", "count: 100")))[0]
+
+
+def test_a_simulation_needs_a_controller(tmp_path):
+    robot = _replaced(ROBOT, "controller: {sampling_period_s: 1.0e-3}\n", "")
+    told = _refused(_write(tmp_path, robot=robot))
+    assert [text.split(": ")[1] for text in told] == [f"campaigns.{n}.source.simulate" for n in ("measured", "fresh")]
+
+
+def test_a_free_damper_does_not_start_at_zero(tmp_path):
+    robot = _replaced(ROBOT, "damping_nms_rad: 10", "damping_nms_rad: 0")
+    told = _refused(_write(tmp_path, robot=robot))
+    assert [text.split(": ")[1] for text in told] == ["fits.springs.free"] * 2
+    fixed = _replaced(EXPERIMENT, "validate_on: fresh", "fixed: [g1.damping, g2.damping]")
+    load_experiment(_write(tmp_path, fixed, robot))
+
+
+def test_longer_circles_are_told_once(tmp_path):
+    text = _replaced(EXPERIMENT, "{random: {count: 5, seed: 1}}", "{from: again}")
+    text = _replaced(text, "designs:\n", "designs:\n  again: {campaign: measured, count: 3}\n")
+    told = _refused(_write(tmp_path, text))
+    assert len(told) == 1
+    assert "candidates -> measured -> candidates" in told[0]
+
+
+def test_all_errors_of_both_files_come_at_once_in_order(tmp_path):
+    experiment = _replaced(EXPERIMENT, "seed: 2", "sed: 2")
+    experiment = _replaced(experiment, "count: 3", "count: -3")
+    robot = _replaced(_replaced(ROBOT, "gear_ratio: 100", "gear_ratio: 0"), "place: transmission", "place: nowhere")
+    path = _write(tmp_path, experiment, robot)
+    told = _refused(path)
+    assert [text.split(": ")[1] for text in told] == [
+        "campaigns.fresh.excitation.sed",
+        "designs.best.count",
+        "joints[0].motor.gear_ratio",
+        "joints[1].motor.gear_ratio",
+        "springs[0].place",
+        "springs[1].place",
+    ]
+    assert told[0].startswith(f"{path}:14: ")
+    assert all(text.startswith(f"{tmp_path / 'robot.yaml'}:1") for text in told[2:])
+
+
+def test_semantic_problems_of_both_files_come_at_once(tmp_path):
+    experiment = _replaced(EXPERIMENT, "from: measured", "from: measure")
+    robot = _replaced(ROBOT, "limits_deg: [-90, 90]", "limits_deg: [90, -90]")
+    told = "\n".join(_refused(_write(tmp_path, experiment, robot)))
+    assert "fits.springs.from" in told
+    assert "joints[0].limits_deg" in told
+
+
+def test_a_missing_or_broken_robot_is_told_with_the_rest(tmp_path):
+    path = _write(tmp_path, _replaced(EXPERIMENT, "count: 3", "count: -3"), "a: [")
+    told = "\n".join(_refused(path))
+    assert f"{path}:3: robot: {tmp_path / 'robot.yaml'}:1: is not valid YAML" in told
+    assert "designs.best.count" in told
+    (tmp_path / "robot.yaml").unlink()
+    assert f"{path}:3: robot: {tmp_path / 'robot.yaml'}: cannot be read: No such file" in _refused(path)[0]
+
+
+def test_a_missing_experiment_is_told(tmp_path):
+    with pytest.raises(SettingsError, match=r"absent\.yaml: cannot be read: No such file"):
+        load_experiment(tmp_path / "absent.yaml")

@@ -1,0 +1,256 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from scipy.spatial.transform import Rotation
+
+from robid.errors import SettingsError
+from robid.robot.description import Friction
+from robid.settings.load import load_robot
+from robid.settings.robot import Body, Dh, FrictionSection, InertiaTensor, RobotFile
+from tolerances import IDENTITY
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+SECTION = {
+    "dh": {"d_m": 0.3, "a_m": 0.2, "alpha_deg": 90, "offset_deg": 30},
+    "limits_deg": [-100, 100],
+    "link": {"mass_kg": 10, "com_m": [0.1, 0.2, 0.3], "inertia_kgm2": {"xx": 1, "yy": 1.2, "zz": 0.9, "xy": 0.1}},
+    "motor": {"inertia_kgm2": 1e-3, "gear_ratio": 100, "max_speed_rad_s": 300, "max_torque_nm": 20},
+}
+GEAR = {"place": "transmission", "stiffness_nm_rad": 1e5, "damping_nms_rad": 10}
+SPLIT = {
+    "name": "tube",
+    "joint": "two",
+    "place": "split",
+    "axis": [0, 0, 2],
+    "point_m": [0, 0, 0.1],
+    "outboard": {"mass_kg": 5, "com_m": [0.1, 0.2, 0.3], "inertia_kgm2": {"xx": 0.5, "yy": 0.6, "zz": 0.4}},
+    "stiffness_nm_rad": 2e5,
+    "damping_nms_rad": 20,
+}
+
+
+def _robot_data() -> dict:
+    data = {
+        "schema_version": 1,
+        "name": "arm",
+        "joints": [{"name": "one", **SECTION}, {"name": "two", **SECTION}],
+        "springs": [{"name": "g1", "joint": "one", **GEAR}, {"name": "g2", "joint": "two", **GEAR}, SPLIT],
+        "payload": {"mass_kg": 4, "com_m": [0, 0, 0.1], "inertia_kgm2": {"xx": 0.1, "yy": 0.1, "zz": 0.1}},
+    }
+    return json.loads(json.dumps(data))
+
+
+def _problems(folder: Path, data: dict) -> str:
+    path = folder / "robot.yaml"
+    YAML().dump(data, path)
+    with pytest.raises(SettingsError) as caught:
+        load_robot(path)
+    return caught.value.what
+
+
+def _standard_dh(angle: float, dh: Dh) -> np.ndarray:
+    """The matrix as textbooks print it."""
+    theta, alpha = angle + np.deg2rad(dh.offset_deg), np.deg2rad(dh.alpha_deg)
+    ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
+    return np.array(
+        [
+            [ct, -st * ca, st * sa, dh.a_m * ct],
+            [st, ct * ca, -ct * sa, dh.a_m * st],
+            [0, sa, ca, dh.d_m],
+            [0, 0, 0, 1],
+        ]
+    )
+
+
+def _homogeneous(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = rotation, position
+    return frame
+
+
+def test_kinematics_and_centres_of_mass_follow_the_dh_chain():
+    file = load_robot(CONFIGS / "robots" / "kr300.yaml")
+    robot = file.to_robot()
+    rng = np.random.default_rng(1)
+    for angles in rng.uniform(-3, 3, (5, 6)):
+        ours = np.eye(4)
+        chain = np.diag([1.0, -1.0, -1.0, 1.0])
+        for joint, section, angle in zip(robot.joints, file.joints, angles, strict=True):
+            turn = Rotation.from_rotvec([0, 0, angle]).as_matrix()
+            ours = ours @ _homogeneous(joint.rotation, joint.position_m) @ _homogeneous(turn, np.zeros(3))
+            chain = chain @ _standard_dh(angle, section.dh)
+            expected = chain @ [*section.link.com_m, 1]
+            np.testing.assert_allclose(ours @ [*joint.link.com_m, 1], expected, rtol=0, atol=4 * IDENTITY)
+            world = ours[:3, :3] @ joint.link.inertia_kgm2 @ ours[:3, :3].T
+            tensor = chain[:3, :3] @ section.link.inertia_kgm2.matrix() @ chain[:3, :3].T
+            np.testing.assert_allclose(world, tensor, rtol=0, atol=100 * IDENTITY)
+        np.testing.assert_allclose(
+            ours @ [*robot.payload.com_m, 1], chain @ [*file.payload.com_m, 1], rtol=0, atol=4 * IDENTITY
+        )
+
+
+def test_base_turns_about_fixed_axes_x_then_y_then_z():
+    data = _robot_data() | {"base_rpy_deg": [90, 90, 0]}
+    data["joints"][0]["dh"]["offset_deg"] = 0
+    rotation = RobotFile.model_validate(data).to_robot().joints[0].rotation
+    # y turns to z about x, and z to x about y.
+    np.testing.assert_allclose(rotation @ [0, 1, 0], [1, 0, 0], rtol=0, atol=IDENTITY)
+
+
+def test_moving_an_inertial_keeps_its_invariants():
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        half = rng.normal(size=(3, 3))
+        tensor = half @ half.T + np.eye(3)
+        keys = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
+        body = Body(
+            mass_kg=3,
+            com_m=tuple(rng.normal(size=3)),
+            inertia_kgm2=InertiaTensor(**{k: tensor[i] for k, i in keys.items()}),
+        ).inertial()
+        np.testing.assert_array_equal(body.inertia_kgm2, tensor)
+        dh = Dh(d_m=rng.normal(), a_m=rng.normal(), alpha_deg=rng.uniform(-180, 180), offset_deg=rng.uniform(-180, 180))
+        moved = dh.into_joint_frame(body)
+        np.testing.assert_allclose(np.linalg.eigvalsh(moved.inertia_kgm2), np.linalg.eigvalsh(tensor), rtol=IDENTITY)
+        position, _ = dh.after_joint()
+        np.testing.assert_allclose(np.linalg.norm(moved.com_m - position), np.linalg.norm(body.com_m), rtol=IDENTITY)
+        assert moved.mass_kg == 3
+
+
+def test_split_is_moved_into_the_joint_frame_and_bearing_axis_stays():
+    data = _robot_data()
+    data["springs"].append({**GEAR, "name": "b", "joint": "two", "place": "bearing", "axis": [3, 0, 4]})
+    *_, split, bearing = RobotFile.model_validate(data).to_robot().springs
+    # alpha = 90 deg turns the end frame's z into the joint frame's -y.
+    np.testing.assert_allclose(split.axis, [0, -1, 0], rtol=0, atol=IDENTITY)
+    np.testing.assert_allclose(split.point_m, [0.2, -0.1, 0.3], rtol=0, atol=IDENTITY)
+    np.testing.assert_allclose(split.outboard.com_m, [0.3, -0.3, 0.5], rtol=0, atol=IDENTITY)
+    np.testing.assert_allclose(np.diag(split.outboard.inertia_kgm2), [0.5, 0.4, 0.6], rtol=0, atol=IDENTITY)
+    np.testing.assert_allclose(bearing.axis, [0.6, 0, 0.8], rtol=0, atol=IDENTITY)
+    assert split.joint == bearing.joint == 1
+
+
+def test_payload_mass_scales_mass_and_inertia_alone():
+    file = RobotFile.model_validate(_robot_data())
+    nominal, heavy, none = file.to_robot().payload, file.to_robot(10).payload, file.to_robot(0).payload
+    assert (nominal.mass_kg, heavy.mass_kg, none.mass_kg) == (4, 10, 0)
+    np.testing.assert_allclose(heavy.inertia_kgm2, 2.5 * nominal.inertia_kgm2, rtol=IDENTITY)
+    np.testing.assert_array_equal(heavy.com_m, nominal.com_m)
+    assert not none.inertia_kgm2.any()
+    bare = RobotFile.model_validate({key: value for key, value in _robot_data().items() if key != "payload"})
+    assert bare.to_robot().payload.mass_kg == 0
+    with pytest.raises(SettingsError, match="none to scale"):
+        bare.to_robot(1)
+
+
+def test_values_arrive_in_their_units():
+    robot = load_robot(CONFIGS / "robots" / "kr300.yaml").to_robot()
+    assert len(robot.joints) == 6
+    assert len(robot.springs) == 13
+    np.testing.assert_allclose([robot.joints[0].lower_rad, robot.joints[0].upper_rad], np.deg2rad([-147, 147]))
+    assert robot.joints[0].motor.friction.coulomb_nm == 0.73192436
+    assert robot.springs[0].stiffness_nm_rad == 4577800
+    assert robot.notes
+
+
+def test_friction_section_mirrors_the_plain_description():
+    assert FrictionSection().friction() == Friction()
+    assert set(FrictionSection.model_fields) - {"assumed"} == set(vars(Friction()))
+
+
+def test_assumed_values_are_named_from_the_joint_or_spring_on():
+    data = _robot_data() | {"assumed": ["gravity_m_s2"]}
+    data["joints"][0]["motor"]["assumed"] = ["max_torque_nm", "friction.static_nm"]
+    data["joints"][0]["link"]["assumed"] = ["inertia_kgm2.xx"]
+    data["springs"][0]["assumed"] = ["damping_nms_rad"]
+    data["springs"][2]["outboard"]["assumed"] = ["mass_kg"]
+    data["payload"]["assumed"] = ["com_m"]
+    assert set(RobotFile.model_validate(data).to_robot().assumed) == {
+        "gravity_m_s2",
+        "one.motor.max_torque_nm",
+        "one.motor.friction.static_nm",
+        "one.link.inertia_kgm2.xx",
+        "g1.damping_nms_rad",
+        "tube.outboard.mass_kg",
+        "payload.com_m",
+    }
+
+
+def test_an_assumed_name_must_exist_in_its_section(tmp_path):
+    data = _robot_data()
+    data["joints"][0]["motor"]["assumed"] = ["max_torque_nm", "friction.static_n"]
+    data["springs"][1]["assumed"] = ["gear_ratio"]
+    lines = _problems(tmp_path, data).splitlines()
+    assert len(lines) == 2
+    assert (
+        "joints[0].motor.assumed[1]: there is no value `friction.static_n` here; did you mean `static_nm`?" in lines[0]
+    )
+    assert "springs[1].assumed[0]: there is no value `gear_ratio` here" in lines[1]
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "words"),
+    [
+        (lambda d: d["joints"][1].update(name="one"), "joints[1].name", "`one` names more than one"),
+        (lambda d: d["springs"][0].update(name="two"), "springs[0].name", "names more than one"),
+        (lambda d: d["springs"].pop(1), "joints[1].name", "exactly one transmission spring, but has none"),
+        (lambda d: d["springs"][1].update(joint="one"), "joints[0].name", "but has 2 (g1, g2)"),
+        (lambda d: d["springs"][2].update(joint="twoo"), "springs[2].joint", "did you mean `two`?"),
+        (lambda d: d["joints"][0].update(limits_deg=[5, 5]), "joints[0].limits_deg", "not below"),
+        (lambda d: d["joints"][0]["link"].update(mass_kg=0), "joints[0].link.mass_kg", "above 0"),
+        (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(xy=2), "joints[0].link.inertia_kgm2", "definite"),
+        (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(zz=3), "joints[0].link.inertia_kgm2", "no body has"),
+        (lambda d: d["payload"]["inertia_kgm2"].update(zz=0), "payload.inertia_kgm2", "positive definite"),
+        (lambda d: d["joints"][0]["motor"].update(gear_ratio=0), "joints[0].motor.gear_ratio", "greater than"),
+        (lambda d: d["springs"][0].update(axis=[0, 0, 1]), "springs[0].axis", "leave `axis` out"),
+        (lambda d: d["springs"][0].update(stiffness_nm_rad=0), "springs[0].stiffness_nm_rad", "greater than 0"),
+        (lambda d: d["springs"][2].pop("axis"), "springs[2].axis", "is missing"),
+        (lambda d: d["springs"][2].update(axis=[0, 0, 0]), "springs[2].axis", "no direction"),
+        (lambda d: d["springs"][2].pop("outboard"), "springs[2].outboard", "is missing"),
+        (lambda d: d["springs"][2].pop("point_m"), "springs[2].point_m", "is missing"),
+        (lambda d: d["springs"][2]["outboard"].update(mass_kg=10), "springs[2].outboard.mass_kg", "below the 10 kg"),
+        (
+            lambda d: d["springs"][2]["outboard"]["inertia_kgm2"].update(xx=0.99),
+            "springs[2].outboard.inertia_kgm2",
+            "what is left of the link",
+        ),
+        (
+            lambda d: d["springs"][2].update(place="bearing", point_m=None, outboard=None),
+            "springs[2].axis",
+            "along the joint axis",
+        ),
+        (lambda d: d["springs"][2].update(place="bearing", axis=[1, 0, 0]), "springs[2].point_m", "split springs only"),
+        (lambda d: d["joints"][0]["link"].update(com_m=[0, 1]), "joints[0].link.com_m[2]", "is missing"),
+        (lambda d: d["joints"][0]["link"].update(mass_kg=float("nan")), "joints[0].link.mass_kg", "finite"),
+        (
+            lambda d: d.update(controller={"delay_sample": 1}),
+            "controller.delay_sample",
+            "did you mean `delay_samples`?",
+        ),
+    ],
+)
+def test_what_cannot_be_is_told_with_its_field(tmp_path, change, field, words):
+    data = _robot_data()
+    change(data)
+    told = [line for line in _problems(tmp_path, data).splitlines() if f": {field}: " in line]
+    assert len(told) == 1
+    assert words in told[0]
+
+
+def test_unchanged_data_of_these_tests_load(tmp_path):
+    YAML().dump(_robot_data(), tmp_path / "robot.yaml")
+    assert load_robot(tmp_path / "robot.yaml").name == "arm"
+
+
+def test_every_semantic_problem_is_told_at_once(tmp_path):
+    data = _robot_data()
+    data["joints"][0]["limits_deg"] = [5, 4]
+    data["joints"][1]["link"]["mass_kg"] = 0
+    data["springs"][2]["axis"] = [0, 0, 0]
+    told = _problems(tmp_path, data)
+    assert all(
+        f": {field}: " in told for field in ("joints[0].limits_deg", "joints[1].link.mass_kg", "springs[2].axis")
+    )

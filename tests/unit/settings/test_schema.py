@@ -1,0 +1,40 @@
+from typing import Any
+
+import pytest
+
+from robid.settings.schema import experiment_schema, robot_schema
+
+SCHEMAS = {"experiment": experiment_schema, "robot": robot_schema}
+
+
+def _objects(schema: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {**schema["$defs"], "root": schema}
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_every_model_and_field_is_described(kind):
+    schema = SCHEMAS[kind]()
+    silent = []
+    for model, node in _objects(schema).items():
+        if "description" not in node:
+            silent.append(model)
+        for name, field in node["properties"].items():
+            target = schema["$defs"].get(field.get("$ref", "").rpartition("/")[2], {})
+            if not (field.get("description") or target.get("description")):
+                silent.append(f"{model}.{name}")
+    assert silent == []
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_unknown_keys_are_refused_everywhere(kind):
+    for model, node in _objects(SCHEMAS[kind]()).items():
+        assert node["additionalProperties"] is False, model
+
+
+def test_constraints_and_file_names_of_fields_reach_the_schema():
+    schema = experiment_schema()["$defs"]
+    assert schema["ExcitationOptions"]["properties"]["period_s"]["exclusiveMinimum"] == 0
+    assert schema["ElasticFit"]["properties"]["confidence"]["exclusiveMaximum"] == 1
+    assert "from" in schema["ElasticFit"]["required"]
+    assert {"from", "list_deg", "random", "grid_deg"} == set(schema["Configurations"]["properties"])
+    assert schema["Configurations"]["maxProperties"] == 1
