@@ -31,8 +31,17 @@ def fail_at_two(task: int) -> int:
     return task
 
 
+def wait_for_file(path: str) -> None:
+    """Ends when the file is there; an empty path is no file to wait for."""
+    deadline = time.monotonic() + 30
+    while path and not os.path.exists(path):  # noqa: PTH110
+        if time.monotonic() > deadline:
+            raise TimeoutError(path)
+        time.sleep(0.02)
+
+
 def touch_slowly(path: str) -> None:
-    time.sleep(0.05)
+    time.sleep(0.1)
     with open(path, "w", encoding="utf-8"):  # noqa: PTH123
         pass
 

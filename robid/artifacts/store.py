@@ -2,19 +2,21 @@
 
 Layout of a file: datasets with the attributes `units`, `axes`, and, where given, `description` and `scale` (stored
 values times scale are the values); the artifact's own attributes on the group `attributes`; root attributes `kind`,
-`schema_version`, `content_sha256` and `provenance` (JSON).
+`schema_version`, `content_sha256` and `provenance` (JSON). Text is of fixed length and the file format 1.10: HDF5 then
+checks headers and text by checksums, where damaged strings of variable length can make it loop for ever.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from robid.artifacts.artifact import (
     Artifact,
@@ -35,7 +37,6 @@ _ATTRIBUTES = "attributes"
 _CHUNK_BYTES = 1 << 16
 # What h5py raises on damaged files, seen by flipping bytes.
 _DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, OverflowError, MemoryError)
-
 
 Result = TypeVar("Result")
 
@@ -63,17 +64,16 @@ def write_artifact(path: Path, artifact: Artifact) -> str:
     if _ATTRIBUTES in artifact.datasets:
         raise ValueError(f"No dataset may be named `{_ATTRIBUTES}`.")
     attributes = {name: normalise_attribute(name, value) for name, value in artifact.attributes.items()}
-    datasets = {path: encode(dataset) for path, dataset in artifact.datasets.items()}
+    datasets = {name: encode(dataset) for name, dataset in artifact.datasets.items()}
     digest = content_hash(artifact.kind.name, attributes, datasets)
     # Built in memory: HDF5 reports a full disk late, and not as one error.
     with h5py.File(path.name, "w", driver="core", backing_store=False, libver=("v110", "v110")) as file:
         for name in sorted(datasets):
             _write_dataset(file, name, datasets[name])
-        file.create_group(_ATTRIBUTES).attrs.update(attributes)
-        file.attrs["kind"] = artifact.kind.name
-        file.attrs["schema_version"] = artifact.kind.version
-        file.attrs["content_sha256"] = digest
-        file.attrs["provenance"] = json.dumps(asdict(artifact.provenance), sort_keys=True)
+        _set(file.create_group(_ATTRIBUTES), attributes)
+        provenance = json.dumps(asdict(artifact.provenance), sort_keys=True)
+        header = (artifact.kind.name, artifact.kind.version, digest, provenance)
+        _set(file, dict(zip(_HEADER, header, strict=True)))
         file.flush()
         image = file.id.get_file_image()
     with replacing(path) as partial:
@@ -120,19 +120,37 @@ def inspect_artifact(path: Path) -> dict[str, Any]:
 def _write_dataset(file: h5py.File, name: str, stored: Stored) -> None:
     values = stored.values
     options: dict[str, Any] = {}
-    if values.dtype.kind == "U":
-        options["dtype"] = h5py.string_dtype()
-        values = values.astype(object)
-    elif values.nbytes > _CHUNK_BYTES:
+    if values.nbytes > _CHUNK_BYTES:
         rows = min(values.shape[0], 1 + _CHUNK_BYTES * values.shape[0] // (values.nbytes + 1))
         options = {"chunks": (rows, *values.shape[1:]), "compression": "gzip", "compression_opts": 1, "shuffle": True}
-    dataset = file.create_dataset(name, data=values, **options)
-    dataset.attrs["units"] = stored.units
-    dataset.attrs["axes"] = np.array(stored.axes, dtype=h5py.string_dtype())
+    dataset = file.create_dataset(name, data=_text_in(values), **options)
+    _set(dataset, {"units": stored.units, "axes": list(stored.axes)})
     if stored.description:
-        dataset.attrs["description"] = stored.description
+        _set(dataset, {"description": stored.description})
     if stored.scale is not None:
-        dataset.attrs["scale"] = stored.scale
+        _set(dataset, {"scale": stored.scale})
+
+
+def _set(item: h5py.Group | h5py.Dataset, values: Mapping[str, Attribute]) -> None:
+    for name, value in values.items():
+        item.attrs[name] = _text_in(np.asarray(value))
+
+
+def _get(item: h5py.Group | h5py.Dataset) -> dict[str, Attribute]:
+    return {
+        name: normalise_attribute(name, _text_out(np.asarray(value)).tolist()) for name, value in item.attrs.items()
+    }
+
+
+def _text_in(values: NDArray[Any]) -> NDArray[Any]:
+    if values.dtype.kind != "U":
+        return values
+    encoded = np.char.encode(values, "utf-8")
+    return encoded.astype(h5py.string_dtype("utf-8", max(1, encoded.dtype.itemsize)))
+
+
+def _text_out(values: NDArray[Any]) -> NDArray[Any]:
+    return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
 
 
 def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File], Result]) -> tuple[Header, Result]:
@@ -151,7 +169,8 @@ def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File], Result]) ->
 
 
 def _header(file: h5py.File) -> Header:
-    kind, version, digest, provenance = (str(file.attrs[name]) for name in _HEADER)
+    attributes = _get(file)
+    kind, version, digest, provenance = (str(attributes[name]) for name in _HEADER)
     return Header(kind, version, digest, Provenance(**json.loads(provenance)))
 
 
@@ -172,28 +191,22 @@ def _check_kind(path: Path, kind: Kind, header: Header) -> None:
 
 
 def _content(file: h5py.File) -> tuple[dict[str, Attribute], dict[str, Stored]]:
-    return _attributes(file), {name: _read_dataset(dataset) for name, dataset in _datasets(file).items()}
+    return _get(file[_ATTRIBUTES]), {name: _read_dataset(dataset) for name, dataset in _datasets(file).items()}
+
+
+def _read_dataset(dataset: h5py.Dataset) -> Stored:
+    said: dict[str, Any] = _get(dataset)
+    values = _text_out(np.asarray(dataset[()]))
+    return Stored(values, said["units"], tuple(said["axes"]), said.get("description", ""), said.get("scale"))
 
 
 def _description(file: h5py.File) -> tuple[dict[str, Attribute], dict[str, dict[str, Any]]]:
     rows = {}
     for name, dataset in _datasets(file).items():
-        text = h5py.check_string_dtype(dataset.dtype) is not None
-        rows[name] = {
-            "shape": list(dataset.shape),
-            "dtype": "str" if text else str(dataset.dtype),
-            "units": str(dataset.attrs["units"]),
-            "axes": [str(axis) for axis in dataset.attrs["axes"]],
-            "description": str(dataset.attrs.get("description", "")),
-            "stored_bytes": dataset.id.get_storage_size(),
-        }
-    return _attributes(file), rows
-
-
-def _attributes(file: h5py.File) -> dict[str, Attribute]:
-    found = file[_ATTRIBUTES].attrs
-    plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in found.items()}
-    return {name: normalise_attribute(name, value) for name, value in plain.items()}
+        dtype = "str" if dataset.dtype.kind == "S" else str(dataset.dtype)
+        rows[name] = {"shape": list(dataset.shape), "dtype": dtype, "stored_bytes": dataset.id.get_storage_size()}
+        rows[name] |= _get(dataset)
+    return _get(file[_ATTRIBUTES]), rows
 
 
 def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
@@ -205,18 +218,6 @@ def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
 
     file.visititems(collect)
     return found
-
-
-def _read_dataset(dataset: h5py.Dataset) -> Stored:
-    text = h5py.check_string_dtype(dataset.dtype) is not None
-    values = np.asarray(dataset.asstr()[()], dtype=str) if text else np.asarray(dataset[()])
-    return Stored(
-        values,
-        str(dataset.attrs["units"]),
-        tuple(str(axis) for axis in dataset.attrs["axes"]),
-        str(dataset.attrs.get("description", "")),
-        float(dataset.attrs["scale"]) if "scale" in dataset.attrs else None,
-    )
 
 
 def _damaged(path: Path, kind: Kind | None, why: str) -> ArtifactError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 from robid.design.lines import choose_lines, samples_per_period
@@ -124,8 +125,9 @@ def design_excitation(
     excited, detection = choose_lines(options, sampling_period_s)
     amplitude = np.repeat(rms[:, None] * np.sqrt(2 / len(excited)), len(excited), axis=1)
     phase = np.empty((realizations, n_motor, len(excited)))
-    for realization in range(realizations):
-        for motor in range(n_motor):
+    # The optimizer's vectors are short: on a busy machine BLAS threads would only wait for each other.
+    with threadpool_limits(1, user_api="blas"):
+        for realization, motor in np.ndindex(realizations, n_motor):
             generator = np.random.default_rng([options.seed, 2, realization, motor])
             phase[realization, motor] = reduce_crest(
                 generator.uniform(0, 2 * np.pi, len(excited)),
@@ -235,12 +237,10 @@ def _reach(
     plant = -response / omega[:, None, None] ** 2
     loop = np.eye(len(robot.joints)) + angle_gain[:, :, None] * plant
     drive = np.moveaxis(reference_gain * excitation.spectrum, (0, 1, 2, 3), (2, 3, 0, 1))
-    flat = drive.reshape(*drive.shape[:2], -1)
-    torque = np.linalg.solve(loop, flat)
+    torque = np.linalg.solve(loop, drive.reshape(*drive.shape[:2], -1))
     angle = plant @ torque
     stacked = np.stack([1j * omega[:, None, None] * angle, torque, angle / robot.gear_ratio[:, None]])
-    spectrum = np.moveaxis(stacked, -1, 1)
-    signal = time_signal(spectrum, excitation.excited_lines, excitation.reference.shape[2])
+    signal = time_signal(np.moveaxis(stacked, -1, 1), excitation.excited_lines, excitation.reference.shape[2])
     signal[1] += static_torque
     return np.stack([signal.min(axis=(1, 2)), signal.max(axis=(1, 2)), np.sqrt(np.mean(signal**2, axis=(1, 2)))])
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,8 +12,8 @@ from scipy.stats import norm
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.levenberg import Minimum, minimise
-from robid.fit.options import ElasticOptions
-from robid.fit.parameters import ParameterMap, map_parameters
+from robid.fit.options import ElasticOptions, Weights
+from robid.fit.parameters import LOGARITHMIC, ParameterMap, map_parameters
 from robid.fit.problem import Problem, make_problem
 from robid.fit.solution import Solution
 from robid.fit.uncertainty import sandwich
@@ -26,12 +26,18 @@ from robid.robot.response import nominal_parameters
 Map: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
 _SAME_MINIMUM = 1e-3
+_COARSE_TOLERANCE = 1e-4
+_COARSE_WEIGHTS = Weights(kind="user", off_diagonal=0.5)
+_CALL_BACKS = 3
 _NEEDLESS_FACTOR = 1e3
 
 
 @dataclass(frozen=True)
 class _Start:
+    """One start; `coarse` has fewer parameters, the first ones of `problem`."""
+
     problem: Problem
+    coarse: Problem
     internal: FloatArray
     max_iterations: int
 
@@ -68,13 +74,14 @@ def fit_elastic(
     problem, dropped = _problem(elastic, frf, options, delay_s, None)
     predicted = np.sqrt(np.diag(sandwich(problem, np.zeros(len(problem.parameters.names)))))
     _check_influence(problem)
-    tasks = [_Start(problem, start, options.max_iterations) for start in _starts(problem.parameters, options)]
+    coarse = _coarse(problem, robot, options)
+    tasks = [_Start(problem, coarse, start, options.max_iterations) for start in _starts(problem.parameters, options)]
     ends: list[Minimum] = parallel_map(_descend, tasks)
     best = min(ends, key=lambda end: end.cost)
     for _ in range(options.statics_updates):
         stiffness = problem.parameters.parameters(best.parameters).stiffness
         problem, dropped = _problem(elastic, frf, options, delay_s, stiffness)
-        best = _descend(_Start(problem, best.parameters, options.max_iterations))
+        best = minimise(problem.cost, problem.normal, best.parameters, max_iterations=options.max_iterations)
     return _solution(problem, options, best, ends, predicted, dropped)
 
 
@@ -98,9 +105,46 @@ def _starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArra
 
 
 def _descend(start: _Start) -> Minimum:
-    return minimise(
-        start.problem.cost, start.problem.normal, start.internal, max_iterations=start.max_iterations
-    )
+    """Descends with springs, dampers and inertias under user weights first, then with everything."""
+    internal = start.internal.copy()
+    shared = [start.problem.parameters.names.index(name) for name in start.coarse.parameters.names]
+    coarse = _call_back(start.coarse, internal[shared], start.max_iterations)
+    internal[shared] = coarse.parameters
+    end = minimise(start.problem.cost, start.problem.normal, internal, max_iterations=start.max_iterations)
+    return replace(end, iterations=coarse.iterations + end.iterations)
+
+
+def _call_back(problem: Problem, internal: FloatArray, max_iterations: int) -> Minimum:
+    """Descends, sets parameters that ran away back to nominal and descends again, while that helps."""
+
+    def descend(point: FloatArray) -> Minimum:
+        return minimise(
+            problem.cost, problem.normal, point, max_iterations=max_iterations, cost_tolerance=_COARSE_TOLERANCE
+        )
+
+    best = descend(internal)
+    iterations = best.iterations
+    for _ in range(_CALL_BACKS):
+        ran_away = np.abs(best.parameters) > problem.parameters.prior_std
+        if not ran_away.any():
+            break
+        again = descend(np.where(ran_away, 0.0, best.parameters))
+        iterations += again.iterations
+        if again.cost > best.cost * (1 - _SAME_MINIMUM):
+            break
+        best = again
+    return replace(best, iterations=iterations)
+
+
+def _coarse(problem: Problem, robot: Robot, options: ElasticOptions) -> Problem:
+    kinds = tuple(kind for kind in options.free if kind in LOGARITHMIC)
+    names = tuple(name for name in options.fixed if name.rpartition(".")[2] in kinds)
+    fewer = replace(options, free=kinds, fixed=names, weights=_COARSE_WEIGHTS)
+    nominal = problem.parameters.nominal
+    parameters = map_parameters(robot, nominal, fewer, (), np.zeros(0))
+    frf = problem.frf
+    plain = replace(frf, sensitivity=frf.sensitivity[:, :0], coefficient_names=(), coefficient_relative_std=np.zeros(0))
+    return make_problem(plain, problem.model, parameters, fewer)[0]
 
 
 def _solution(

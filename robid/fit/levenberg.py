@@ -59,6 +59,7 @@ def minimise(
     *,
     max_iterations: int = 200,
     max_step: float = 1.0,
+    cost_tolerance: float = _COST_TOLERANCE,
 ) -> Minimum:
     """Minimises a sum of squares.
 
@@ -68,6 +69,7 @@ def minimise(
         start (n_param,): Where to start.
         max_iterations: Limit on steps.
         max_step: Largest change of one internal parameter in a step.
+        cost_tolerance: Relative decrease of the cost at which the descent ends.
 
     Returns:
         The minimum reached; failure to converge is a status, not an error.
@@ -82,19 +84,19 @@ def minimise(
         largest = float(np.abs(step).max())
         if largest <= _STEP_TOLERANCE:
             return Minimum(point, here.cost, iteration, "converged")
-        step *= min(1.0, max_step / largest)
+        step = np.clip(step, -max_step, max_step)
         trial = cost(point + step)
         predicted = -float(step @ (2 * here.gradient + here.hessian @ step))
         gain = (here.cost - trial) / predicted if predicted > 0 else -1.0
         if not np.isfinite(trial) or gain <= 0:
-            if 0 <= predicted <= _COST_TOLERANCE * here.cost:
+            if 0 <= predicted <= cost_tolerance * here.cost:
                 return Minimum(point, here.cost, iteration, "converged")
             damping, growth = damping * growth, growth * 2
             if damping > _DAMPING_LIMIT:
                 return Minimum(point, here.cost, iteration, "stalled")
             continue
         damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
-        finished = here.cost - trial <= _COST_TOLERANCE * here.cost
+        finished = here.cost - trial <= cost_tolerance * here.cost
         point = point + step
         here = normal(point)
         if finished:

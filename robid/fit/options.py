@@ -33,6 +33,10 @@ class ElasticOptions:
     fixed: tuple[str, ...] = field(default=(), metadata={"description": "Names of single parameters that stay at the robot file's value."})
     starts: int = field(default=1, metadata={"description": "Number of starts; the first is the robot file's values.", "ge": 1})
     start_decades: float = field(default=1.0, metadata={"description": "Further starts are log-uniform within this many decades.", "ge": 0})
+    prior_decades: float = field(
+        default=1.0,
+        metadata={"description": "Standard deviation of what the robot file knows of springs, dampers, inertias [decades].", "gt": 0},
+    )
     max_iterations: int = field(default=200, metadata={"description": "Iteration limit of one start.", "ge": 1})
     statics_updates: int = field(default=2, metadata={"description": "How often the equilibrium is solved again for the fitted springs.", "ge": 0})
     identifiable_relative_std: float = field(

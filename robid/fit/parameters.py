@@ -12,7 +12,7 @@ from robid.fit.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.response import ElasticParameters, with_values
 
-_LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
+LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
 _UNITS = {
     "stiffness": "N m/rad",
     "damping": "N m s/rad",
@@ -114,7 +114,7 @@ def map_parameters(
     joints = [joint.name for joint in robot.joints]
     kinds = tuple(dict.fromkeys(options.free))
     every = {
-        kind: ["delay"] if kind == "delay" else [f"{n}.{kind}" for n in (springs if kind in _LOGARITHMIC[:2] else joints)]
+        kind: ["delay"] if kind == "delay" else [f"{n}.{kind}" for n in (springs if kind in LOGARITHMIC[:2] else joints)]
         for kind in kinds
     }
     _check_names(options, {name for names in every.values() for name in names}, every, nominal)
@@ -124,15 +124,17 @@ def map_parameters(
     scales = {"viscous": 2 * np.pi * _VISCOUS_SCALE_HZ * nominal.motor_inertia, "delay": np.array([1e-3])}
     scale = [scales[kind][mask] if kind in scales else np.ones(int(mask.sum())) for kind, mask in zip(kinds, masks, strict=True)]
     n_friction = len(friction_names)
+    decades = np.log(10) * options.prior_decades
+    prior = np.array([decades if kind in LOGARITHMIC else np.inf for kind in kind_of])
     return ParameterMap(
         nominal=nominal,
         kinds=kinds,
         masks=masks,
         names=(*names, *friction_names),
         kind_of=(*kind_of, *["friction"] * n_friction),
-        logarithmic=np.array([kind in _LOGARITHMIC for kind in kind_of] + [False] * n_friction),
+        logarithmic=np.array([kind in LOGARITHMIC for kind in kind_of] + [False] * n_friction),
         scale=np.concatenate([*scale, np.ones(n_friction)]),
-        prior_std=np.concatenate([np.full(len(names), np.inf), friction_std]),
+        prior_std=np.concatenate([prior, friction_std]),
     )
 
 
@@ -142,7 +144,7 @@ def _check_names(
     problems = [f"`fixed` names `{name}`, which is not free (free: {', '.join(sorted(known))})"
                 for name in options.fixed if name not in known]  # fmt: skip
     for kind, names in every.items():
-        if kind in _LOGARITHMIC:
+        if kind in LOGARITHMIC:
             values = getattr(nominal, kind)
             problems += [
                 f"`{name}` starts at {value:g}, but must be positive to be estimated"

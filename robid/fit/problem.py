@@ -27,6 +27,7 @@ class Problem:
         parameters: What is estimated.
         estimator: `lls` or `nls`.
         weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
+        model_error: Relative model error that the weights assume.
     """
 
     frf: Frf
@@ -34,6 +35,7 @@ class Problem:
     parameters: ParameterMap
     estimator: str
     weight: FloatArray
+    model_error: float
 
     def model_response(self, internal: FloatArray) -> ComplexArray:
         """Parametric response (n_conf, n_freq, n_out, n_in)."""
@@ -140,4 +142,5 @@ def make_problem(
 ) -> tuple[Problem, int]:
     """Returns the problem and the number of elements that the logarithm drops."""
     weight, dropped = make_weights(frf, options.weights, options.estimator)
-    return Problem(frf, model, parameters, options.estimator, weight), dropped
+    model_error = options.weights.model_error if options.weights.kind == "inflated" else 0.0
+    return Problem(frf, model, parameters, options.estimator, weight, model_error), dropped

@@ -44,7 +44,7 @@ def estimate_frf(
     spectra = record_spectra(record, laws if compensate else None, delay_s)
     torque = _blocks(spectra.torque - spectra.nominal)
     acceleration = _blocks(spectra.acceleration)
-    _check_blocks(record, torque)
+    _check_blocks(record, torque, acceleration)
     inverse = np.linalg.inv(torque.mean(axis=1))
     per_block = acceleration.mean(axis=1) @ inverse
     response = average(per_block, options.estimator)
@@ -111,13 +111,13 @@ def _blocks(spectrum: ComplexArray) -> ComplexArray:
     return np.asarray(spectrum.transpose(0, 2, 3, 4, 1))
 
 
-def _check_blocks(record: Record, torque: ComplexArray) -> None:
+def _check_blocks(record: Record, torque: ComplexArray, acceleration: ComplexArray) -> None:
     where = f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
     n_in, n_exp = torque.shape[-2:]
     if n_exp != n_in:
         message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
         raise DataError(message, where=where, remedy="record as many experiments per realization as there are motors")
-    if not np.isfinite(torque).all():
+    if not (np.isfinite(torque).all() and np.isfinite(acceleration).all()):
         raise DataError("the record holds NaN or infinite samples", where=where, remedy="acquire the record again")
     condition = np.linalg.cond(torque.mean(axis=1)).max(axis=0)
     worst = int(np.argmax(condition))

@@ -98,11 +98,11 @@ def load_variables(file: Path) -> Mapping[str, Any]:
     Raises:
         DataError: If the file is missing, of another format, or damaged.
     """
-    try:
-        loaded = loadmat(file)
-    except FileNotFoundError:
+    if not file.is_file():
         remedy = "Correct `file`, or set ROBID_DATA to the folder that holds the data."
-        raise DataError("The log does not exist.", where=str(file), remedy=remedy) from None
+        raise DataError("The log does not exist.", where=str(file), remedy=remedy)
+    try:
+        loaded = loadmat(file, appendmat=False)
     except NotImplementedError:
         remedy = "Save it from MATLAB with `save -v7`."
         raise DataError("The log is a MAT file of version 7.3.", where=str(file), remedy=remedy) from None

@@ -85,6 +85,8 @@ def _add_motor(parent: mujoco.MjsBody, joint: Joint, offset: FloatArray, rotor: 
     inertia = joint.motor.inertia_kgm2
     body = parent.add_body(name=f"motor_{joint.name}", mass=_MASSLESS_KG, explicitinertial=True)
     body.inertia = np.array([0.5, 0.5, 1.0]) * inertia
+    # Left open, MuJoCo takes the body's own pose in its parent for the pose of its inertia.
+    body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     if rotor == "on_link":
         body.pos = joint.position_m - offset
         body.quat = _quaternion(joint.rotation)

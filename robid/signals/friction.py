@@ -8,11 +8,11 @@ import numpy as np
 
 from robid.arrays import FloatArray
 
+KINDS = ("level", "shape", "lag", "ripple_sin", "ripple_cos")
+
 _WARM_UP = 0.25
-
-
 _SHAPE_STEP = 0.05
-KINDS = ("level", "shape", "ripple_sin", "ripple_cos")
+_LAG_STD = 0.5
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,13 @@ class TorqueLaw:
 
     @property
     def coefficient_std(self) -> tuple[float, ...]:
-        """Standard deviation of each coefficient in `KINDS`; ripple relative to its nominal amplitude."""
-        ripple = np.sqrt(0.5) if self.ripple_nm > 0 else 0.0
-        return (self.relative_std, self.relative_std, float(ripple), float(ripple))
+        """Standard deviation of each coefficient in `KINDS`.
+
+        Level and shape are relative to nominal, the lag is in samples, the ripple relative to its amplitude.
+        """
+        friction = float(self.coulomb_nm > 0)
+        ripple = float(np.sqrt(0.5)) * float(self.ripple_nm > 0)
+        return (friction * self.relative_std, friction * self.relative_std, friction * _LAG_STD, ripple, ripple)
 
 
 def torque_regressors(
@@ -80,7 +84,9 @@ def torque_regressors(
     order = np.array([law.ripple_order for law in laws])
     amplitude = np.array([law.ripple_nm for law in laws])
     phase = order * np.repeat(angle, oversampling, axis=0)
-    return np.stack([level, (changed - level) / _SHAPE_STEP, amplitude * np.sin(phase), amplitude * np.cos(phase)])
+    ripples = amplitude * np.sin(phase), amplitude * np.cos(phase)
+    later = (np.roll(level, 1, axis=0) - level) * oversampling
+    return np.stack([level, (changed - level) / _SHAPE_STEP, later, *ripples])
 
 
 def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, oversampling: int) -> FloatArray:

@@ -79,7 +79,7 @@
       const x = group.cost.map((_, index) => position + index);
       const shade = colour(group.role === "Validation" ? "measured" : "other");
       all.push({ type: "bar", x, y: group.cost, marker: { color: shade, opacity: 0.85 }, customdata: group.label, hovertemplate: `${group.role} %{customdata}: %{y:.4g}<extra></extra>` });
-      all.push({ type: "scatter", mode: "markers", x, y: group.expected, marker: { symbol: "line-ew", size: 26, color: colour("ink"), line: { width: 2.2, color: colour("ink") } }, hovertemplate: "expected %{y:.4g}<extra></extra>" });
+      all.push({ type: "scatter", mode: "markers", x, y: group.expected, marker: { size: 2, color: colour("ink") }, error_x: { type: "constant", value: 0.36, width: 0, thickness: 2.2, color: colour("ink") }, hovertemplate: "expected %{y:.4g}<extra></extra>" });
       figure.annotations.push({ text: `<b>${group.role}</b>`, showarrow: false, xref: "x", yref: "paper", x: position - 0.4, y: 1, xanchor: "left", yanchor: "bottom", yshift: 6, font: { size: 13, color: shade } });
       ticks.push(...x);
       labels.push(...group.label);

@@ -350,3 +350,9 @@ def test_a_full_disk_is_one_clear_error(tmp_path: Path) -> None:
     assert done.stderr == "The file cannot be written: File too large.\n"
     assert [file.name for file in tmp_path.iterdir()] == ["thing.h5"]
     assert read_header(path, KIND).content_sha256 == digest
+
+
+def test_provenance_may_be_long(tmp_path: Path) -> None:
+    provenance = replace(PROVENANCE, settings={str(index): "größer" * 10 for index in range(5000)})
+    write_artifact(tmp_path / "thing.h5", _thing(provenance=provenance))
+    assert read_header(tmp_path / "thing.h5", KIND).provenance == provenance

@@ -27,13 +27,17 @@ def test_results_keep_the_order_of_the_tasks(backend: str) -> None:
     assert done == {0: 0, 1: 1, 2: 4, 3: 9, 4: 16}
 
 
-def test_on_done_is_called_as_tasks_finish() -> None:
+def test_on_done_is_called_as_tasks_finish(tmp_path: Path) -> None:
     order: list[int] = []
+    signal_file = tmp_path / "second is done"
+
+    def note(index: int, _: None) -> None:
+        order.append(index)
+        signal_file.touch()
+
     with make_map("processes", 2) as ordered:
-        ordered(backend_tasks.process_id, range(2))
-        ordered(backend_tasks.slow_first, range(3), lambda index, _: order.append(index))
-    assert sorted(order) == [0, 1, 2]
-    assert order[-1] == 0
+        ordered(backend_tasks.wait_for_file, [str(signal_file), ""], note)
+    assert order == [1, 0]
 
 
 def test_processes_give_the_bytes_that_serial_gives_with_one_thread_each() -> None:
@@ -73,7 +77,7 @@ def test_after_an_error_the_rest_is_dropped(backend: str, tmp_path: Path) -> Non
     paths = [str(tmp_path / str(index)) for index in range(40)]
     with make_map(backend, 1) as ordered, pytest.raises(DataError, match="disk is full"):
         ordered(backend_tasks.touch_slowly, paths, refuse)
-    assert 1 <= len(list(tmp_path.iterdir())) < 10
+    assert 1 <= len(list(tmp_path.iterdir())) < 20
 
 
 def test_a_worker_that_dies_is_one_clear_error() -> None:

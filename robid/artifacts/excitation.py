@@ -1,0 +1,63 @@
+"""The excitation artifact: what each motor is told to do, in which configurations.
+
+Schema history:
+    1.0: first version.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robid.arrays import FloatArray
+from robid.artifacts.artifact import Artifact, Kind, Provenance
+from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.design.excitation import UNITS, Excitation
+
+EXCITATION = Kind("excitation", "1.0", "robid design-excitation")
+
+
+@dataclass(frozen=True)
+class CampaignExcitation:
+    """The excitation of one campaign.
+
+    Attributes:
+        configurations (n_conf, n_joint): Arm-side joint angles [rad].
+        excitation: The excitation; without realizations where a log was played by others.
+    """
+
+    configurations: FloatArray
+    excitation: Excitation
+
+
+def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) -> Artifact:
+    """Turns a campaign's excitation into an artifact."""
+    unit = UNITS[content.excitation.kind]
+    block = ("realization", "experiment")
+    table = {
+        "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
+        "excitation/reference": Column(unit, (*block, "sample", "motor"), "Injected signal, one period", compact=True),
+        "excitation/excited_lines": Column("1", ("frequency",), "Excited DFT lines"),
+        "excitation/detection_lines": Column("1", ("detection",), "DFT lines left out to detect distortion"),
+        "excitation/spectrum": Column(unit, (*block, "frequency", "motor"), "Complex amplitudes of the excited lines"),
+        "excitation/rms": Column(unit, ("motor",), "RMS of each motor's signal"),
+        "excitation/crest_factor": Column("1", (*block, "motor"), "Peak over RMS"),
+    }
+    if content.excitation.plan is not None:
+        table |= _plan_columns()
+    return Artifact(EXCITATION, *to_datasets(content, table), provenance)
+
+
+def excitation_from_artifact(artifact: Artifact) -> CampaignExcitation:
+    """The inverse of `excitation_to_artifact`, up to the rounding of the reference to float32."""
+    return from_datasets(CampaignExcitation, artifact)
+
+
+def _plan_columns() -> dict[str, Column]:
+    columns = {
+        "admissible_scale": Column("1", ("configuration", "motor"), "Factor on all RMS at which the first limit is met")
+    }
+    for quantity, unit in (("speed", "rad/s"), ("torque", "N m"), ("excursion", "rad")):
+        columns[f"{quantity}_rms"] = Column(unit, ("configuration", "motor"), f"Predicted RMS of the {quantity}")
+        columns[f"{quantity}_peak"] = Column(unit, ("configuration", "motor"), f"Predicted peak of the {quantity}")
+        columns[f"{quantity}_limit"] = Column(unit, ("motor",), f"Limit of the {quantity}")
+    return {f"excitation/plan/{name}": column for name, column in columns.items()}

@@ -1,0 +1,52 @@
+"""The model artifact: what a fit found.
+
+Schema history:
+    1.0: first version.
+"""
+
+from __future__ import annotations
+
+from robid.artifacts.artifact import Artifact, Kind, Provenance
+from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.fit.solution import Solution
+
+MODEL = Kind("model", "1.0", "robid fit")
+
+_PARAMETER, _START = ("parameter",), ("start",)
+_RESPONSE = ("configuration", "frequency", "output", "input")
+_OWN = "as in units"
+_TABLE = {
+    "names": Column("1", _PARAMETER),
+    "kinds": Column("1", _PARAMETER),
+    "units": Column("1", _PARAMETER, "Unit of each parameter"),
+    "nominal": Column(_OWN, _PARAMETER, "Value of the robot file"),
+    "estimate": Column(_OWN, _PARAMETER, "Estimated value"),
+    "lower": Column(_OWN, _PARAMETER, "Lower end of the interval"),
+    "upper": Column(_OWN, _PARAMETER, "Upper end of the interval"),
+    "relative_std": Column("1", _PARAMETER, "Relative standard deviation"),
+    "predicted_relative_std": Column("1", _PARAMETER, "The same, predicted before the fit"),
+    "identifiable": Column("1", _PARAMETER, "Whether the prediction was small enough"),
+    "internal": Column("1", _PARAMETER, "Optimizer's values"),
+    "covariance": Column("1", ("parameter", "parameter"), "Covariance of the optimizer's values"),
+    "singular_values": Column("1", _PARAMETER, "Of the scaled information matrix"),
+    "configuration_cost": Column("1", ("configuration",), "Cost of each configuration"),
+    "expected_cost": Column("1", ("configuration",), "Cost that the response's covariance alone gives"),
+    "start_cost": Column("1", _START, "Cost that each start ended at"),
+    "start_iterations": Column("1", _START, "Iterations of each start"),
+    "start_status": Column("1", _START, "How each start ended"),
+    "start_minimum": Column("1", _START, "Which distinct minimum it ended in, 0 is the best"),
+    "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles of the fit"),
+    "frequency_hz": Column("Hz", ("frequency",), "Frequencies of the fit"),
+    "measured": Column("rad/s^2 per torque", _RESPONSE, "Response after the fitted friction compensation"),
+    "modelled": Column("rad/s^2 per torque", _RESPONSE, "Parametric response"),
+}
+
+
+def model_to_artifact(solution: Solution, provenance: Provenance) -> Artifact:
+    """Turns a fit's solution into an artifact."""
+    return Artifact(MODEL, *to_datasets(solution, _TABLE), provenance)
+
+
+def model_from_artifact(artifact: Artifact) -> Solution:
+    """The inverse of `model_to_artifact`."""
+    return from_datasets(Solution, artifact)

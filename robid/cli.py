@@ -1,0 +1,285 @@
+"""The command line: arguments in, exit code out."""
+
+import dataclasses
+import json
+import os
+import sys
+import time
+import traceback
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+import robid
+from robid.artifacts.store import inspect_artifact
+from robid.backends.map import make_map
+from robid.errors import ArtifactError, RobidError
+from robid.pipeline import (
+    STAGES,
+    Node,
+    Result,
+    Run,
+    choose_node,
+    examine,
+    execute,
+    fresh_at,
+    graph,
+    require_inputs,
+    run_all,
+)
+from robid.report.numbers import duration
+from robid.report.terminal import parameter_table
+from robid.settings.load import load_experiment
+from robid.settings.schema import experiment_schema, robot_schema
+from robid.stages.report_content import gather
+from robid.stages.stage import Stage
+from robid.stages.terminal import Shell, dataset_table, make_console, status_table
+
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+_PROBLEM, _INTERRUPTED = 5, 130
+_QUIET_LEVELS = ("warning", "error")
+
+app = typer.Typer(
+    help="Identifies the elastic dynamics of a robot from its own motor signals.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+ExperimentFile = Annotated[Path, typer.Argument(metavar="EXPERIMENT.yaml", help="The experiment file.")]
+RunFolder = Annotated[Path | None, typer.Option("--run-dir", help="The run folder; runs/<name> by default.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
+Backend = Annotated[
+    Literal["serial", "processes"] | None, typer.Option("--backend", help="Overrides execution.backend.")
+]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Overrides execution.workers.")]
+
+
+def main() -> None:
+    """Runs the command line and exits with its code."""
+    sys.exit(run_command(sys.argv[1:]))
+
+
+def run_command(arguments: list[str]) -> int:
+    """Runs a command; every error becomes one message and an exit code."""
+    try:
+        code = app(arguments, prog_name="robid", standalone_mode=False)
+    except RobidError as error:
+        return _fail(arguments, str(error), error.exit_code)
+    except _UsageError as error:
+        message = getattr(error, "format_message", error.__str__)()
+        return _fail(arguments, f"{message}\n  remedy: `robid --help` lists commands and options", 2)
+    except (KeyboardInterrupt, typer.Abort):
+        code = _INTERRUPTED
+    except Exception as error:  # noqa: BLE001  the one place that turns a defect into a message
+        first = (str(error) or "no message").splitlines()[0]
+        remedy = "report it with what --debug prints"
+        return _fail(arguments, f"a defect of ours: {type(error).__name__}: {first}\n  remedy: {remedy}", 1)
+    if code == _INTERRUPTED:
+        return _fail(arguments, "interrupted; what is finished is kept, and the same command goes on from there", code)
+    return int(code or 0)
+
+
+def _fail(arguments: list[str], message: str, code: int) -> int:
+    if "--debug" in arguments:
+        typer.echo(traceback.format_exc(), err=True)
+    typer.echo(f"robid: {message}", err=True)
+    if "--json" in arguments:
+        _print_json({"error": message, "exit_code": code})
+    return code
+
+
+def _print_json(value: Any) -> None:  # noqa: ANN401
+    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, default=str))
+
+
+def _open(path: Path, folder: Path | None, backend: Literal["serial", "processes"] | None, workers: int | None) -> Run:
+    loaded = load_experiment(path)
+    execution = loaded.experiment.execution
+    return Run(
+        loaded=loaded,
+        folder=folder or Path("runs") / loaded.experiment.name,
+        backend=backend or execution.backend,
+        workers=workers or execution.workers or os.cpu_count() or 1,
+    )
+
+
+def _shell(run: Run, *, as_json: bool) -> Shell:
+    quiet = as_json or run.loaded.experiment.execution.log_level in _QUIET_LEVELS
+    return Shell(make_console(stderr=False), make_console(stderr=True), quiet)
+
+
+def _add_stage(stage: Stage) -> None:
+    """Adds a stage's command; the option that names what it runs for follows from the stage."""
+    is_whole = stage.owned_by == "experiment"
+    described = f"Name of the {stage.owned_by}; may be left out when there is only one."
+    owner_option = typer.Option(f"--{stage.owned_by}", help=described, hidden=is_whole)
+
+    def command(
+        experiment: ExperimentFile,
+        owner: Annotated[str | None, owner_option] = None,
+        run_dir: RunFolder = None,
+        inputs: Annotated[
+            list[Path] | None, typer.Option("--input", help="Read this artifact instead of the run folder's.")
+        ] = None,
+        output: Annotated[Path | None, typer.Option("--output", help="Write here instead.")] = None,
+        force: Annotated[bool, typer.Option("--force", help="Replace an output that differs.")] = False,
+        as_json: AsJson = False,
+        backend: Backend = None,
+        workers: Workers = None,
+        debug: Debug = False,
+    ) -> int:
+        del debug
+        run = _open(experiment, run_dir, backend, workers)
+        node = choose_node(run, stage.name, owner)
+        return _run_stage(run, node, inputs or [], output, force=force, as_json=as_json)
+
+    app.command(stage.name, help=stage.does)(command)
+
+
+def _run_stage(run: Run, node: Node, named: list[Path], output: Path | None, *, force: bool, as_json: bool) -> int:
+    shell = _shell(run, as_json=as_json)
+    inputs = require_inputs(run, node, named)
+    target = output or run.path(node.output)
+    state = fresh_at(node, inputs, target)
+    outcome, text = "fresh", "nothing to do"
+    if force or state.status != "fresh":
+        if state.status == "stale" and not force:
+            raise state.unreadable or ArtifactError(
+                f"The output is there, but differs ({state.why}).",
+                where=str(target),
+                remedy="`--force` replaces it; what was made from it is stale then",
+            )
+        begun = time.monotonic()
+        with make_map(run.backend, run.workers) as parallel_map, shell.progress(node.output) as progress:
+            figures = execute(run, node, inputs, target, parallel_map, progress)
+        outcome, text = "made", f"{figures} ({duration(time.monotonic() - begun)})"
+    problem = node.stage.problem(target)
+    if as_json:
+        told = {"outcome": outcome, "text": text, "problem": problem}
+        _print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
+    else:
+        shell.say(f"{target}  {outcome}: {text}")
+    if problem:
+        shell.warn(problem)
+    return _PROBLEM if problem else 0
+
+
+for _stage in STAGES:
+    _add_stage(_stage)
+
+
+@app.command("run")
+def run_experiment(
+    experiment: ExperimentFile,
+    run_dir: RunFolder = None,
+    as_json: AsJson = False,
+    backend: Backend = None,
+    workers: Workers = None,
+    debug: Debug = False,
+) -> int:
+    """Runs everything that is not fresh, in order; goes on where a killed run stopped."""
+    del debug
+    run = _open(experiment, run_dir, backend, workers)
+    shell = _shell(run, as_json=as_json)
+
+    def tell(result: Result) -> None:
+        seconds = f" ({duration(result.seconds)})" if result.outcome == "made" else ""
+        colon = ": " if result.text else ""
+        shell.note(result.node.output, f"{result.outcome}{colon}{result.text}{seconds}")
+        if result.problem:
+            shell.warn(result.problem)
+
+    results = run_all(run, lambda node: shell.progress(node.output), tell)
+    present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
+    content = gather(run.loaded, run.folder, present).content
+    report = str(run.path("report.html"))
+    if as_json:
+        rows = {fit.name: [dataclasses.asdict(row) for row in fit.parameters] for fit in content.fits}
+        nodes = [{"output": result.node.output, "outcome": result.outcome, "text": result.text} for result in results]
+        verdict = dataclasses.asdict(content.verdict)
+        _print_json({"nodes": nodes, "parameters": rows, "verdict": verdict, "report": report})
+        return _PROBLEM if any(result.problem for result in results) else 0
+    for fit in content.fits:
+        shown = tuple(row for row in fit.parameters if row.kind != "friction")
+        threshold = fit.identifiable_relative_std
+        shell.out.print(parameter_table(shown, level=fit.level, identifiable_relative_std=threshold))
+    shell.say(f"\n{content.verdict.text}")
+    shell.say(f"report: {report}")
+    return _PROBLEM if any(result.problem for result in results) else 0
+
+
+@app.command("status")
+def show_status(
+    experiment: ExperimentFile, run_dir: RunFolder = None, as_json: AsJson = False, debug: Debug = False
+) -> int:
+    """Says what is fresh, stale or missing, and why."""
+    del debug
+    run = _open(experiment, run_dir, None, None)
+    states = examine(run, graph(run.loaded))
+    if as_json:
+        nodes = [
+            {"stage": node.stage.name, "for": node.owner, "output": node.output}
+            | {"status": state.status, "why": state.why, "problem": state.problem}
+            for node, state in states.items()
+        ]
+        _print_json({"run_dir": str(run.folder), "nodes": nodes})
+        return 0
+    rows = [(node.output, state.status, state.why or state.problem) for node, state in states.items()]
+    make_console(stderr=False).print(status_table(rows))
+    return 0
+
+
+@app.command("inspect")
+def inspect_file(
+    artifact: Annotated[Path, typer.Argument(metavar="ARTIFACT", help="An artifact, as in record.h5.")],
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> int:
+    """Describes an artifact: what it holds, in which units, and how it came about."""
+    del debug
+    found = inspect_artifact(artifact)
+    if as_json:
+        _print_json(found)
+        return 0
+    out, made = make_console(stderr=False), found["provenance"]
+    lines = [
+        f"{found['kind']} {found['schema_version']}, content {found['content_sha256']}",
+        f"made by {made['stage']} at {made['finished_utc']} with robid {made['versions'].get('robid', 'unknown')}",
+        *(f"from {name} {digest}" for name, digest in made["inputs"].items()),
+        *(f"{name} = {value}" for name, value in found["attributes"].items()),
+    ]
+    for line in lines:
+        out.print(line, markup=False, highlight=False, soft_wrap=True)
+    out.print(dataset_table(found["datasets"]))
+    return 0
+
+
+@app.command("schema")
+def show_schema(
+    robot: Annotated[bool, typer.Option("--robot", help="That of the robot file instead.")] = False,
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> int:
+    """Prints the JSON schema of the experiment file, for editors."""
+    del as_json, debug
+    _print_json(robot_schema() if robot else experiment_schema())
+    return 0
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"robid {robid.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    del version

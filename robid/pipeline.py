@@ -1,0 +1,288 @@
+"""The graph of an experiment: what there is, what is fresh, and running what is not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from robid.artifacts.store import read_header
+from robid.backends.map import Map, make_map
+from robid.errors import ArtifactError, DataError, RobidError, SettingsError
+from robid.settings.load import LoadedExperiment
+from robid.stages import report
+from robid.stages.freshness import State, compare, input_hashes
+from robid.stages.stage import Job, Plan, Progress, Stage, check_room
+
+_SMALL_BYTES = 1e6
+
+STAGES: tuple[Stage, ...] = (*report.CHAIN, report.STAGE)
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A stage for one campaign, design or fit."""
+
+    stage: Stage
+    owner: str
+    plan: Plan
+
+    @property
+    def output(self) -> str:
+        """Path of the main output in the run folder."""
+        return self.plan.outputs[0]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of one node.
+
+    Attributes:
+        node: The node.
+        outcome: `made`, `fresh` or `skipped`.
+        text: Its key figures, or why it was skipped.
+        problem: What went wrong numerically.
+        seconds: Time it took [s].
+    """
+
+    node: Node
+    outcome: Literal["made", "fresh", "skipped"]
+    text: str
+    problem: str = ""
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """An experiment, its run folder, and how to compute.
+
+    Attributes:
+        loaded: The experiment.
+        folder: The run folder.
+        backend: How tasks are mapped to cores.
+        workers: Number of processes, or of simulation threads in serial.
+    """
+
+    loaded: LoadedExperiment
+    folder: Path
+    backend: Literal["serial", "processes"]
+    workers: int
+
+    def path(self, relative: str) -> Path:
+        """Returns where an output lies."""
+        return self.folder / relative
+
+    def command(self, node: Node) -> str:
+        """Returns the command that makes a node's output."""
+        chosen = f" --{node.stage.owned_by} {node.owner}" if node.stage.owned_by != "experiment" else ""
+        return f"robid {node.stage.name} {self.loaded.path}{chosen}"
+
+
+def graph(loaded: LoadedExperiment) -> tuple[Node, ...]:
+    """Returns the nodes of an experiment, each after what it needs, short stages before long ones."""
+    left = [Node(stage, name, stage.plan(loaded, name)) for stage in STAGES for name in stage.owners(loaded.experiment)]
+    made: set[str] = set()
+    order: list[Node] = []
+    while left:
+        node = next(node for node in left if made.issuperset(node.plan.inputs.values()))
+        left.remove(node)
+        order.append(node)
+        made.update(node.plan.outputs)
+    return tuple(order)
+
+
+def examine(run: Run, nodes: tuple[Node, ...]) -> dict[Node, State]:
+    """Tells of every node whether it is fresh, and why not."""
+    states: dict[str, State] = {}
+    return {node: _settle(run, node, states) for node in nodes}
+
+
+def _settle(run: Run, node: Node, states: dict[str, State]) -> State:
+    """Finds a node's state from those of its inputs, and notes it under each of its outputs."""
+    above = {path: states[path] for path in node.plan.inputs.values()}
+    gone = [path for path, state in above.items() if state.problem or state.blocked]
+    if gone and not node.stage.takes_what_is_there:
+        state = State(
+            "missing", f"{gone[0]} has a problem: {above[gone[0]].problem or above[gone[0]].why}", blocked=True
+        )
+    else:
+        state = compare(
+            node.stage, node.plan, run.folder, {path: state for path, state in above.items() if not state.blocked}
+        )
+    states.update(dict.fromkeys(node.plan.outputs, state))
+    return state
+
+
+def run_all(
+    run: Run, progress: Callable[[Node], AbstractContextManager[Progress]], tell: Callable[[Result], None]
+) -> list[Result]:
+    """Runs what is not fresh, in order; what needs an output with a numerical problem is skipped.
+
+    Raises:
+        RobidError: What the first node that cannot be made raised; what is finished stays.
+    """
+    nodes = graph(run.loaded)
+    _preflight(run, nodes)
+    states: dict[str, State] = {}
+    results = []
+    with make_map(run.backend, run.workers) as parallel_map:
+        for node in nodes:
+            state = _settle(run, node, states)
+            if state.blocked:
+                result = Result(node, "skipped", state.why)
+            elif state.status == "fresh":
+                result = Result(node, "fresh", "", state.problem)
+            else:
+                inputs = {name: run.path(path) for name, path in node.plan.inputs.items() if not states[path].blocked}
+                begun = time.monotonic()
+                with progress(node) as shown:
+                    text = execute(run, node, inputs, run.path(node.output), parallel_map, shown)
+                state = State("fresh", problem=node.stage.problem(run.path(node.output)))
+                states.update(dict.fromkeys(node.plan.outputs, state))
+                result = Result(node, "made", text, state.problem, time.monotonic() - begun)
+            results.append(result)
+            tell(result)
+    return results
+
+
+def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
+    """Refuses what would fail after a long computation: outputs that are not ours, a full disk, a missing log."""
+    states = examine(run, nodes)
+    due = [node for node, state in states.items() if state.status != "fresh"]
+    check_room(run.folder / "run", _SMALL_BYTES + sum(node.plan.needed_bytes for node in due))
+    for state in states.values():
+        if state.unreadable is not None:
+            raise state.unreadable
+    for node in due:
+        _check_files(node)
+
+
+def _check_files(node: Node) -> None:
+    for name, path in node.plan.files.items():
+        if not path.exists():
+            raise DataError(
+                f"the {name} of campaign {node.owner} does not exist",
+                where=str(path),
+                remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
+            )
+
+
+def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
+    """Returns where a node's inputs lie.
+
+    Args:
+        run: The run.
+        node: The node.
+        named: Artifacts to read instead of the run folder's; each takes the place of the input of its kind.
+
+    Raises:
+        ArtifactError: If one is missing or stale, with the command that makes it.
+        SettingsError: If a named one is of a kind that the node does not read.
+    """
+    instead = {_slot(node, path): path for path in named}
+    nodes = graph(run.loaded)
+    states = examine(run, nodes)
+    makers = {path: other for other in nodes for path in other.plan.outputs}
+    inputs = {}
+    for name, path in node.plan.inputs.items():
+        if name in instead:
+            inputs[name] = instead[name]
+            continue
+        maker = makers[path]
+        state = states[maker]
+        if state.blocked and node.stage.takes_what_is_there:
+            continue
+        if state.unreadable is not None:
+            raise state.unreadable
+        if state.status != "fresh":
+            why = f" ({state.why})" if state.why else ""
+            raise ArtifactError(
+                f"The input is {state.status}{why}.",
+                where=str(run.path(path)),
+                remedy=f"`{run.command(maker)}` makes it; `robid run {run.loaded.path}` makes all that is needed",
+            )
+        inputs[name] = run.path(path)
+    return inputs
+
+
+def _slot(node: Node, path: Path) -> str:
+    """Name of the input whose place an artifact takes, by its kind."""
+    name = "truth" if path.suffix == ".json" else read_header(path).kind
+    if name not in node.plan.inputs:
+        raise SettingsError(
+            f"`{node.stage.name}` reads no {name}",
+            where=f"--input {path}",
+            remedy=f"it reads: {', '.join(node.plan.inputs) or 'no artifact'}",
+        )
+    return name
+
+
+def execute(
+    run: Run, node: Node, inputs: Mapping[str, Path], output: Path, parallel_map: Map, progress: Progress
+) -> str:
+    """Runs a node's stage; returns its key figures.
+
+    Raises:
+        RobidError: With the experiment file and the campaign, design or fit in its place.
+    """
+    _check_files(node)
+    check_room(output, _SMALL_BYTES + node.plan.needed_bytes)
+    job = Job(
+        loaded=run.loaded,
+        owner=node.owner,
+        settings=node.plan.settings,
+        output=output,
+        inputs={**inputs, **node.plan.files},
+        input_hashes=input_hashes(node.plan, inputs),
+        folder=run.folder,
+        map=parallel_map,
+        threads=run.workers if run.backend == "serial" else 1,
+        progress=progress,
+    )
+    try:
+        return node.stage.run(job)
+    except (SettingsError, DataError) as error:
+        raise _placed(error, run, node) from error
+
+
+def _placed(error: RobidError, run: Run, node: Node) -> RobidError:
+    if str(run.loaded.path) in error.where:
+        return error
+    section = "" if node.stage.owned_by == "experiment" else f"{node.stage.owned_by}s.{node.owner}"
+    where = error.where.removeprefix(f"{section}.")
+    joint = "." if isinstance(error, SettingsError) and where.startswith(("excitation", "configurations")) else ": "
+    return type(error)(
+        error.what, where=f"{run.loaded.path}: {section}{joint if where else ''}{where}", remedy=error.remedy
+    )
+
+
+def choose_node(run: Run, stage_name: str, owner: str | None) -> Node:
+    """Finds the node of a command.
+
+    Raises:
+        SettingsError: If the owner is unknown, or is not named and there is more than one.
+    """
+    nodes = [node for node in graph(run.loaded) if node.stage.name == stage_name]
+    stage = next(stage for stage in STAGES if stage.name == stage_name)
+    known = ", ".join(f"`{node.owner}`" for node in nodes) or "none"
+    option = f"--{stage.owned_by}"
+    if owner is None and len(nodes) == 1:
+        return nodes[0]
+    for node in nodes:
+        if node.owner == owner:
+            return node
+    what = f"`{stage_name}` has no {stage.owned_by} `{owner}`" if owner else f"`{stage_name}` needs {option}"
+    raise SettingsError(
+        f"{what}; there are: {known}", where=str(run.loaded.path), remedy=f"name one of them with {option}"
+    )
+
+
+def fresh_at(node: Node, inputs: Mapping[str, Path], output: Path) -> State:
+    """Tells whether a file would come out the same if the node's stage wrote it from these inputs."""
+    beside = (str(output.with_name(Path(path).name)) for path in node.plan.outputs[1:])
+    named = {name: str(path) for name, path in inputs.items()}
+    moved = replace(node.plan, outputs=(str(output), *beside), inputs=named)
+    return compare(node.stage, moved, Path(), {str(path): State("fresh") for path in inputs.values()})

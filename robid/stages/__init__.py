@@ -1,0 +1,1 @@
+"""The stages: one module per command, from settings and input artifacts to an output artifact."""

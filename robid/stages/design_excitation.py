@@ -1,0 +1,111 @@
+"""design-excitation: what each motor is told to do, within the limits of every configuration."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_to_artifact
+from robid.artifacts.store import read_artifact, write_artifact
+from robid.design.excitation import Excitation, design_excitation, predict
+from robid.design.lines import choose_lines, samples_per_period
+from robid.robot.description import Robot
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters, response
+from robid.settings.experiment import Campaign
+from robid.settings.load import LoadedExperiment
+from robid.settings.slices import to_plain
+from robid.stages.slices import delay_s, line_settings, require_controller, robot_settings
+from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
+
+
+def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
+    campaign = loaded.experiment.campaigns[owner]
+    section = f"campaigns.{owner}"
+    settings = {f"{section}.configurations": to_plain(campaign.configurations)}
+    acquire = None if campaign.source is None else campaign.source.acquire
+    if acquire is None:
+        read = ("excitation", "realizations", "payload_kg")
+        settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
+        settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
+    else:
+        settings[f"{section}.excitation"] = line_settings(campaign)
+        settings[f"{section}.source.acquire.sampling_period_s"] = acquire.sampling_period_s
+        settings |= robot_settings(loaded, "range")
+    design = campaign.configurations.design
+    return Plan((f"{owner}/excitation.h5",), settings, {} if design is None else {"design": f"designs/{design}.h5"})
+
+
+def _run(job: Job) -> str:
+    campaign, robot = job.campaign, job.loaded.robot.to_robot(job.campaign.payload_kg)
+    configurations = campaign.configurations.angles_rad(robot.lower_rad, robot.upper_rad)
+    if configurations is None:
+        design = design_from_artifact(read_artifact(job.inputs["design"], DESIGN))
+        configurations = design.configurations[design.chosen]
+    if campaign.source is not None and campaign.source.acquire is not None:
+        excitation = _declared(campaign, campaign.source.acquire.sampling_period_s, len(robot.joints))
+    else:
+        excitation = _designed(job, robot, configurations)
+    artifact = excitation_to_artifact(
+        CampaignExcitation(configurations, excitation), job.provenance(STAGE.name, campaign.excitation.seed)
+    )
+    write_artifact(job.output, artifact)
+    return figures(excitation, len(configurations))
+
+
+def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Excitation:
+    """The lines of a log, which somebody else has played: there are no realizations of ours."""
+    options = campaign.excitation
+    excited, detection = choose_lines(options, sampling_period_s, grid=options.grid)
+    n_sample = samples_per_period(options.period_s, sampling_period_s)
+    return Excitation(
+        reference=np.zeros((0, 0, n_sample, n_motor)),
+        kind=options.inject,
+        excited_lines=excited,
+        detection_lines=detection,
+        sampling_period_s=sampling_period_s,
+        spectrum=np.zeros((0, 0, len(excited), n_motor), complex),
+        rms=np.zeros(n_motor),
+        crest_factor=np.zeros((0, 0, n_motor)),
+    )
+
+
+def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
+    controller = require_controller(job.loaded)
+    period = controller.sampling_period_s
+    excitation = design_excitation(job.campaign.excitation, len(robot.joints), job.campaign.realizations, period)
+    model = build_model(robot)
+    rest = solve_statics(model, configurations)
+    linear = linearize(model, rest)
+    nominal = nominal_parameters(robot, linear, delay_s(job.loaded, job.campaign))
+    sampled = response(linear, nominal, excitation.frequency_hz, period).sampled
+    return predict(excitation, sampled, controller, rest.motor_torque, robot)
+
+
+def figures(excitation: Excitation, n_conf: int) -> str:
+    """Says what was designed, in a phrase."""
+    low, high = excitation.frequency_hz[[0, -1]]
+    lines = counted(len(excitation.excited_lines), "line")
+    text = f"{counted(n_conf, 'configuration')}, {lines} from {low:.3g} to {high:.3g} Hz"
+    if excitation.plan is None:
+        return text
+    plan = excitation.plan
+    margins = {"speed": plan.speed_margin, "torque": plan.torque_margin, "arm excursion": plan.excursion_margin}
+    nearest = min(margins, key=lambda name: float(margins[name].min()))
+    return (
+        f"{text}, crest factor {excitation.crest_factor.max():.2f} at most,"
+        f" {nearest} reaches {100 * (1 - margins[nearest].min()):.1f} % of its limit"
+    )
+
+
+STAGE = Stage(
+    "design-excitation",
+    "Designs what each motor is told to do, within the limits of every configuration.",
+    "campaign",
+    EXCITATION,
+    measured_campaigns,
+    _plan,
+    _run,
+)

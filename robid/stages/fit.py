@@ -1,0 +1,108 @@
+"""fit: the parameters of a model from frequency responses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.model import MODEL, model_to_artifact
+from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
+from robid.fit.elastic import fit_elastic
+from robid.fit.solution import Solution
+from robid.frf.frf import Frf
+from robid.settings.experiment import Experiment
+from robid.settings.load import LoadedExperiment
+from robid.settings.slices import to_plain
+from robid.stages.slices import delay_s, robot_settings
+from robid.stages.stage import Job, Plan, Stage, counted
+
+_PER_CONFIGURATION = (
+    "configurations",
+    "response",
+    "input_factor",
+    "total_covariance",
+    "noise_covariance",
+    "sensitivity",
+    "removed_torque_rms",
+)
+
+
+def _owners(experiment: Experiment) -> tuple[str, ...]:
+    return tuple(experiment.fits)
+
+
+def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
+    fit = loaded.experiment.fits[owner]
+    plain = {key: value for key, value in to_plain(fit).items() if key != "validate_on"}
+    settings = {f"fits.{owner}": plain, **model_settings(loaded, fit.campaign)}
+    return Plan((f"fits/{owner}/model.h5",), settings, {"frf": f"{fit.campaign}/frf.h5"})
+
+
+def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
+    """Returns what the elastic model of a campaign is made of; the delay of a log is none."""
+    used = loaded.experiment.campaigns[campaign]
+    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **robot_settings(loaded, "mechanics")}
+    settings["delay_s"] = delay_s(loaded, used)
+    return settings
+
+
+def _run(job: Job) -> str:
+    fit = job.loaded.experiment.fits[job.owner]
+    campaign = job.loaded.experiment.campaigns[fit.campaign]
+    frf = select(frf_from_artifact(read_artifact(job.inputs["frf"], FRF)), fit.configurations)
+    robot = job.loaded.robot.to_robot(campaign.payload_kg)
+    job.progress.expect(fit.starts, "starts")
+
+    def told(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+        return job.map(function, tasks, lambda _index, _result: job.progress.advance())
+
+    solution = fit_elastic(robot, frf, fit.options(), delay_s(job.loaded, campaign), told)
+    write_artifact(job.output, model_to_artifact(solution, job.provenance(STAGE.name, fit.seed)))
+    return figures(solution)
+
+
+def select(frf: Frf, configurations: Sequence[int] | None) -> Frf:
+    """Returns the response in some of its configurations, or in all of them."""
+    if configurations is None:
+        return frf
+    chosen = np.array(configurations)
+    return replace(
+        frf,
+        **{name: getattr(frf, name)[chosen] for name in _PER_CONFIGURATION if getattr(frf, name) is not None},
+    )
+
+
+def figures(solution: Solution) -> str:
+    """Says how the fit ended, in a phrase."""
+    best = int(np.sum(solution.start_minimum == 0))
+    identifiable = f"{int(np.sum(solution.identifiable))} of {counted(len(solution.names), 'parameter')} identifiable"
+    expected = float(solution.expected_cost.sum())
+    ratio = f", {solution.configuration_cost.sum() / expected:.3g} times what noise alone gives" if expected > 0 else ""
+    return (
+        f"{solution.status}, {identifiable},"
+        f" cost {solution.cost:.4g}{ratio}, {best} of {counted(len(solution.start_cost), 'start')} at the best minimum"
+    )
+
+
+def _problem(output: Path) -> str:
+    attributes = inspect_artifact(output)["attributes"]
+    if attributes["status"] == "converged":
+        return ""
+    return f"the fit has not converged ({attributes['status']}): {attributes['advice']}"
+
+
+STAGE = Stage(
+    "fit",
+    "Fits a model to frequency responses.",
+    "fit",
+    MODEL,
+    _owners,
+    _plan,
+    _run,
+    _problem,
+)

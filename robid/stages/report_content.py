@@ -1,0 +1,216 @@
+"""What the report shows, put together from the artifacts of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from robid.artifacts.atomic import read_json
+from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.store import inspect_artifact, read_artifact, read_header
+from robid.artifacts.validation import VALIDATION, validation_from_artifact
+from robid.design.excitation import UNITS
+from robid.design.information import ConfigurationDesign
+from robid.fit.solution import Solution
+from robid.frf.frf import Frf
+from robid.report.content import (
+    ConfigurationRow,
+    ExcitationRow,
+    FitContent,
+    PeakRow,
+    ReportContent,
+    StageRow,
+    TorqueRow,
+    Verdict,
+)
+from robid.settings.load import LoadedExperiment
+from robid.stages import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire
+from robid.stages.report_fit import fit_content
+from robid.stages.validate import truth_input
+from robid.validation.elastic import Validation
+
+_SHORT = 8
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """What a run holds.
+
+    Attributes:
+        content: The page.
+        designs: Each design.
+        validations: Validation of each fit that has one.
+    """
+
+    content: ReportContent
+    designs: dict[str, ConfigurationDesign]
+    validations: dict[str, Validation]
+
+
+def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> Gathered:
+    """Reads the artifacts of a run and turns them into rows.
+
+    Args:
+        loaded: The experiment.
+        folder: The run folder.
+        present: Paths in the run folder of the artifacts that are there.
+
+    Raises:
+        ArtifactError: If one cannot be read.
+    """
+    run = _read(loaded, folder, present)
+    fits = []
+    for name, solution in run.solutions.items():
+        truth = _truth(loaded, folder, name)
+        fits.append(fit_content(loaded, name, solution, run.frfs, truth, run.validations.get(name)))
+    content = ReportContent(
+        title=loaded.experiment.name,
+        verdict=_verdict(fits, run.validations),
+        robot=loaded.robot.name,
+        robot_notes=loaded.robot.notes,
+        fits=tuple(fits),
+        joint_names=tuple(joint.name for joint in loaded.robot.joints),
+        configurations=tuple(
+            ConfigurationRow(name, index, tuple(row))
+            for name, frf in run.frfs.items()
+            for index, row in enumerate(frf.configurations.tolist())
+        ),
+        excitations=tuple(_excitation(run, name) for name in run.frfs),
+        removed_torques=tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
+        stages=tuple(_stage(path, folder / path, run) for path in present if path.endswith(".h5")),
+        warnings=tuple(dict.fromkeys(note for frf in run.frfs.values() for note in frf.notes)),
+    )
+    return Gathered(content, run.designs, run.validations)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """The artifacts by the name of their campaign, design or fit; of a record its shape alone."""
+
+    designs: dict[str, ConfigurationDesign]
+    excitations: dict[str, CampaignExcitation]
+    shapes: dict[str, list[int]]
+    frfs: dict[str, Frf]
+    solutions: dict[str, Solution]
+    validations: dict[str, Validation]
+
+
+def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _Run:
+    def there(names: Collection[str], pattern: str) -> dict[str, Path]:
+        return {name: folder / pattern.format(name) for name in names if pattern.format(name) in present}
+
+    experiment = loaded.experiment
+    frfs = there(experiment.campaigns, "{}/frf.h5")
+    designs = there(experiment.designs, "designs/{}.h5")
+    models = there(experiment.fits, "fits/{}/model.h5")
+    validations = there(experiment.fits, "fits/{}/validation.h5")
+    return _Run(
+        designs={name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in designs.items()},
+        excitations={
+            name: excitation_from_artifact(read_artifact(folder / name / "excitation.h5", EXCITATION)) for name in frfs
+        },
+        shapes={name: inspect_artifact(folder / name / "record.h5")["datasets"]["torque"]["shape"] for name in frfs},
+        frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
+        solutions={name: model_from_artifact(read_artifact(path, MODEL)) for name, path in models.items()},
+        validations={
+            name: validation_from_artifact(read_artifact(path, VALIDATION)) for name, path in validations.items()
+        },
+    )
+
+
+def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float]:
+    path = truth_input(loaded, loaded.experiment.fits[name]).get("truth")
+    return {} if path is None else read_json(folder / path)["values"]
+
+
+def _verdict(fits: list[FitContent], validations: dict[str, Validation]) -> Verdict:
+    if not fits:
+        return Verdict("No model was fitted.", "warn")
+    texts, fine = [], True
+    for content in fits:
+        springs = [row for row in content.parameters if row.kind == "stiffness"]
+        text = f"{sum(row.identifiable for row in springs)} of {len(springs)} springs are identified"
+        if content.status != "converged":
+            text = f"the fit has not converged ({content.status}); {text}"
+        validation = validations.get(content.name)
+        if validation is not None:
+            text += f", and the model {validation.verdict}"
+        fine &= content.status == "converged" and (validation is None or validation.ok)
+        texts.append(f"{content.name}: {text}." if len(fits) > 1 else f"{text[0].upper()}{text[1:]}.")
+    return Verdict(" ".join(texts), "ok" if fine else "warn")
+
+
+def _excitation(run: _Run, campaign: str) -> ExcitationRow:
+    excitation = run.excitations[campaign].excitation
+    low, high = excitation.frequency_hz[[0, -1]].tolist()
+    return ExcitationRow(
+        campaign=campaign,
+        lines=len(excitation.excited_lines),
+        low_hz=low,
+        high_hz=high,
+        duration_s=float(np.prod(run.shapes[campaign][:4])) * excitation.period_s,
+        rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
+        rms_unit=UNITS[excitation.kind],
+        peaks=_peaks(run.excitations[campaign], run.frfs[campaign].input_names),
+    )
+
+
+def _peaks(content: CampaignExcitation, names: tuple[str, ...]) -> tuple[PeakRow, ...]:
+    plan = content.excitation.plan
+    if plan is None:
+        return ()
+    quantities = (
+        ("speed", "rad/s", plan.speed_peak, plan.speed_limit),
+        ("torque", "N m", plan.torque_peak, plan.torque_limit),
+        ("arm excursion", "rad", plan.excursion_peak, plan.excursion_limit),
+    )
+    return tuple(
+        PeakRow(name, quantity, unit, float(peak[:, motor].max()), float(limit[motor]))
+        for motor, name in enumerate(names)
+        for quantity, unit, peak, limit in quantities
+    )
+
+
+def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
+    rms = np.sqrt(np.mean(frf.removed_torque_rms**2, axis=0))
+    if not rms.any():
+        return []
+    named = zip(frf.input_names, rms.tolist(), strict=True)
+    return [TorqueRow(campaign, name, value, frf.torque_unit) for name, value in named]
+
+
+def _stage(path: str, file: Path, run: _Run) -> StageRow:
+    header = read_header(file)
+    made = header.provenance
+    seconds = None
+    if made.started_utc and made.finished_utc:
+        begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
+        seconds = (ended - begun).total_seconds()
+    hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
+    return StageRow(made.stage, path, *hashes, seconds, _figures(path, run))
+
+
+def _figures(path: str, run: _Run) -> str:
+    folder, _, name = path.removesuffix(".h5").rpartition("/")
+    if folder == "designs":
+        return design_configs.figures(run.designs[name])
+    owner = folder.removeprefix("fits/")
+    if name == "model":
+        return fit.figures(run.solutions[owner])
+    if name == "validation":
+        return "holds" if run.validations[owner].ok else "does not hold"
+    if owner not in run.frfs:
+        return ""
+    excitation = run.excitations[owner]
+    if name == "excitation":
+        return design_excitation.figures(excitation.excitation, len(excitation.configurations))
+    if name == "record":
+        return simulate_or_acquire.figures(run.shapes[owner], excitation.excitation.period_s)
+    return estimate_frf.figures(run.frfs[owner])

@@ -1,0 +1,150 @@
+"""What the report shows of one fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.fit.solution import Solution
+from robid.frf.frf import Frf
+from robid.report.content import CostRow, FitContent, ParameterRow, ResonanceRow, StartRow
+from robid.settings.load import LoadedExperiment
+from robid.stages.fit import select
+from robid.stages.slices import delay_s
+from robid.validation.elastic import Validation
+from robid.validation.resonances import ResonanceTable, tabulate_resonances
+
+_ASSUMED = {
+    "stiffness": "stiffness_nm_rad",
+    "damping": "damping_nms_rad",
+    "viscous": "motor.friction.viscous_nms_rad",
+    "motor_inertia": "motor.inertia_kgm2",
+    "link_inertia": "link.inertia_kgm2",
+}
+
+
+def fit_content(
+    loaded: LoadedExperiment,
+    name: str,
+    solution: Solution,
+    frfs: dict[str, Frf],
+    truth: dict[str, float],
+    validation: Validation | None,
+) -> FitContent:
+    """Turns a fit, its data and its validation into rows.
+
+    Args:
+        loaded: The experiment.
+        name: Name of the fit.
+        solution: What it found.
+        frfs: Frequency responses of each campaign.
+        truth: True values by parameter name; empty for a measured robot.
+        validation: Its validation, if any.
+    """
+    settings = loaded.experiment.fits[name]
+    campaign = loaded.experiment.campaigns[settings.campaign]
+    robot = loaded.robot.to_robot(campaign.payload_kg)
+    frf = select(frfs[settings.campaign], settings.configurations)
+    chosen = settings.configurations or range(len(frf.configurations))
+    table = tabulate_resonances(robot, solution, frf, settings.options(), delay_s(loaded, campaign))
+    content = FitContent(
+        name=name,
+        campaign=settings.campaign,
+        frf=replace(frf, response=solution.measured),
+        model_response=solution.modelled,
+        level=solution.confidence,
+        parameters=_parameters(solution, frf.torque_unit, truth, robot.assumed),
+        resonances=_resonances(table),
+        estimation_costs=_costs(settings.campaign, chosen, solution.configuration_cost, solution.expected_cost),
+        starts=_starts(solution),
+        status=solution.status.replace("_", " "),
+        advice=solution.advice,
+        identifiable_relative_std=settings.identifiable_relative_std,
+    )
+    if validation is None or settings.validate_on is None:
+        return content
+    every = range(len(validation.cost))
+    return replace(
+        content,
+        validation_costs=_costs(settings.validate_on, every, validation.cost, validation.expected_cost),
+        validation_campaign=settings.validate_on,
+        validation_frf=replace(frfs[settings.validate_on], response=validation.measured),
+        validation_model=validation.modelled,
+    )
+
+
+def _resonances(table: ResonanceTable) -> tuple[ResonanceRow, ...]:
+    columns = (table.measured_hz, table.lower_hz, table.upper_hz, table.model_hz, table.damping)
+    numbers = np.stack(columns, axis=-1).tolist()
+    rows = zip(table.configuration.tolist(), table.channel, table.kind, numbers, strict=True)
+    return tuple(
+        ResonanceRow(
+            configuration=configuration,
+            channel=channel,
+            kind="resonance" if kind == "resonance" else "antiresonance",
+            measured_hz=measured,
+            model_hz=_finite(model),
+            interval_hz=(lower, upper) if np.isfinite([lower, upper]).all() else None,
+            damping=_finite(damping),
+        )
+        for configuration, channel, kind, (measured, lower, upper, model, damping) in rows
+    )
+
+
+def _starts(solution: Solution) -> tuple[StartRow, ...]:
+    ends = zip(
+        solution.start_cost.tolist(),
+        solution.start_iterations.tolist(),
+        solution.start_status,
+        solution.start_minimum.tolist(),
+        strict=True,
+    )
+    return tuple(StartRow(index, *end) for index, end in enumerate(ends))
+
+
+def _parameters(
+    solution: Solution, torque_unit: str, truth: dict[str, float], assumed: tuple[str, ...]
+) -> tuple[ParameterRow, ...]:
+    rows = []
+    for index, name in enumerate(solution.names):
+        kind = solution.kinds[index]
+        owner = name.removesuffix(f".{kind}")
+        true, lower, upper = truth.get(name), float(solution.lower[index]), float(solution.upper[index])
+        rows.append(
+            ParameterRow(
+                name=owner,
+                kind=kind,
+                unit=_unit(solution.units[index], torque_unit),
+                nominal=float(solution.nominal[index]),
+                estimate=float(solution.estimate[index]),
+                lower=lower,
+                upper=upper,
+                relative_std=float(solution.relative_std[index]),
+                truth=true,
+                identifiable=bool(solution.identifiable[index]),
+                covered=None if true is None else lower <= true <= upper,
+                assumed=f"{owner}.{_ASSUMED.get(kind, kind)}" in assumed,
+            )
+        )
+    return tuple(rows)
+
+
+def _unit(unit: str, torque_unit: str) -> str:
+    """Writes a unit with what stands for N m where the torque constant is unknown."""
+    if torque_unit == "N m":
+        return unit
+    return unit.replace("kg m^2", "N m s^2/rad").replace("N m", torque_unit)
+
+
+def _costs(campaign: str, indices: Sequence[int], cost: FloatArray, expected: FloatArray) -> tuple[CostRow, ...]:
+    return tuple(
+        CostRow(campaign, index, value, wanted if wanted > 0 else None, value - wanted if wanted > 0 else None)
+        for index, value, wanted in zip(indices, cost.tolist(), expected.tolist(), strict=True)
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None

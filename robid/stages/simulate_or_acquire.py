@@ -1,0 +1,190 @@
+"""simulate-or-acquire: the record of a campaign, simulated in closed loop or imported from a log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.artifact import Provenance
+from robid.artifacts.atomic import write_json
+from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
+from robid.artifacts.parts import Parts
+from robid.artifacts.record import RECORD, record_from_artifact, record_to_artifact
+from robid.artifacts.store import read_artifact, write_artifact
+from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, TimeChannel
+from robid.logs.mat import import_mat
+from robid.robot.description import Robot
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.settings.checks import configuration_count
+from robid.settings.experiment import Acquire, Campaign
+from robid.settings.load import LoadedExperiment
+from robid.settings.slices import to_plain
+from robid.signals.record import Record, concatenate
+from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.options import SimulateOptions
+from robid.simulate.truth import true_robot, with_imperfections
+from robid.stages.slices import delay_s, require_controller, robot_settings
+from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
+
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_BYTES_PER_SAMPLE = 4
+
+
+def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
+    campaign = loaded.experiment.campaigns[owner]
+    section = f"campaigns.{owner}"
+    settings: dict[str, Any] = {f"{section}.periods": campaign.periods}
+    settings[f"{section}.source"] = to_plain(campaign.source)
+    record, inputs = f"{owner}/record.h5", {"excitation": f"{owner}/excitation.h5"}
+    if campaign.source is not None and campaign.source.acquire is not None:
+        log = campaign.source.acquire.log_path(loaded.path.parent)
+        return Plan((record,), settings, inputs, {"log": log})
+    settings[f"{section}.payload_kg"] = campaign.payload_kg
+    settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller")
+    return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
+
+
+def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
+    """Torque and angle of all samples, once in the parts and once merged."""
+    n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
+    experiments = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations * n_motor
+    samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
+    return 2 * 2 * _BYTES_PER_SAMPLE * samples * n_motor
+
+
+def _run(job: Job) -> str:
+    content = excitation_from_artifact(read_artifact(job.inputs["excitation"], EXCITATION))
+    source = job.campaign.source
+    if source is None:
+        message = f"campaign {job.owner} has no source, and so no record"
+        raise RuntimeError(message)
+    if source.acquire is not None:
+        record = _acquire(job, source.acquire, content)
+        write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
+    else:
+        options = source.simulate or SimulateOptions()
+        record = _simulate(job, options, content)
+    return figures(record.torque.shape, record.period_s)
+
+
+def figures(shape: Sequence[int], period_s: float) -> str:
+    """Says what was recorded, in a phrase, from the shape of the torque."""
+    n_conf, n_real, n_exp, n_period = shape[:4]
+    duration_s = n_conf * n_real * n_exp * n_period * period_s
+    return (
+        f"{counted(n_conf, 'configuration')}, {counted(n_real, 'realization')} of {counted(n_exp, 'experiment')},"
+        f" {counted(n_period, 'period')} of {period_s:g} s, {duration_s:.0f} s in all"
+    )
+
+
+@dataclass(frozen=True)
+class _Task:
+    parts: Parts
+    experiment: Experiment
+    configuration: FloatArray
+    index: int
+    threads: int
+
+
+def _simulate_part(task: _Task) -> None:
+    record = simulate(task.experiment, task.configuration, task.index, task.threads)
+    task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
+
+
+def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> Record:
+    nominal = job.loaded.robot.to_robot(job.campaign.payload_kg)
+    experiment = Experiment(
+        robot=true_robot(nominal, options.truth),
+        controller=require_controller(job.loaded),
+        options=options,
+        reference=content.excitation.reference,
+        inject=content.excitation.kind,
+        excited_lines=content.excitation.excited_lines,
+        detection_lines=content.excitation.detection_lines,
+        periods=job.campaign.periods,
+    )
+    n_conf = len(content.configurations)
+    parts = Parts(job.output, RECORD, job.key)
+    todo = [index for index in range(n_conf) if not parts.has(index)]
+    job.progress.expect(n_conf, "configurations", n_conf - len(todo))
+    tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads) for i in todo]
+    job.map(_simulate_part, tasks, lambda _index, _result: job.progress.advance())
+    record = concatenate([record_from_artifact(parts.read(index)) for index in range(n_conf)])
+    write_json(job.output.with_name("truth.json"), _truth(job, nominal, experiment, content.configurations))
+    write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name, options.seed)))
+    parts.finish()
+    return record
+
+
+def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: FloatArray) -> dict[str, Any]:
+    """The true value of everything that a fit may estimate, by the fit's own names, and where it comes from."""
+    options = experiment.options
+    robot = with_imperfections(experiment.robot, options.imperfections)
+    values: dict[str, float] = {}
+    for spring in robot.springs:
+        values[f"{spring.name}.stiffness"] = spring.stiffness_nm_rad
+        values[f"{spring.name}.damping"] = spring.damping_nms_rad
+    model = build_model(robot)
+    axial = linearize(model, solve_statics(model, configurations[:1])).axial
+    for joint, stated, inertia in zip(robot.joints, nominal.joints, axial.tolist(), strict=True):
+        values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
+        values[f"{joint.name}.motor_inertia"] = joint.motor.inertia_kgm2
+        values[f"{joint.name}.link_inertia"] = inertia
+        if options.imperfections.friction != "none" and stated.motor.friction.coulomb_nm > 0:
+            law, known = joint.motor.friction, stated.motor.friction
+            values[f"{joint.name}.level"] = law.coulomb_nm / known.coulomb_nm - 1
+            values[f"{joint.name}.shape"] = law.presliding_rad / known.presliding_rad - 1
+    values["delay"] = delay_s(job.loaded, job.campaign)
+    return {
+        "values": values,
+        "truth": asdict(options.truth),
+        "imperfections": asdict(options.imperfections),
+        "seed": options.seed,
+    }
+
+
+def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> Record:
+    mapping = LogMapping(
+        file=job.inputs["log"],
+        sampling_period_s=acquire.sampling_period_s,
+        drop_periods=acquire.drop_periods,
+        time=None if acquire.time is None else TimeChannel(acquire.time.variable, _SECONDS[acquire.time.unit]),
+        inputs=tuple(
+            InputChannel(
+                name=channel.name,
+                variable=channel.variable,
+                unit=channel.unit,
+                torque_constant_nm_a=channel.torque_constant_nm_a or 1.0,
+                torque_constant_relative_std=channel.torque_constant_relative_std,
+                normalised=channel.normalised,
+                sign=channel.sign,
+            )
+            for channel in acquire.inputs
+        ),
+        outputs=tuple(OutputChannel(**channel.model_dump()) for channel in acquire.outputs),
+    )
+    detection = content.excitation.detection_lines
+    return import_mat(
+        mapping,
+        samples_per_period=content.excitation.reference.shape[2],
+        periods=job.campaign.periods,
+        excited_lines=content.excitation.excited_lines,
+        configurations=content.configurations,
+        detection_lines=np.asarray(detection),
+    )
+
+
+STAGE = Stage(
+    "simulate-or-acquire",
+    "Simulates a campaign in closed loop, or imports it from a log.",
+    "campaign",
+    RECORD,
+    measured_campaigns,
+    _plan,
+    _run,
+)

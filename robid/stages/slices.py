@@ -1,0 +1,94 @@
+"""The parts of the robot file that a stage reads, and the plain values behind them."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeAlias
+
+from robid.errors import SettingsError
+from robid.settings.experiment import Campaign
+from robid.settings.load import LoadedExperiment
+from robid.settings.slices import to_plain
+from robid.simulate.options import Controller
+
+Part: TypeAlias = Literal["mechanics", "range", "motor_limits", "friction", "friction_std", "timing", "controller"]
+
+_MOTOR: dict[str, Part] = {
+    "inertia_kgm2": "mechanics",
+    "gear_ratio": "mechanics",
+    "max_speed_rad_s": "motor_limits",
+    "max_torque_nm": "motor_limits",
+    "ripple_nm": "friction",
+    "ripple_order": "friction",
+}
+_FRICTION: dict[str, Part] = {
+    "viscous_nms_rad": "mechanics",
+    "coulomb_nm": "friction",
+    "static_nm": "friction",
+    "stribeck_rad_s": "friction",
+    "presliding_rad": "friction",
+    "relative_std": "friction_std",
+}
+_JOINT: dict[str, Part] = {"dh": "mechanics", "link": "mechanics", "limits_deg": "range"}
+_ROBOT: dict[str, Part] = {
+    "gravity_m_s2": "mechanics",
+    "base_rpy_deg": "mechanics",
+    "rotor": "mechanics",
+    "springs": "mechanics",
+    "payload": "mechanics",
+    "controller": "controller",
+}
+
+_TIMING = ("sampling_period_s", "delay_samples")
+_LINES = ("period_s", "low_hz", "high_hz", "count", "spacing", "grid", "detection_share", "seed")
+
+
+def robot_settings(loaded: LoadedExperiment, *parts: Part) -> dict[str, Any]:
+    """Returns the named parts of the robot file as `{"robot": ...}`; what no stage computes with is left out."""
+    plain = _without_assumed(to_plain(loaded.robot))
+    chosen = _pick(plain, _ROBOT, parts)
+    if "timing" in parts and plain["controller"] is not None:
+        chosen["controller"] = {key: plain["controller"][key] for key in _TIMING}
+    chosen["joints"] = []
+    for joint in plain["joints"]:
+        motor = _pick(joint["motor"], _MOTOR, parts)
+        motor["friction"] = _pick(joint["motor"]["friction"], _FRICTION, parts)
+        chosen["joints"].append({"name": joint["name"], **_pick(joint, _JOINT, parts), "motor": motor})
+    return {"robot": chosen}
+
+
+def line_settings(campaign: Campaign) -> dict[str, Any]:
+    """Returns what decides a campaign's excited lines."""
+    return {key: getattr(campaign.excitation, key) for key in _LINES}
+
+
+def require_controller(loaded: LoadedExperiment) -> Controller:
+    """Returns the robot file's controller.
+
+    Raises:
+        SettingsError: If it has none.
+    """
+    if loaded.robot.controller is None:
+        raise SettingsError(
+            "the robot file has no `controller`, which gives the sampling period",
+            where=loaded.experiment.robot,
+            remedy="add a `controller` section",
+        )
+    return loaded.robot.controller
+
+
+def delay_s(loaded: LoadedExperiment, campaign: Campaign) -> float:
+    """Returns the nominal delay from recorded to applied torque: the controller's, none in a log [s]."""
+    if campaign.source is not None and campaign.source.acquire is not None:
+        return 0.0
+    controller = require_controller(loaded)
+    return controller.delay_samples * controller.sampling_period_s
+
+
+def _pick(plain: dict[str, Any], belongs: dict[str, Part], parts: tuple[Part, ...]) -> dict[str, Any]:
+    return {key: plain[key] for key, part in belongs.items() if part in parts}
+
+
+def _without_assumed(plain: Any) -> Any:  # noqa: ANN401
+    if isinstance(plain, dict):
+        return {key: _without_assumed(value) for key, value in plain.items() if key != "assumed"}
+    return [_without_assumed(value) for value in plain] if isinstance(plain, list) else plain

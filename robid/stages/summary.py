@@ -1,0 +1,83 @@
+"""The run's numbers under flat, dotted names."""
+
+from __future__ import annotations
+
+from statistics import fmean, median
+
+from robid.report.content import FitContent, ParameterRow
+from robid.report.summary import average_and_worst, resonance_errors
+from robid.stages.report_content import Gathered
+
+_CLOSE = 0.02
+_VALIDATION = ("ok", "cost_ratio", "average_cost", "worst_cost", "median_error_db", "worst_error_db")
+
+
+def summarize(gathered: Gathered) -> dict[str, float]:
+    """Returns everything that a run says in numbers, in SI units."""
+    content = gathered.content
+    found: dict[str, float] = {}
+    for name, design in gathered.designs.items():
+        found |= {f"designs.{name}.efficiency": design.efficiency, f"designs.{name}.gap": design.gap}
+    for row in content.excitations:
+        found[f"campaigns.{row.campaign}.measuring_time_s"] = row.duration_s
+        found[f"campaigns.{row.campaign}.lines"] = row.lines
+    for fit in content.fits:
+        found |= {f"fits.{fit.name}.{name}": value for name, value in _fit(fit).items()}
+    for name, validation in gathered.validations.items():
+        for key in _VALIDATION:
+            found[f"fits.{name}.validation.{key}"] = float(getattr(validation, key))
+    return found
+
+
+def _fit(fit: FitContent) -> dict[str, float]:
+    found: dict[str, float] = {"converged": float(fit.status == "converged")}
+    for row in fit.parameters:
+        name = row.name if row.kind in ("delay", "friction") else f"{row.name}.{row.kind}"
+        found |= {f"parameters.{name}.{key}": value for key, value in _parameter(row).items()}
+    for role, rows in (("estimation", fit.estimation_costs), ("validation", fit.validation_costs)):
+        costs = average_and_worst(rows)
+        if costs is not None:
+            found |= {f"{role}.average_configuration_cost": costs[0], f"{role}.worst_configuration_cost": costs[1].cost}
+        ratios = [row.cost / row.expected_cost for row in rows if row.expected_cost]
+        if ratios:
+            found |= {f"{role}.average_cost_over_noise": fmean(ratios), f"{role}.worst_cost_over_noise": max(ratios)}
+    found |= {"starts": len(fit.starts), "starts_at_best": sum(row.minimum_index == 0 for row in fit.starts)}
+    distances = [abs(error) for error, _ in resonance_errors(fit.resonances)]
+    if distances:
+        found |= {"resonances.median_relative_error": median(distances), "resonances.count": len(distances)}
+    return found | _recovery(fit)
+
+
+def _parameter(row: ParameterRow) -> dict[str, float]:
+    values = {
+        "nominal": row.nominal,
+        "estimate": row.estimate,
+        "lower": row.lower,
+        "upper": row.upper,
+        "relative_std": row.relative_std,
+        "identifiable": float(row.identifiable),
+    }
+    if row.truth is not None:
+        values["truth"] = row.truth
+    if row.covered is not None:
+        values["covered"] = float(row.covered)
+    return values
+
+
+def _recovery(fit: FitContent) -> dict[str, float]:
+    found: dict[str, float] = {"identifiable": sum(row.identifiable for row in fit.parameters)}
+    springs = [row for row in fit.parameters if row.kind == "stiffness"]
+    widths = [(row.upper - row.lower) / 2 / row.estimate for row in springs if row.identifiable and row.estimate]
+    if widths:
+        found["springs.median_half_width"] = median(widths)
+    errors = [abs(row.estimate / row.truth - 1) for row in springs if row.truth]
+    if errors:
+        found |= {
+            "springs.median_error": median(errors),
+            "springs.worst_error": max(errors),
+            "springs.within_2_percent": sum(error <= _CLOSE for error in errors),
+        }
+    covered = [row.covered for row in fit.parameters if row.identifiable and row.covered is not None]
+    if covered:
+        found["coverage"] = fmean(covered)
+    return found

@@ -1,0 +1,108 @@
+"""What the user sees while stages run and when they ask what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+_PLAIN_WIDTH = 140
+_COLOURS = {"fresh": "green", "stale": "yellow", "missing": "red"}
+
+
+def make_console(*, stderr: bool) -> Console:
+    """Returns a console that does not fold lines at 80 columns where there is no terminal."""
+    console = Console(stderr=stderr)
+    return console if console.is_terminal else Console(stderr=stderr, width=_PLAIN_WIDTH)
+
+
+@dataclass(frozen=True)
+class Shell:
+    """Where results, messages and progress go.
+
+    Attributes:
+        out: Results.
+        err: Messages and progress.
+        quiet: Whether progress and messages that are no warnings are left out.
+    """
+
+    out: Console
+    err: Console
+    quiet: bool
+
+    def say(self, text: str) -> None:
+        """Prints a result as it is."""
+        self.out.print(text, soft_wrap=True, highlight=False, markup=False)
+
+    def note(self, subject: str, text: str) -> None:
+        """Prints a message about something, unless quiet."""
+        if not self.quiet:
+            self.err.print(f"[bold]{escape(subject)}[/bold]  {escape(text)}", soft_wrap=True, highlight=False)
+
+    def warn(self, text: str) -> None:
+        """Prints a warning."""
+        self.err.print(f"warning: {escape(text)}", style="yellow", soft_wrap=True, highlight=False)
+
+    @contextmanager
+    def progress(self, label: str) -> Iterator[Bar]:
+        """Shows a bar while something is made; nothing where there is no terminal."""
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[unit]}"),
+            TimeElapsedColumn(),
+        )
+        hidden = self.quiet or not self.err.is_terminal
+        with Progress(*columns, console=self.err, transient=True, disable=hidden) as bars:
+            yield Bar(self, label, bars, bars.add_task(label, total=None, unit=""))
+
+
+@dataclass(frozen=True)
+class Bar:
+    """The progress of one stage."""
+
+    shell: Shell
+    label: str
+    bars: Progress
+    task: TaskID
+
+    def expect(self, total: int, unit: str, done: int = 0) -> None:
+        """Says how many tasks there are, and how many of them an earlier run did."""
+        self.bars.update(self.task, total=total, completed=done, unit=unit)
+        if done:
+            self.shell.note(self.label, f"{done} of {total} {unit} are there from an earlier run")
+
+    def advance(self) -> None:
+        """Says that one more is done."""
+        self.bars.advance(self.task)
+
+
+def status_table(rows: Sequence[tuple[str, str, str]]) -> Table:
+    """Lays out output, status and why."""
+    table = _table("output", "status", "why")
+    for output, status, why in rows:
+        table.add_row(output, f"[{_COLOURS[status]}]{status}[/{_COLOURS[status]}]", escape(why))
+    return table
+
+
+def dataset_table(datasets: dict[str, dict[str, Any]]) -> Table:
+    """Lays out what an artifact holds."""
+    table = _table("dataset", "shape", "type", "units", "axes", "what")
+    for name, row in datasets.items():
+        shape = " x ".join(map(str, row["shape"]))
+        table.add_row(name, shape, row["dtype"], row["units"], ", ".join(row["axes"]), row.get("description", ""))
+    return table
+
+
+def _table(*names: str) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for name in names:
+        table.add_column(name, no_wrap=name != names[-1])
+    return table

@@ -1,0 +1,72 @@
+"""validate: a fitted model on a campaign that its fit never saw."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robid.artifacts.atomic import read_json
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
+from robid.artifacts.validation import VALIDATION, validation_to_artifact
+from robid.settings.experiment import Experiment, Fit
+from robid.settings.load import LoadedExperiment
+from robid.settings.slices import to_plain
+from robid.stages.fit import model_settings
+from robid.stages.slices import delay_s
+from robid.stages.stage import Job, Plan, Stage
+from robid.validation.elastic import validate_elastic
+
+
+def _owners(experiment: Experiment) -> tuple[str, ...]:
+    return tuple(name for name, fit in experiment.fits.items() if fit.validate_on is not None)
+
+
+def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
+    fit = loaded.experiment.fits[owner]
+    settings = {f"fits.{owner}": to_plain(fit), **model_settings(loaded, fit.campaign)}
+    settings |= {f"campaigns.{fit.validate_on}.payload_kg": _validation_payload(loaded, fit)}
+    inputs = {"model": f"fits/{owner}/model.h5", "frf": f"{fit.validate_on}/frf.h5", **truth_input(loaded, fit)}
+    return Plan((f"fits/{owner}/validation.h5",), settings, inputs)
+
+
+def truth_input(loaded: LoadedExperiment, fit: Fit) -> dict[str, str]:
+    """Returns where the truth of a fit's campaign lies; a measured robot has none."""
+    source = loaded.experiment.campaigns[fit.campaign].source
+    simulated = source is not None and source.simulate is not None
+    return {"truth": f"{fit.campaign}/truth.json"} if simulated else {}
+
+
+def _validation_payload(loaded: LoadedExperiment, fit: Fit) -> float | None:
+    return None if fit.validate_on is None else loaded.experiment.campaigns[fit.validate_on].payload_kg
+
+
+def _run(job: Job) -> str:
+    fit = job.loaded.experiment.fits[job.owner]
+    validation = validate_elastic(
+        job.loaded.robot.to_robot(_validation_payload(job.loaded, fit)),
+        model_from_artifact(read_artifact(job.inputs["model"], MODEL)),
+        frf_from_artifact(read_artifact(job.inputs["frf"], FRF)),
+        fit.options(),
+        delay_s(job.loaded, job.loaded.experiment.campaigns[fit.campaign]),
+        read_json(job.inputs["truth"])["values"] if "truth" in job.inputs else None,
+    )
+    write_artifact(job.output, validation_to_artifact(validation, job.provenance(STAGE.name)))
+    return validation.verdict
+
+
+def _problem(output: Path) -> str:
+    attributes = inspect_artifact(output)["attributes"]
+    return "" if attributes["ok"] else f"the model {attributes['verdict']}"
+
+
+STAGE = Stage(
+    "validate",
+    "Holds a fitted model against a campaign that its fit never saw.",
+    "fit",
+    VALIDATION,
+    _owners,
+    _plan,
+    _run,
+    _problem,
+)

@@ -1,0 +1,1 @@
+"""Metrics and tests on data that no fit saw."""

@@ -1,0 +1,108 @@
+"""A fitted elastic model set against frequency responses, whether the fit saw them or not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.errors import DataError
+from robid.fit.options import ElasticOptions
+from robid.fit.parameters import ParameterMap, map_parameters
+from robid.fit.problem import Problem, make_problem
+from robid.fit.solution import Solution
+from robid.frf.frf import Frf
+from robid.robot.description import Robot
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import ElasticParameters, nominal_parameters
+
+_SAME_VALUE = 1e-6
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A fitted model in the configurations of a frequency response.
+
+    Attributes:
+        problem: The least-squares problem of this response, weighted as the fit's own.
+        internal (n_param,): The fitted internal parameters, in the problem's order.
+        dropped: Elements that the logarithm drops.
+    """
+
+    problem: Problem
+    internal: FloatArray
+    dropped: int
+
+    @property
+    def parameters(self) -> ElasticParameters:
+        """All parameter values, fitted and fixed."""
+        return self.problem.parameters.parameters(self.internal)
+
+    @property
+    def measured(self) -> ComplexArray:
+        """Measured response (n_conf, n_freq, n_out, n_in), compensated with the fitted friction scales."""
+        return self.problem.measured(self.internal)
+
+
+def fitted_model(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptions, delay_s: float) -> FittedModel:
+    """Evaluates a fitted model in a response's configurations, statics solved for the fitted springs.
+
+    Args:
+        robot: The robot file that the fit started from.
+        solution: What the fit found.
+        frf: Frequency responses, of the fit or of another campaign.
+        options: Options of the fit.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+
+    Returns:
+        The model; friction scales that the fit does not know stay at the robot file's values.
+
+    Raises:
+        DataError: If the response's inputs are not the robot's motors, or robot, options or delay are not
+            those of the fit.
+    """
+    _check_inputs(robot, frf)
+    elastic = build_model(robot)
+    found = dict(zip(solution.names, solution.estimate.tolist(), strict=True))
+    stiffness = np.array([found.get(f"{s.name}.stiffness", s.stiffness_nm_rad) for s in robot.springs])
+    model = linearize(elastic, solve_statics(elastic, frf.configurations, stiffness), frf.output_names)
+    parameters = map_parameters(
+        robot,
+        nominal_parameters(robot, model, delay_s),
+        options,
+        frf.coefficient_names,
+        frf.coefficient_relative_std,
+    )
+    internal = _internal(robot, solution, parameters)
+    problem, dropped = make_problem(frf, model, parameters, options)
+    return FittedModel(problem, internal, dropped)
+
+
+def _internal(robot: Robot, solution: Solution, parameters: ParameterMap) -> FloatArray:
+    """Orders the fitted internal values as the map does and checks that they mean the same."""
+    fitted = dict(zip(solution.names, solution.internal.tolist(), strict=True))
+    estimate = dict(zip(solution.names, solution.estimate.tolist(), strict=True))
+    internal = np.array([fitted.get(name, 0.0) for name in parameters.names])
+    values = dict(zip(parameters.names, parameters.values(internal).tolist(), strict=True))
+    kinds = dict(zip(solution.names, solution.kinds, strict=True)) | dict(
+        zip(parameters.names, parameters.kind_of, strict=True)
+    )
+    differing = [
+        name
+        for name, kind in kinds.items()
+        if kind != "friction"
+        and not np.isclose(values.get(name, np.nan), estimate.get(name, np.nan), rtol=_SAME_VALUE, atol=1e-12)
+    ]
+    if differing:
+        message = f"robot, options or delay are not those of the fit: {', '.join(differing)} would change"
+        raise DataError(message, where=robot.name, remedy="fit again with the present robot and settings")
+    return internal
+
+
+def _check_inputs(robot: Robot, frf: Frf) -> None:
+    motors = tuple(joint.name for joint in robot.joints)
+    if frf.input_names != motors:
+        message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
+        raise DataError(message, where=robot.name, remedy="name the inputs after the robot's joints, in order")

@@ -1,0 +1,113 @@
+"""Exactly solvable robots and exact responses of them, shared by the tests of the science layers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robid.frf.frf import Frf
+from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters, response
+
+NO_PAYLOAD = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def two_mass_robot(
+    motor_inertia=4.780e-3, load_inertia=4.752e-3, stiffness=546.4, damping=0.01, ratio=1.0, viscous=0.0
+):
+    """A motor, a spring and a load, free of gravity; the defaults are those of the motor bench."""
+    link = Inertial(1.0, np.zeros(3), load_inertia * np.eye(3))
+    motor = Motor(motor_inertia, ratio, 300.0, 10.0)
+    motor = replace(motor, friction=replace(motor.friction, viscous_nms_rad=viscous))
+    joint = Joint("drive", np.zeros(3), np.eye(3), link, -np.pi, np.pi, motor)
+    spring = Spring("coupling", 0, "transmission", np.array([0.0, 0.0, 1.0]), stiffness, damping)
+    return Robot("two masses", np.zeros(3), (joint,), (spring,), NO_PAYLOAD)
+
+
+def two_joint_robot(rotor="spong"):
+    """Two vertical links with soft gears, one bearing spring and one split link, under gravity."""
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    first = Inertial(20.0, np.array([0.35, 0.02, 0.15]), np.diag([0.2, 1.4, 1.5]))
+    second = Inertial(12.0, np.array([0.25, -0.03, 0.12]), np.diag([0.1, 0.5, 0.55]))
+    outboard = Inertial(5.0, np.array([0.45, -0.01, 0.11]), np.diag([0.03, 0.08, 0.09]))
+    motors = (Motor(8e-4, 120.0, 400.0, 20.0), Motor(4e-4, 100.0, 400.0, 15.0))
+    joints = (
+        Joint("shoulder", np.array([0.0, 0.0, 0.4]), turn, first, -2.0, 2.0, motors[0]),
+        Joint("elbow", np.array([0.7, 0.0, 0.25]), np.eye(3), second, -2.5, 2.5, motors[1]),
+    )
+    z, x = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    springs = (
+        Spring("gear_1", 0, "transmission", z, 2.0e4, 30.0),
+        Spring("gear_2", 1, "transmission", z, 6.0e3, 8.0),
+        Spring("bearing_1", 0, "bearing", x, 3.0e4, 30.0),
+        Spring("forearm", 1, "split", z, 8.0e3, 6.0, 0.0, np.array([0.3, 0.0, 0.0]), outboard),
+    )
+    payload = Inertial(4.0, np.array([0.6, 0.0, 0.15]), 0.02 * np.eye(3))
+    return Robot("two joints", np.array([0.0, 0.0, -9.81]), joints, springs, payload, rotor)
+
+
+def exact_frf(
+    robot,
+    configurations,
+    frequency_hz,
+    *,
+    delay_s=0.0,
+    sampling_period_s=1e-3,
+    output_names=None,
+    relative_noise=0.0,
+    declared_noise=None,
+    seed=0,
+    realizations=1,
+):
+    """The robot's own response as an estimate with independent circular noise of a known covariance.
+
+    `relative_noise` is the residual's standard deviation over the median magnitude of the response;
+    `declared_noise` is what the covariance says, where it differs.
+    """
+    configurations = np.atleast_2d(configurations)
+    names = tuple(joint.name for joint in robot.joints)
+    outputs = output_names or names
+    model = build_model(robot)
+    linear = linearize(model, solve_statics(model, configurations), outputs)
+    exact = response(linear, nominal_parameters(robot, linear, delay_s), frequency_hz, sampling_period_s).sampled
+    n_conf, n_freq, n_out, n_in = exact.shape
+    level = relative_noise * np.median(np.abs(exact), axis=(0, 1, 3))
+    generator = np.random.default_rng(seed)
+    noise = generator.standard_normal((2, *exact.shape)) / np.sqrt(2)
+    noisy = exact + level[:, None] * (noise[0] + 1j * noise[1]) / np.sqrt(realizations)
+    declared = relative_noise if declared_noise is None else declared_noise
+    covariance = None
+    if declared > 0:
+        stated = declared * np.median(np.abs(exact), axis=(0, 1, 3))
+        covariance = np.broadcast_to(np.diag(stated.astype(complex) ** 2), (n_conf, n_freq, n_out, n_out))
+    return Frf(
+        frequency_hz=frequency_hz,
+        lines=np.arange(1, n_freq + 1),
+        configurations=configurations,
+        response=noisy,
+        input_factor=np.broadcast_to(np.eye(n_in, dtype=complex) / realizations, (n_conf, n_freq, n_in, n_in)),
+        total_covariance=covariance,
+        noise_covariance=None,
+        total_degrees_of_freedom=1e6 if declared > 0 else 0.0,
+        noise_degrees_of_freedom=0.0,
+        sensitivity=np.zeros((n_conf, 0, n_freq, n_out, n_in), complex),
+        coefficient_names=(),
+        coefficient_relative_std=np.zeros(0),
+        removed_torque_rms=np.zeros((n_conf, n_in)),
+        sampling_period_s=sampling_period_s,
+        input_names=names,
+        output_names=outputs,
+    )
+
+
+def with_spring_factors(robot, stiffness=1.0, damping=1.0):
+    """The robot with all its springs and dampers multiplied, by one factor or one each."""
+    factors = np.broadcast_to(stiffness, len(robot.springs)), np.broadcast_to(damping, len(robot.springs))
+    springs = tuple(
+        replace(spring, stiffness_nm_rad=spring.stiffness_nm_rad * k, damping_nms_rad=spring.damping_nms_rad * d)
+        for spring, k, d in zip(robot.springs, *factors, strict=True)
+    )
+    return replace(robot, springs=springs)

@@ -1,0 +1,91 @@
+"""Runs the command line in a folder of its own, on experiments that take a second."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import pytest
+
+from robid.cli import run_command
+
+_HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Answer:
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+    @property
+    def flat(self) -> str:
+        return " ".join(self.err.split())
+
+
+class Workshop:
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder, self.experiment, self.runs = folder, "small.yaml", folder / "runs" / "small"
+        shutil.copy(_HERE / "arm.yaml", folder)
+        shutil.copy(_HERE / "small.yaml", folder)
+        monkeypatch.chdir(folder)
+
+    def robid(self, *arguments: str) -> Answer:
+        out, err = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            code = run_command(list(arguments))
+        return Answer(code, out.getvalue(), err.getvalue())
+
+    def change(self, old: str, new: str, file: str = "small.yaml") -> None:
+        text = (self.folder / file).read_text()
+        assert old in text
+        (self.folder / file).write_text(text.replace(old, new, 1))
+
+    def states(self) -> dict[str, tuple[str, str]]:
+        nodes = self.robid("status", self.experiment, "--json").json["nodes"]
+        return {node["output"]: (node["status"], node["why"]) for node in nodes}
+
+    def contents(self, folder: Path | None = None) -> dict[str, str]:
+        root = folder or self.runs
+        found = {}
+        for path in sorted(root.rglob("*.h5")):
+            with h5py.File(path) as file:
+                found[str(path.relative_to(root))] = str(file.attrs["content_sha256"])
+        return found
+
+    def files(self) -> dict[str, str]:
+        paths = [path for path in sorted(self.runs.rglob("*")) if path.is_file()]
+        return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+
+
+@pytest.fixture
+def shop(tmp_path, monkeypatch):
+    """A folder with the small experiment, not run yet."""
+    return Workshop(tmp_path, monkeypatch)
+
+
+@pytest.fixture(scope="session")
+def finished_runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("finished")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        answer = Workshop(folder, monkeypatch).robid("run", "small.yaml")
+    assert answer.code == 0, answer.err
+    return folder / "runs"
+
+
+@pytest.fixture
+def done(shop, finished_runs):
+    """A folder with the small experiment and its finished run."""
+    shutil.copytree(finished_runs, shop.folder / "runs")
+    return shop

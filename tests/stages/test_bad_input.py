@@ -1,0 +1,221 @@
+"""Bad input through the command line: one message with place and remedy, the exit code, all artifacts untouched."""
+
+import re
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.signal import cont2discrete
+
+STIFFNESS, DAMPING, MOTOR, LOAD = 546.0, 0.2, 4.8e-3, 4.7e-3
+PERIOD_S, STEP_S, N_PERIOD = 0.5, 1e-3, 5
+LINES = np.arange(10, 81)
+
+
+def refuse(shop, code, *texts, command=("run", "small.yaml")):
+    """Runs a command that must fail, with one message and nothing changed."""
+    before = shop.files()
+    answer = shop.robid(*command)
+    assert answer.code == code, answer.err
+    assert len(re.findall(r"^robid: ", answer.err, re.MULTILINE)) == 1
+    assert "Traceback" not in answer.err
+    assert answer.out == ""
+    for text in ("remedy: ", *texts):
+        assert text in answer.flat
+    assert shop.files() == before
+    return answer
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "texts"),
+    [
+        ("periods: 2", "perods: 2", ("small.yaml:12", "campaigns.estimation.perods", "did you mean `periods`?")),
+        ("count: 2}", "count: many}", ("designs.best.count", "found 'many'")),
+        ("[[20, 30]]", "[[20, 130]]", ("list_deg[0][1]", "130 deg is unreachable", "from -60 to 100 deg")),
+        ("high_hz: 80", "high_hz: 600", ("campaigns.estimation.excitation", "Nyquist frequency 500 Hz")),
+        ("from: estimation", "from: estimatoin", ("fits.elastic.from", "did you mean `estimation`?")),
+        ("validate_on: validation", "validate_on: estimation", ("fits.elastic.validate_on", "validate on another one")),
+        ("robot: arm.yaml", "robot: leg.yaml", ("small.yaml:3", "leg.yaml")),
+    ],
+)
+def test_settings_are_refused_with_their_place(done, old, new, texts):
+    done.change(old, new)
+    refuse(done, 2, *texts)
+
+
+def test_every_problem_is_told_at_once(done):
+    done.change("periods: 2", "perods: 2")
+    done.change("[[20, 30]]", "[[20]]")
+    done.change("name: turn", "name: torn", "arm.yaml")
+    refuse(done, 2, "perods", "there is no joint `turn`")
+
+
+def test_an_excitation_over_a_limit_names_motor_and_admissible_rms(done):
+    done.change("rms: 6", "rms: 200")
+    refuse(done, 2, "small.yaml: campaigns.estimation.excitation.rms", "motor lift", "admissible rms", "rad/s")
+
+
+def test_a_missing_artifact_names_the_command(done):
+    (done.runs / "estimation" / "record.h5").unlink()
+    command = ("estimate-frf", "small.yaml", "--campaign", "estimation")
+    texts = ("estimation/record.h5", "`robid simulate-or-acquire small.yaml --campaign estimation` makes it")
+    refuse(done, 3, *texts, command=command)
+    refuse(done, 3, "nothing.h5", command=("inspect", "nothing.h5"))
+
+
+@pytest.mark.parametrize("command", [("run", "small.yaml"), ("fit", "small.yaml", "--force")])
+def test_a_damaged_artifact_is_refused_by_name(done, command):
+    path = done.runs / "estimation" / "frf.h5"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    refuse(done, 3, "estimation/frf.h5", "cannot be read", "estimate-frf", command=command)
+
+
+def test_a_flipped_number_is_refused_by_name(done):
+    path = done.runs / "estimation" / "frf.h5"
+    with h5py.File(path, "r+") as file:
+        file["frequency_hz"][3] *= 1.001
+    texts = ("estimation/frf.h5", "does not match its hash")
+    refuse(done, 3, *texts, command=("fit", "small.yaml", "--force"))
+
+
+@pytest.mark.parametrize("command", [("run", "small.yaml"), ("fit", "small.yaml", "--force")])
+def test_an_artifact_of_a_future_version_is_refused_and_kept(done, command):
+    path = done.runs / "estimation" / "frf.h5"
+    with h5py.File(path, "r+") as file:
+        file.attrs["schema_version"] = "99.0"
+    refuse(done, 3, "estimation/frf.h5", "schema version 99.0", "use the robid that wrote it", command=command)
+
+
+def test_a_file_that_is_no_artifact_is_not_overwritten(shop):
+    target = shop.runs / "estimation" / "record.h5"
+    target.parent.mkdir(parents=True)
+    target.write_text("my notes")
+    refuse(shop, 3, "estimation/record.h5")
+    assert target.read_text() == "my notes"
+
+
+def test_a_simulation_that_blows_up_names_its_configuration(done):
+    done.change("rms: 6", "rms: 0.01")
+    done.change("speed_bandwidth_hz: 20", "speed_bandwidth_hz: 2000", "arm.yaml")
+    done.change("max_torque_nm: 30", "max_torque_nm: 1.0e+12", "arm.yaml")
+    done.change("max_torque_nm: 30", "max_torque_nm: 1.0e+12", "arm.yaml")
+    before = {path: digest for path, digest in done.files().items() if "excitation" not in path}
+    answer = done.robid("run", "small.yaml")
+    assert answer.code == 4, answer.err
+    for text in ("small.yaml: campaigns.estimation: configuration 0", "blew up in period", "lower the speed loop"):
+        assert text in answer.flat
+    after = done.files()
+    assert {path: after[path] for path in before if "designs" not in path} == {
+        path: digest for path, digest in before.items() if "designs" not in path
+    }
+    assert not list(Path.cwd().rglob("MUJOCO_LOG.TXT"))
+
+
+def two_mass(samples):
+    """Exact steady-state angles (2, n_sample) of the held current's period."""
+    stiffness, damping = (
+        value / np.array([[MOTOR], [LOAD]]) * np.array([[1, -1], [-1, 1]]) for value in (STIFFNESS, DAMPING)
+    )
+    continuous = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping]])
+    state, gain, output, *_ = cont2discrete(
+        (continuous, np.array([[0], [0], [1 / MOTOR], [0]]), np.eye(4)[:2], np.zeros((2, 1))), STEP_S
+    )
+    spectrum = np.fft.rfft(samples)
+    angle = np.zeros((2, spectrum.size), complex)
+    for line in LINES:
+        shift = np.exp(2j * np.pi * line / samples.size)
+        angle[:, line] = (output @ np.linalg.solve(shift * np.eye(4) - state, gain))[:, 0] * spectrum[line]
+    return np.fft.irfft(angle, samples.size)
+
+
+def bench_log():
+    """Five periods of a log whose load angle counts the other way, in degrees."""
+    generator = np.random.default_rng(3)
+    n_sample = round(PERIOD_S / STEP_S)
+    spectrum = np.zeros(n_sample // 2 + 1, complex)
+    spectrum[LINES] = 20 * np.exp(2j * np.pi * generator.uniform(size=LINES.size))
+    current = np.fft.irfft(spectrum, n_sample)
+    motor, load = two_mass(current)
+    columns = {"current": current, "motor": motor, "load": -np.rad2deg(load)}
+    log = {name: np.tile(values, N_PERIOD)[:, None] for name, values in columns.items()}
+    for name in ("motor", "load"):
+        log[name] += 1e-3 * log[name].std() * generator.normal(size=log[name].shape)
+    log["time"] = np.arange(n_sample * N_PERIOD)[:, None] * STEP_S * 1e3
+    return log
+
+
+@pytest.fixture
+def bench(shop):
+    here = Path(__file__).parent
+    for name in ("bench.yaml", "bench_robot.yaml"):
+        shutil.copy(here / name, shop.folder)
+    shop.runs, shop.experiment = shop.folder / "runs" / "bench", "bench.yaml"
+    savemat(shop.folder / "log.mat", bench_log())
+    return shop
+
+
+def test_a_log_goes_through_the_same_chain(bench):
+    answer = bench.robid("run", "bench.yaml", "--json")
+    assert answer.code == 0, answer.err
+    rows = {(row["name"], row["kind"]): row for row in answer.json["parameters"]["two_mass"]}
+    for key, truth in {
+        ("coupling", "stiffness"): STIFFNESS,
+        ("drive", "motor_inertia"): MOTOR,
+        ("drive", "link_inertia"): LOAD,
+    }.items():
+        assert rows[key]["estimate"] == pytest.approx(truth, rel=0.01)
+        assert rows[key]["truth"] is None
+    assert rows["coupling", "stiffness"]["unit"] == "A/rad"
+    notes = bench.robid("inspect", str(bench.runs / "log" / "frf.h5"), "--json").json
+    assert "total_covariance" not in notes["datasets"]
+    assert not (bench.runs / "log" / "truth.json").exists()
+    assert "fits/two_mass/validation.h5" not in bench.contents()
+    (bench.folder / "log.mat").unlink()
+    assert set(bench.states().values()) == {("fresh", "")}
+
+
+def test_another_log_makes_the_record_stale(bench):
+    assert bench.robid("run", "bench.yaml").code == 0
+    log = bench_log()
+    log["motor"][7] += 1e-6
+    savemat(bench.folder / "log.mat", log)
+    assert bench.states()["log/record.h5"] == ("stale", "input log changed")
+
+
+def cut(log, name, index):
+    log[name] = np.delete(log[name], index, axis=0)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "texts"),
+    [
+        (lambda log: log.update(curent=log.pop("current")), ("`current`", "Did you mean `curent`?")),
+        (lambda log: log["motor"].__setitem__(1234, np.nan), ("`motor`", "NaN", "sample 1234")),
+        (lambda log: [cut(log, name, slice(900, 950)) for name in list(log)], ("gap", "sample 899")),
+        (lambda log: log.update(time=log["time"] * 1.02), ("time steps are 0.00102 s", "sampling_period_s")),
+    ],
+)
+def test_a_log_that_is_not_what_was_said_is_refused(bench, spoil, texts):
+    log = bench_log()
+    spoil(log)
+    savemat(bench.folder / "log.mat", log)
+    command = ("simulate-or-acquire", "bench.yaml")
+    assert bench.robid("design-excitation", "bench.yaml").code == 0
+    refuse(bench, 4, "log.mat", *texts, command=command)
+
+
+def test_a_wrong_period_proposes_the_right_one(bench):
+    bench.change("period_s: 0.5", "period_s: 0.502", "bench.yaml")
+    bench.change("count: 71", "count: 70", "bench.yaml")
+    assert bench.robid("design-excitation", "bench.yaml").code == 0
+    refuse(bench, 4, "repeats every 500 samples", "0.5", command=("simulate-or-acquire", "bench.yaml"))
+
+
+def test_a_missing_data_folder_is_told_before_anything_runs(bench, monkeypatch):
+    bench.change("file: log.mat", "file: ${ROBID_DATA}/bench/log.mat", "bench.yaml")
+    monkeypatch.setenv("ROBID_DATA", "nowhere")
+    refuse(bench, 4, "nowhere/bench/log.mat", "ROBID_DATA", command=("run", "bench.yaml"))
+    assert not (bench.runs / "log").exists()

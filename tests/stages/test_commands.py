@@ -1,0 +1,167 @@
+import json
+
+import pytest
+
+from robid import cli, pipeline
+from robid.settings.load import load_experiment
+
+CHAIN = (
+    ("design-configs",),
+    ("design-excitation", "--campaign", "estimation"),
+    ("design-excitation", "--campaign", "validation"),
+    ("simulate-or-acquire", "--campaign", "estimation"),
+    ("simulate-or-acquire", "--campaign", "validation"),
+    ("estimate-frf", "--campaign", "estimation"),
+    ("estimate-frf", "--campaign", "validation"),
+    ("fit",),
+    ("validate",),
+    ("report",),
+)
+
+
+def test_the_stages_one_by_one_give_what_run_gives(done):
+    for name, *options in CHAIN:
+        answer = done.robid(name, "small.yaml", *options, "--run-dir", "single", "--json")
+        assert answer.code == 0, answer.err
+        assert answer.json["outcome"] == "made"
+    assert done.contents(done.folder / "single") == done.contents()
+    assert (done.folder / "single" / "summary.json").read_text() == (done.runs / "summary.json").read_text()
+
+
+@pytest.mark.parametrize("command", CHAIN)
+def test_a_fresh_output_is_left_alone(done, command):
+    before = done.files()
+    name, *options = command
+    answer = done.robid(name, "small.yaml", *options)
+    assert (answer.code, answer.err) == (0, "")
+    assert "fresh: nothing to do" in answer.out
+    assert done.files() == before
+
+
+def test_force_makes_it_again(done):
+    answer = done.robid("fit", "small.yaml", "--force", "--json")
+    assert (answer.code, answer.json["outcome"]) == (0, "made")
+    assert set(done.states().values()) == {("fresh", "")}
+
+
+def test_an_output_that_differs_needs_force(done):
+    done.change("starts: 2", "starts: 3")
+    before = done.files()
+    answer = done.robid("fit", "small.yaml")
+    assert answer.code == 3
+    assert "settings changed: fits.elastic.starts" in answer.flat
+    assert "--force" in answer.flat
+    assert done.files() == before
+    assert done.robid("fit", "small.yaml", "--force").code == 0
+
+
+@pytest.mark.parametrize(
+    ("command", "missing", "maker"),
+    [
+        (("design-excitation", "--campaign", "estimation"), "designs/best.h5", "robid design-configs small.yaml"),
+        (("simulate-or-acquire", "--campaign", "validation"), "validation/excitation.h5", "--campaign validation"),
+        (("estimate-frf", "--campaign", "estimation"), "estimation/record.h5", "robid simulate-or-acquire small.yaml"),
+        (("fit",), "estimation/frf.h5", "robid estimate-frf small.yaml --campaign estimation"),
+        (("validate",), "fits/elastic/model.h5", "robid fit small.yaml --fit elastic"),
+        (("report",), "designs/best.h5", "robid design-configs small.yaml --design best"),
+    ],
+)
+def test_a_missing_input_names_the_command_that_makes_it(shop, command, missing, maker):
+    name, *options = command
+    answer = shop.robid(name, "small.yaml", *options)
+    assert answer.code == 3
+    assert missing in answer.flat
+    assert maker in answer.flat
+
+
+def test_a_stale_input_stops_the_stage(done):
+    done.change("compensation: nominal", "compensation: none")
+    answer = done.robid("fit", "small.yaml", "--force")
+    assert answer.code == 3
+    assert "settings changed: campaigns.estimation.estimate.compensation" in answer.flat
+
+
+def test_inputs_and_output_by_name(done):
+    frf = done.runs / "validation" / "frf.h5"
+    answer = done.robid("fit", "small.yaml", "--input", str(frf), "--output", "elsewhere.h5", "--json")
+    assert answer.code == 0, answer.err
+    shape = done.robid("inspect", "elsewhere.h5", "--json").json["datasets"]["configurations"]["shape"]
+    assert shape == [1, 2]
+    assert done.robid("fit", "small.yaml", "--input", str(frf), "--output", "elsewhere.h5").out.endswith("to do\n")
+    wrong = done.robid("fit", "small.yaml", "--input", str(done.runs / "validation" / "record.h5"))
+    assert wrong.code == 2
+    assert "`fit` reads no record" in wrong.flat
+
+
+def test_the_owner_may_be_left_out_only_when_there_is_one(done):
+    answer = done.robid("estimate-frf", "small.yaml")
+    assert answer.code == 2
+    assert "`estimation`, `validation`" in answer.flat
+    unknown = done.robid("fit", "small.yaml", "--fit", "elastik")
+    assert unknown.code == 2
+    assert "there are: `elastic`" in unknown.flat
+
+
+def test_inspect_describes_an_artifact(done):
+    path = str(done.runs / "estimation" / "frf.h5")
+    answer = done.robid("inspect", path)
+    assert answer.code == 0
+    for text in ("made by estimate-frf", "frequency_hz", "rad/s^2/(N m)", "torque_unit = N m"):
+        assert text in answer.out
+    found = done.robid("inspect", path, "--json").json
+    assert found["provenance"]["settings"]["campaigns.estimation.estimate"]["compensation"] == "nominal"
+    assert str(done.folder) not in json.dumps(found)
+
+
+def test_schema_version_and_status_print_to_stdout(shop):
+    assert "campaigns" in shop.robid("schema").json["properties"]
+    assert "springs" in shop.robid("schema", "--robot").json["properties"]
+    assert shop.robid("--version").out.startswith("robid ")
+    status = shop.robid("status", "small.yaml")
+    assert (status.code, status.err) == (0, "")
+    assert status.out.count("missing") == len(CHAIN)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("fitt", "small.yaml"), ("fit",), ("run", "small.yaml", "--worker", "2"), ("run", "x", "--workers", "0")],
+)
+def test_a_usage_error_exits_2_with_one_message(shop, arguments):
+    answer = shop.robid(*arguments)
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err.count("robid: ") == 1
+    assert "remedy: `robid --help`" in answer.err
+
+
+def test_an_error_is_one_json_object_too(shop):
+    answer = shop.robid("fit", "small.yaml", "--json")
+    assert answer.json["exit_code"] == answer.code == 3
+    assert "frf.h5" in answer.json["error"]
+
+
+def test_a_defect_says_so_and_debug_shows_where(shop, monkeypatch):
+    def fail(*_):
+        raise KeyError("lost")
+
+    monkeypatch.setattr(cli, "graph", fail)
+    answer = shop.robid("status", "small.yaml")
+    assert answer.code == 1
+    assert "a defect of ours: KeyError" in answer.err
+    assert "--debug" in answer.err
+    assert "Traceback" not in answer.err
+    assert "Traceback" in shop.robid("status", "small.yaml", "--debug").err
+
+
+def test_a_full_disk_is_refused_before_anything_runs(shop, monkeypatch):
+    monkeypatch.setattr(pipeline, "_SMALL_BYTES", 1e18)
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 3
+    assert "MB left" in answer.flat
+    assert shop.contents() == {}
+
+
+def test_the_room_of_records_is_counted(shop):
+    loaded = load_experiment(shop.folder / "small.yaml")
+    nodes = {node.output: node.plan.needed_bytes for node in pipeline.graph(loaded)}
+    # 2 configurations, 2 realizations, 2 experiments, 2 periods of 500 samples, 2 motors, torque and angle, 4 bytes.
+    assert nodes["estimation/record.h5"] == 2 * (2 * 2 * 2 * 2 * 500 * 2 * 2 * 4)

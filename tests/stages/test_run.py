@@ -1,0 +1,110 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+OUTPUTS = {
+    "designs/best.h5",
+    "estimation/excitation.h5",
+    "estimation/record.h5",
+    "estimation/frf.h5",
+    "validation/excitation.h5",
+    "validation/record.h5",
+    "validation/frf.h5",
+    "fits/elastic/model.h5",
+    "fits/elastic/validation.h5",
+}
+
+
+def test_a_run_makes_everything_and_recovers_the_springs(done):
+    assert set(done.contents()) == OUTPUTS
+    summary = json.loads((done.runs / "summary.json").read_text())
+    assert all(isinstance(value, int | float) for value in summary.values())
+    truth = json.loads((done.runs / "estimation" / "truth.json").read_text())
+    for name in ("gear_turn.stiffness", "gear_lift.stiffness"):
+        prefix = f"fits.elastic.parameters.{name}"
+        assert summary[f"{prefix}.truth"] == truth["values"][name] != summary[f"{prefix}.nominal"]
+        assert summary[f"{prefix}.estimate"] == pytest.approx(truth["values"][name], rel=0.02)
+    assert summary["fits.elastic.springs.worst_error"] < 0.02
+    assert (done.runs / "report.html").read_text().count("<html") == 1
+
+
+def test_a_run_ends_with_table_verdict_and_report(done):
+    answer = done.robid("run", "small.yaml")
+    assert answer.code == 0
+    for text in ("gear_turn", "kN m/rad", "2 of 2 springs are identified", "runs/small/report.html"):
+        assert text in answer.out
+
+
+def test_a_second_run_does_nothing(done):
+    before = done.files()
+    answer = done.robid("run", "small.yaml", "--json")
+    assert answer.code == 0
+    assert {node["outcome"] for node in answer.json["nodes"]} == {"fresh"}
+    assert done.files() == before
+    assert set(done.states().values()) == {("fresh", "")}
+
+
+def test_serial_and_processes_give_the_same_content(done):
+    answer = done.robid("run", "small.yaml", "--run-dir", "other", "--backend", "processes", "--workers", "2")
+    assert answer.code == 0, answer.err
+    assert done.contents(done.folder / "other") == done.contents()
+
+
+def test_one_line_per_node_where_there_is_no_terminal(shop):
+    answer = shop.robid("run", "small.yaml")
+    assert len(answer.err.splitlines()) == len(OUTPUTS) + 1
+    assert "estimation/record.h5  made: 2 configurations, 2 realizations of 2 experiments" in answer.err
+
+
+def test_log_level_warning_says_nothing(done):
+    done.change("workers: 1", "workers: 1, log_level: warning")
+    assert done.robid("run", "small.yaml").err == ""
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
+def test_a_stopped_run_resumes_and_gives_the_same_content(shop, number, code):
+    shop.change("count: 2}", "count: 3}")
+    shop.change("periods: 2", "periods: 30")
+    command = [sys.executable, "-m", "robid", "run", "small.yaml"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    parts = shop.runs / "estimation" / "record.h5.parts"
+    deadline = time.monotonic() + 60
+    while not list(parts.glob("*.h5")):
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert not (shop.runs / "estimation" / "record.h5").exists()
+    if number == signal.SIGINT:
+        assert err.decode().strip().endswith("the same command goes on from there")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code in (0, 5), answer.err
+    assert "of 3 configurations are there from an earlier run" in answer.err
+    assert not parts.exists()
+    assert shop.robid("run", "small.yaml", "--run-dir", "other").code == answer.code
+    assert shop.contents() == shop.contents(shop.folder / "other")
+
+
+def test_a_fit_that_has_not_converged_is_saved_and_exits_5(shop):
+    shop.change("starts: 2", "starts: 2, max_iterations: 1")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 5
+    assert "has not converged (iteration_limit)" in answer.err
+    assert "The fit has not converged" in answer.out
+    assert "fits/elastic/model.h5" in shop.contents()
+    assert "fits/elastic/validation.h5" not in shop.contents()
+    assert (shop.runs / "report.html").exists()
+    before = shop.files()
+    again = shop.robid("run", "small.yaml")
+    assert again.code == 5
+    assert shop.files() == before
+    assert shop.states()["report.html"][0] == "fresh"
+    assert shop.states()["fits/elastic/validation.h5"][0] == "missing"

@@ -1,0 +1,86 @@
+"""Levenberg-Marquardt on problems with known minima, and how it ends."""
+
+import numpy as np
+import pytest
+
+from robid.fit.levenberg import Normal, minimise
+
+
+def least_squares(residual, jacobian):
+    def cost(point):
+        return float(np.sum(residual(point) ** 2))
+
+    def normal(point):
+        r, J = residual(point), jacobian(point)
+        return Normal(float(r @ r), J.T @ r, J.T @ J)
+
+    return cost, normal
+
+
+def rosenbrock():
+    return least_squares(
+        lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]),
+        lambda x: np.array([[-20 * x[0], 10.0], [-1.0, 0.0]]),
+    )
+
+
+@pytest.mark.parametrize("start", [(-1.2, 1.0), (3.0, -3.0), (0.0, 0.0), (-20.0, 5.0)])
+def test_rosenbrock(start):
+    found = minimise(*rosenbrock(), np.array(start))
+    assert found.status == "converged"
+    np.testing.assert_allclose(found.parameters, 1.0, rtol=1e-7)
+    assert found.cost < 1e-15
+
+
+def test_linear_least_squares_in_few_steps():
+    generator = np.random.default_rng(1)
+    A, b = generator.standard_normal((30, 4)), generator.standard_normal(30)
+    found = minimise(*least_squares(lambda x: A @ x - b, lambda _: A), np.zeros(4))
+    np.testing.assert_allclose(found.parameters, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-6)
+    assert found.iterations < 10
+
+
+def test_parameter_without_influence_does_not_hold_the_others_back():
+    A = np.diag([1.0, 1e-7])
+    target = np.array([5.0, 1e-3])
+    found = minimise(*least_squares(lambda x: A @ x - target, lambda _: A), np.zeros(2), max_iterations=30)
+    np.testing.assert_allclose(found.parameters[0], 5.0, rtol=1e-6)
+
+
+def test_step_is_bounded():
+    visited = []
+
+    def residual(x):
+        visited.append(x.copy())
+        return x - 100.0
+
+    minimise(*least_squares(residual, lambda _: np.eye(1)), np.zeros(1), max_iterations=5, max_step=0.5)
+    assert np.abs(np.diff(np.unique(np.array(visited)[:, 0]))).max() <= 0.5 + 1e-12
+
+
+def test_iteration_limit_is_a_status():
+    found = minimise(*rosenbrock(), np.array([-1.2, 1.0]), max_iterations=3)
+    assert (found.status, found.iterations) == ("iteration_limit", 3)
+
+
+def test_points_without_a_cost_are_stepped_around():
+    cost, normal = least_squares(lambda x: np.log(x), lambda x: np.diag(1 / x))
+
+    def guarded(point):
+        return cost(point) if (point > 0).all() else np.inf
+
+    found = minimise(guarded, normal, np.array([5.0]), max_step=10.0)
+    np.testing.assert_allclose(found.parameters, 1.0, rtol=1e-6)
+
+
+def test_cost_never_rises():
+    accepted = []
+    cost, normal = rosenbrock()
+
+    def watched(point):
+        here = normal(point)
+        accepted.append(here.cost)
+        return here
+
+    minimise(cost, watched, np.array([-1.2, 1.0]))
+    assert (np.diff(accepted) <= 0).all()

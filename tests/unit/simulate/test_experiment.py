@@ -1,0 +1,210 @@
+"""The closed loop against the analytic response, its refusals, and what must not change its bits."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from exact_systems import two_joint_robot, with_spring_factors
+from robid.errors import DataError
+from robid.frf.estimate import estimate_frf
+from robid.frf.options import EstimateOptions
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters, response
+from robid.settings.load import load_robot
+from robid.signals.multisine import multisine, time_signal
+from robid.simulate.controller import Cascade, angle_reference, frequency_response
+from robid.simulate.experiment import Experiment, measure, simulate
+from robid.simulate.options import Controller, Imperfections, SimulateOptions
+
+ROBOT_FILE = Path(__file__).parents[3] / "configs" / "robots" / "kr300.yaml"
+PLAIN = EstimateOptions(compensation="none")
+CONFIGURATION = np.array([0.3, -0.8])
+
+
+def odd_lines(period_s, count, low_hz=2.0, high_hz=80.0):
+    lines = np.unique(np.round(np.geomspace(low_hz * period_s, high_hz * period_s, count) / 2).astype(int) * 2 + 1)
+    return lines[lines < high_hz * period_s]
+
+
+def experiment(robot=None, *, period_s=2.0, rms=5.0, count=25, inject="speed_reference", realizations=1, **options):
+    robot = robot or two_joint_robot()
+    controller = Controller()
+    n_motor, n_sample = len(robot.joints), round(period_s / controller.sampling_period_s)
+    lines = odd_lines(period_s, count)
+    amplitude = np.full((n_motor, lines.size), rms * np.sqrt(2 / lines.size))
+    phase = np.random.default_rng(5).uniform(0, 2 * np.pi, (realizations, n_motor, lines.size))
+    reference = time_signal(multisine(amplitude, phase), lines, n_sample)
+    return Experiment(
+        robot=robot,
+        controller=controller,
+        options=SimulateOptions(**options),
+        reference=reference,
+        inject=inject,
+        excited_lines=lines,
+        detection_lines=np.zeros(0, int),
+        periods=1,
+    )
+
+
+def analytic(robot, configuration, frequency_hz, controller):
+    model = build_model(robot)
+    linear = linearize(model, solve_statics(model, configuration[None]))
+    delay_s = controller.delay_samples * controller.sampling_period_s
+    parameters = nominal_parameters(robot, linear, delay_s)
+    return response(linear, parameters, frequency_hz, controller.sampling_period_s).sampled
+
+
+def diagonal(frf_response):
+    return np.diagonal(frf_response, axis1=2, axis2=3)
+
+
+@pytest.fixture(scope="module")
+def plain_record():
+    return simulate(experiment(), CONFIGURATION, 0)
+
+
+def test_kr300_in_closed_loop_is_the_analytic_response():
+    robot = load_robot(ROBOT_FILE).to_robot()
+    run = experiment(robot, period_s=4.0, rms=20.0, count=60, transient_periods=1)
+    configuration = np.deg2rad([10.0, -80.0, 60.0, 20.0, 40.0, -30.0])
+    frf = estimate_frf(simulate(run, configuration, 0), PLAIN)
+    exact = analytic(robot, configuration, frf.frequency_hz, run.controller)
+    error = np.abs(diagonal(frf.response) / diagonal(exact) - 1)
+    assert np.median(error) < 5e-4
+    assert error.max() < 0.05
+
+
+@pytest.mark.parametrize("inject", ["speed_reference", "position_reference", "torque"])
+def test_every_injection_gives_the_same_response(inject):
+    rms = {"speed_reference": 5.0, "position_reference": 0.1, "torque": 0.3}[inject]
+    run = experiment(rms=rms, inject=inject)
+    frf = estimate_frf(simulate(run, CONFIGURATION, 0), PLAIN)
+    exact = analytic(run.robot, CONFIGURATION, frf.frequency_hz, run.controller)
+    assert np.median(np.abs(diagonal(frf.response) / diagonal(exact) - 1)) < 5e-4
+
+
+def test_error_of_the_response_falls_with_the_square_of_the_amplitude():
+    # What is left at a large amplitude is the arm's own geometry, which is odd around a configuration.
+    errors = []
+    for rms in (80.0, 40.0):
+        run = experiment(rms=rms)
+        frf = estimate_frf(simulate(run, CONFIGURATION, 0), PLAIN)
+        exact = estimate_frf(simulate(experiment(rms=0.5), CONFIGURATION, 0), PLAIN).response
+        errors.append(np.median(np.abs(diagonal(frf.response) / diagonal(exact) - 1)))
+    assert 1.0 < np.log2(errors[0] / errors[1]) < 3.0
+
+
+def test_halving_the_step_changes_little(plain_record):
+    fine = simulate(experiment(steps_per_sample=2), CONFIGURATION, 0)
+    coarse, finer = (diagonal(estimate_frf(record, PLAIN).response) for record in (plain_record, fine))
+    assert np.median(np.abs(coarse / finer - 1)) < 1e-3
+    assert not np.array_equal(coarse, finer)
+
+
+def test_records_hold_what_the_controller_did(plain_record):
+    run = experiment()
+    spectra = [
+        np.fft.rfft(x[0, 0, :, 0], axis=1)[:, run.excited_lines] for x in (plain_record.torque, plain_record.position)
+    ]
+    reference = np.fft.rfft(plain_record.reference[0, 0], axis=1)[:, run.excited_lines]
+    omega = 2 * np.pi * run.excited_lines / plain_record.period_s
+    forward, back = frequency_response(run.controller, run.robot.motor_inertia_kgm2, omega)
+    wanted = forward * reference - back * spectra[1]
+    # One transient period leaves the slow position loop's last motion in the record.
+    assert np.median(np.abs(spectra[0] - wanted) / np.abs(spectra[0])) < 1e-3
+
+
+def test_same_bits_with_any_number_of_threads():
+    flaws = Imperfections(encoder_noise_rad=1e-5, torque_noise_nm=0.05, friction="lugre", ripple=True)
+    run = experiment(period_s=0.5, count=8, imperfections=flaws)
+    one, two = simulate(run, CONFIGURATION, 3, threads=1), simulate(run, CONFIGURATION, 3, threads=2)
+    np.testing.assert_array_equal(one.torque, two.torque)
+    np.testing.assert_array_equal(one.position, two.position)
+
+
+def test_noise_is_seeded_by_configuration_and_campaign():
+    flaws = Imperfections(encoder_noise_rad=1e-5)
+    run = experiment(period_s=0.2, count=4, imperfections=flaws)
+    first = simulate(run, CONFIGURATION, 0).position
+    np.testing.assert_array_equal(first, simulate(run, CONFIGURATION, 0).position)
+    assert not np.array_equal(first, simulate(run, CONFIGURATION, 1).position)
+    reseeded = replace(run, options=replace(run.options, seed=2))
+    assert not np.array_equal(first, simulate(reseeded, CONFIGURATION, 0).position)
+
+
+def test_explosion_is_refused_and_leaves_no_file(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    run = experiment(with_spring_factors(two_joint_robot(), 1e6, 1e6), period_s=0.2, count=4)
+    with pytest.raises(DataError, match=r"configuration 7 at \[ 17.2 -45.8\] deg: the simulation blew up in period 1"):
+        simulate(run, CONFIGURATION, 7)
+    assert list(tmp_path.iterdir()) == []
+    assert Path.cwd() == tmp_path
+    capfd.readouterr()
+
+
+@pytest.mark.parametrize(
+    "flaws",
+    [
+        {"friction": "lugre"},
+        {"ripple": True},
+        {"stiffening_1_rad2": 1e6},
+        {"backlash_rad": 2e-5},
+        {"hysteresis_nm": 1.0},
+        {"unmodelled_payload_kg": 2.0},
+        {"encoder_noise_rad": 1e-4},
+        {"encoder_resolution_rad": 1e-3},
+        {"torque_noise_nm": 0.1},
+        {"resolver_error_rad": 5e-3},
+    ],
+    ids=lambda flaws: next(iter(flaws)),
+)
+def test_every_imperfection_acts(flaws):
+    # Without gravity, whose load would keep every gear on one flank of its backlash.
+    robot = replace(two_joint_robot(), gravity_m_s2=np.zeros(3))
+    law = {"coulomb_nm": 0.2, "static_nm": 0.25, "presliding_rad": 0.05}
+    motors = [
+        replace(joint.motor, ripple_nm=0.05, friction=replace(joint.motor.friction, **law)) for joint in robot.joints
+    ]
+    joints = tuple(replace(joint, motor=motor) for joint, motor in zip(robot.joints, motors, strict=True))
+    run = experiment(replace(robot, joints=joints), period_s=0.5, count=8)
+    flawed = replace(run, options=replace(run.options, imperfections=Imperfections(**flaws)))
+    clean, torque = (simulate(each, CONFIGURATION, 0).torque for each in (run, flawed))
+    assert np.sqrt(np.mean((torque - clean) ** 2)) > 1e-3 * clean.std()
+
+
+def test_encoder_shows_resolver_error_noise_and_steps():
+    angle = np.linspace(-4, 4, 101)
+    flaws = Imperfections(encoder_resolution_rad=0.1, resolver_error_rad=0.5, resolver_order=2)
+    shown = measure(angle, np.full(101, 0.3), flaws)
+    np.testing.assert_allclose(shown, np.round(10 * (angle + 0.3 + 0.5 * np.sin(2 * angle))) / 10, atol=1e-12)
+    np.testing.assert_array_equal(measure(angle, np.zeros(101), Imperfections()), angle)
+
+
+def test_torque_stays_within_the_limit():
+    robot = two_joint_robot()
+    run = experiment(rms=400.0, period_s=0.5, count=8)
+    torque = simulate(run, CONFIGURATION, 0).torque
+    limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])
+    np.testing.assert_allclose(np.abs(torque).max(axis=(0, 1, 2, 3, 4)), limit, rtol=1e-12)
+
+
+def test_cascade_is_its_frequency_response():
+    controller, inertia = Controller(), np.array([8e-4])
+    n_sample = 4000
+    time = np.arange(n_sample) * controller.sampling_period_s
+    omega = 2 * np.pi * 5.0
+    angle, speed = 0.2 * np.sin(omega * time + 0.4), 3.0 * np.cos(omega * time)
+    reference = angle_reference(speed[:, None], controller.sampling_period_s)[:, 0]
+    cascade = Cascade(controller, inertia, np.array([1e6]), np.array([[angle[-1]]]), np.zeros(1))
+    for _ in range(2):
+        torque = np.array(
+            [cascade.command(np.array([[a]]), np.array([[r]]), np.array([[v]]))[0, 0]
+             for a, r, v in zip(angle, reference, speed, strict=True)]
+        )  # fmt: skip
+    line = 20
+    found, measured, injected = (np.fft.rfft(x)[line] for x in (torque, angle, speed))
+    forward, back = frequency_response(controller, inertia, np.array([omega]))
+    np.testing.assert_allclose(found, forward[0, 0] * injected - back[0, 0] * measured, rtol=1e-6)

@@ -1,0 +1,75 @@
+"""The true robot: seeded, within its bounds, and different only where it says so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import two_joint_robot
+from robid.robot.description import Friction
+from robid.simulate.options import Imperfections, Truth
+from robid.simulate.truth import true_robot, with_imperfections
+
+FRICTION = Friction(0.01, 0.5, 0.6, 2.0, 0.05, 0.1)
+
+
+@pytest.fixture
+def robot():
+    plain = two_joint_robot()
+    joints = tuple(replace(joint, motor=replace(joint.motor, friction=FRICTION)) for joint in plain.joints)
+    return replace(plain, joints=joints)
+
+
+def values(robot):
+    springs = [(spring.stiffness_nm_rad, spring.damping_nms_rad) for spring in robot.springs]
+    laws = [joint.motor.friction for joint in robot.joints]
+    friction = [
+        (law.viscous_nms_rad, law.coulomb_nm, law.static_nm, law.stribeck_rad_s, law.presliding_rad) for law in laws
+    ]
+    return np.array(springs), np.array(friction)
+
+
+def test_same_seed_same_robot_other_seed_other_robot(robot):
+    truth = Truth(spring_factor=2.0, friction_relative=0.15, seed=3)
+    for one, other in zip(values(true_robot(robot, truth)), values(true_robot(robot, truth)), strict=True):
+        np.testing.assert_array_equal(one, other)
+    for one, other in zip(
+        values(true_robot(robot, truth)), values(true_robot(robot, replace(truth, seed=4))), strict=True
+    ):
+        assert (one != other).any()
+
+
+def test_deviations_fill_their_bounds_and_stay_within(robot):
+    nominal = values(robot)
+    springs, friction = [], []
+    for seed in range(300):
+        found = values(true_robot(robot, Truth(spring_factor=2.0, friction_relative=0.15, seed=seed)))
+        springs.append(found[0] / nominal[0])
+        friction.append(found[1] / nominal[1])
+    springs, friction = np.log2(springs), np.array(friction) - 1
+    assert np.abs(springs).max() <= 1
+    assert np.abs(friction).max() <= 0.15 + 1e-12
+    assert (np.abs(springs).max(axis=0) > 0.95).all()
+    assert (np.abs(friction).max(axis=0) > 0.14).all()
+    # Log-uniform: the mean of the logarithm is zero, its deviation 1/sqrt(3).
+    np.testing.assert_allclose(springs.mean(axis=0), 0.0, atol=4 / np.sqrt(3 * 300))
+    np.testing.assert_allclose(springs.std(axis=0), 1 / np.sqrt(3), rtol=0.15)
+
+
+def test_no_deviation_is_the_file_and_all_else_stays(robot):
+    for one, other in zip(values(true_robot(robot, Truth())), values(robot), strict=True):
+        np.testing.assert_array_equal(one, other)
+    true = true_robot(robot, Truth(spring_factor=2.0, friction_relative=0.15))
+    np.testing.assert_array_equal(true.motor_inertia_kgm2, robot.motor_inertia_kgm2)
+    assert true.payload is robot.payload
+    assert [joint.motor.friction.relative_std for joint in true.joints] == [0.1, 0.1]
+
+
+def test_imperfections_of_the_description(robot):
+    flawed = with_imperfections(robot, Imperfections(stiffening_1_rad2=50.0, unmodelled_payload_kg=2.0))
+    for spring, before in zip(flawed.springs, robot.springs, strict=True):
+        share = 50.0 if spring.place == "transmission" else 0.0
+        assert spring.cubic_nm_rad3 == share * before.stiffness_nm_rad
+    assert flawed.payload.mass_kg == pytest.approx(robot.payload.mass_kg + 2.0)
+    np.testing.assert_allclose(flawed.payload.inertia_kgm2, 1.5 * robot.payload.inertia_kgm2)
+    assert with_imperfections(robot, Imperfections()).payload is robot.payload

@@ -1,0 +1,152 @@
+"""A right model passes in configurations its fit never saw, a wrong one fails; the truth is counted exactly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from robid.errors import DataError
+from robid.fit.elastic import fit_elastic
+from robid.fit.options import ElasticOptions
+from robid.validation.elastic import validate_elastic
+from robid.validation.fitted import fitted_model
+
+FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
+SEEN = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
+NEW = np.array([[0.1, 0.9], [-0.8, -0.4]])
+DELAY_S = 1e-3
+OPTIONS = ElasticOptions()
+
+
+def truth_of(robot):
+    springs = {f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in robot.springs}
+    dampers = {f"{spring.name}.damping": spring.damping_nms_rad for spring in robot.springs}
+    return springs | dampers | {"delay": DELAY_S}
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    return two_joint_robot()
+
+
+@pytest.fixture(scope="module")
+def true_arm(nominal):
+    return with_spring_factors(nominal, [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
+
+
+@pytest.fixture(scope="module")
+def solution(nominal, true_arm):
+    frf = exact_frf(true_arm, SEEN, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=1)
+    return fit_elastic(nominal, frf, OPTIONS, DELAY_S)
+
+
+@pytest.fixture(scope="module")
+def fresh(true_arm):
+    return exact_frf(true_arm, NEW, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=2)
+
+
+@pytest.fixture(scope="module")
+def validation(nominal, true_arm, solution, fresh):
+    return validate_elastic(nominal, solution, fresh, OPTIONS, DELAY_S, truth_of(true_arm))
+
+
+def test_right_model_passes_at_the_cost_of_noise(validation):
+    assert validation.ok
+    assert "holds on new data" in validation.verdict
+    np.testing.assert_allclose(validation.cost, validation.expected_cost, rtol=0.25)
+    np.testing.assert_allclose(validation.excess, validation.cost - validation.expected_cost)
+    assert validation.median_error_db < 0.15
+
+
+def test_average_and_worst_are_those_of_the_costs(validation):
+    per_element = validation.cost / validation.elements
+    assert validation.worst_configuration == np.argmax(per_element)
+    assert validation.worst_cost == per_element.max()
+    assert validation.average_cost == per_element.mean()
+
+
+def test_cost_is_the_weighted_log_error_written_out(nominal, solution, fresh, validation):
+    weight = fitted_model(nominal, solution, fresh, OPTIONS, DELAY_S).problem.weight
+    ratio = fresh.response / validation.modelled
+    wanted = (weight * (np.log(np.abs(ratio)) ** 2 + np.angle(ratio) ** 2)).sum(axis=(1, 2, 3))
+    np.testing.assert_allclose(validation.cost, wanted, rtol=1e-10)
+
+
+def test_decibels_are_those_of_a_scaled_response(nominal, solution, fresh, validation):
+    scaled = replace(fresh, response=validation.modelled * 10 ** (3.0 / 20), total_covariance=None)
+    found = validate_elastic(nominal, solution, scaled, OPTIONS, DELAY_S, None)
+    np.testing.assert_allclose([found.median_error_db, found.worst_error_db, *found.error_db.ravel()], 3.0, rtol=1e-9)
+    assert not found.ok
+    assert "does not hold" in found.verdict
+
+
+def test_wrong_payload_fails(nominal, true_arm, solution):
+    heavier = replace(true_arm, payload=replace(true_arm.payload, mass_kg=12.0))
+    frf = exact_frf(heavier, NEW, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=2)
+    found = validate_elastic(nominal, solution, frf, OPTIONS, DELAY_S, None)
+    assert not found.ok
+    assert found.cost_ratio > 1.5
+
+
+def test_truth_is_counted(nominal, true_arm, solution, fresh, validation):
+    index = [solution.names.index(name) for name in validation.truth_names]
+    np.testing.assert_allclose(validation.truth * (1 + validation.relative_error), solution.estimate[index], rtol=1e-9)
+    springs = [name.endswith(".stiffness") for name in validation.truth_names]
+    assert validation.springs_known == 4
+    assert validation.springs_within == (np.abs(validation.relative_error[springs]) <= 0.02).sum() > 2
+    assert validation.coverage == validation.covered[validation.truth_identifiable].mean()
+    shifted = truth_of(with_spring_factors(true_arm, [1.03, 1.0, 1.0, 1.0]))
+    found = validate_elastic(nominal, solution, fresh, OPTIONS, DELAY_S, shifted)
+    assert found.springs_within == validation.springs_within - 1
+    assert not found.covered[found.truth_names.index("gear_1.stiffness")]
+
+
+def test_without_truth_nothing_is_claimed(nominal, solution, fresh):
+    found = validate_elastic(nominal, solution, fresh, OPTIONS, DELAY_S, None)
+    assert (found.truth_names, found.coverage, found.springs_known) == ((), None, 0)
+    assert "truth" not in found.verdict
+
+
+def test_seen_configurations_are_refused(nominal, solution, fresh):
+    mixed = replace(fresh, configurations=np.array([NEW[0], SEEN[2] + 1e-5]))
+    with pytest.raises(DataError, match="already used validation configuration 2"):
+        validate_elastic(nominal, solution, mixed, OPTIONS, DELAY_S, None)
+
+
+@pytest.mark.parametrize("change", ["robot", "options", "delay"])
+def test_what_the_fit_did_not_use_is_refused(nominal, solution, fresh, change):
+    robot = with_spring_factors(nominal, 1.1) if change == "robot" else nominal
+    options = replace(OPTIONS, free=("stiffness", "damping", "delay")) if change == "options" else OPTIONS
+    delay_s = 2e-3 if change == "delay" else DELAY_S
+    with pytest.raises(DataError, match="not those of the fit"):
+        validate_elastic(robot, solution, fresh, options, delay_s, None)
+
+
+def test_fitted_friction_moves_the_new_data_by_shared_names(nominal, solution, fresh):
+    generator = np.random.default_rng(3)
+    sensitivity = generator.standard_normal((2, 2, *fresh.response.shape[1:])) * (1 + 0j)
+    names = ("elbow.level", "shoulder.level")
+    frf = replace(fresh, sensitivity=sensitivity, coefficient_names=names, coefficient_relative_std=np.full(2, 0.1))
+    known = replace(
+        solution,
+        names=(*solution.names, "shoulder.level"),
+        kinds=(*solution.kinds, "friction"),
+        internal=np.append(solution.internal, 0.05),
+        estimate=np.append(solution.estimate, 0.05),
+    )
+    measured = fitted_model(nominal, known, frf, OPTIONS, DELAY_S).measured
+    np.testing.assert_allclose(measured, fresh.response + 0.05 * sensitivity[:, 1], rtol=1e-12)
+
+
+def test_statics_are_those_of_the_fitted_springs(nominal):
+    soft = with_spring_factors(nominal, 0.1)
+    frf = exact_frf(soft, NEW, FREQUENCY_HZ, delay_s=DELAY_S)
+    values = truth_of(soft) | {"shoulder.viscous": 0.0, "elbow.viscous": 0.0}
+    start = fit_elastic(nominal, exact_frf(nominal, SEEN, FREQUENCY_HZ, delay_s=DELAY_S), OPTIONS, DELAY_S)
+    estimate = np.array([values[name] for name in start.names])
+    logarithmic = np.array([kind in ("stiffness", "damping") for kind in start.kinds])
+    ratio = np.divide(estimate, start.nominal, out=np.ones_like(estimate), where=logarithmic)
+    known = replace(start, estimate=estimate, internal=np.where(logarithmic, np.log(ratio), 0.0))
+    found = validate_elastic(nominal, known, frf, OPTIONS, DELAY_S, None)
+    np.testing.assert_allclose(found.modelled, frf.response, rtol=1e-9)
