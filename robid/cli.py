@@ -199,7 +199,10 @@ def run_experiment(
     report = str(run.path("report.html"))
     if as_json:
         rows = {fit.name: [dataclasses.asdict(row) for row in fit.parameters] for fit in content.fits}
-        nodes = [{"output": result.node.output, "outcome": result.outcome, "text": result.text} for result in results]
+        nodes = [
+            {"output": result.node.output} | {"outcome": result.outcome, "text": result.text, "problem": result.problem}
+            for result in results
+        ]
         verdict = dataclasses.asdict(content.verdict)
         _print_json({"nodes": nodes, "parameters": rows, "verdict": verdict, "report": report})
         return _PROBLEM if any(result.problem for result in results) else 0

@@ -60,7 +60,6 @@ def exact_frf(
     relative_noise=0.0,
     declared_noise=None,
     seed=0,
-    realizations=1,
 ):
     """The robot's own response as an estimate with independent circular noise of a known covariance.
 
@@ -77,7 +76,7 @@ def exact_frf(
     level = relative_noise * np.median(np.abs(exact), axis=(0, 1, 3))
     generator = np.random.default_rng(seed)
     noise = generator.standard_normal((2, *exact.shape)) / np.sqrt(2)
-    noisy = exact + level[:, None] * (noise[0] + 1j * noise[1]) / np.sqrt(realizations)
+    noisy = exact + level[:, None] * (noise[0] + 1j * noise[1])
     declared = relative_noise if declared_noise is None else declared_noise
     covariance = None
     if declared > 0:
@@ -88,7 +87,7 @@ def exact_frf(
         lines=np.arange(1, n_freq + 1),
         configurations=configurations,
         response=noisy,
-        input_factor=np.broadcast_to(np.eye(n_in, dtype=complex) / realizations, (n_conf, n_freq, n_in, n_in)),
+        input_factor=np.broadcast_to(np.eye(n_in, dtype=complex), (n_conf, n_freq, n_in, n_in)),
         total_covariance=covariance,
         noise_covariance=None,
         total_degrees_of_freedom=1e6 if declared > 0 else 0.0,

@@ -34,6 +34,7 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
         "input_names": Column("1", ("input",)),
         "output_names": Column("1", ("output",)),
         "position_offset_rad": Column("rad", ("configuration", "output"), "Offset subtracted from the position"),
+        "torque_relative_std": Column("1", ("input",), "Standard deviation of the torque scale's relative error"),
         "notes": Column("1", ("note",)),
     }
     return Artifact(RECORD, *to_datasets(record, table), provenance)

@@ -30,6 +30,9 @@ _COARSE_TOLERANCE = 1e-4
 _COARSE_WEIGHTS = Weights(kind="user", off_diagonal=0.5)
 _CALL_BACKS = 3
 _NEEDLESS_FACTOR = 1e3
+_MANY_DROPPED = 0.2
+_POOR_MODEL = 1.5
+_NO_INFLUENCE = 1e-14  # of the largest: rounding
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,8 @@ def _solution(
     dropped: int,
 ) -> Solution:
     parameters, internal = problem.parameters, best.parameters
-    covariance = sandwich(problem, internal)
+    excess = misfit(problem, best.cost)
+    covariance = sandwich(problem, internal) * max(1.0, excess)
     values, slopes = parameters.values(internal), parameters.slopes(internal)
     deviation = np.sqrt(np.diag(covariance))
     reach = norm.ppf(0.5 + 0.5 * options.confidence) * deviation
@@ -188,13 +192,14 @@ def _solution(
         cost=best.cost,
         configuration_cost=problem.configuration_cost(modelled, internal),
         expected_cost=expected_cost(problem),
+        misfit=excess,
         dropped=dropped,
         start_cost=costs,
         start_iterations=np.array([end.iterations for end in ends]),
         start_status=tuple(end.status for end in ends),
         start_minimum=distinct_minima(costs),
         status=best.status,
-        advice=_advice(best, parameters, dropped, problem),
+        advice=_advice(best, parameters, dropped / problem.weight.size, excess),
         configurations=problem.frf.configurations,
         frequency_hz=problem.frf.frequency_hz,
         measured=problem.measured(internal),
@@ -208,6 +213,15 @@ def expected_cost(problem: Problem) -> FloatArray:
     if problem.estimator == "lls":
         variance = variance / np.abs(problem.frf.response) ** 2
     return np.asarray((problem.weight * variance).sum(axis=(1, 2, 3)))
+
+
+def misfit(problem: Problem, cost: float) -> float:
+    """Cost over what the response's covariance and the assumed model error give together; 0 without either."""
+    assumed = problem.model_error**2
+    if problem.estimator == "nls":
+        assumed = assumed * np.abs(problem.frf.response) ** 2
+    total = float(expected_cost(problem).sum() + (problem.weight * assumed).sum())
+    return cost / total if total > 0 else 0.0
 
 
 def distinct_minima(costs: FloatArray) -> IntArray:
@@ -234,14 +248,17 @@ def _check_response(robot: Robot, frf: Frf) -> None:
 
 
 def _check_influence(problem: Problem) -> None:
-    hessian = np.diag(problem.normal(np.zeros(len(problem.parameters.names))).hessian)
-    silent = [name for name, value in zip(problem.parameters.names, hessian, strict=True) if value <= 0]
+    parameters = problem.parameters
+    prior = 0.5 / parameters.prior_std**2
+    influence = np.diag(problem.normal(np.zeros(len(parameters.names))).hessian) - prior
+    none = (influence <= _NO_INFLUENCE * influence.max()) & (np.array(parameters.kind_of) != "friction")
+    silent = [name for name, without in zip(parameters.names, none, strict=True) if without]
     if silent:
         message = f"free parameters change nothing: {', '.join(silent)}"
         raise DataError(message, where="fit", remedy="list them under `fixed`, or measure other configurations")
 
 
-def _advice(best: Minimum, parameters: ParameterMap, dropped: int, problem: Problem) -> str:
+def _advice(best: Minimum, parameters: ParameterMap, dropped_share: float, excess: float) -> str:
     advice = []
     if best.status != "converged":
         advice.append("raise `max_iterations`, add starts, or fix the parameters with the largest deviations")
@@ -253,7 +270,11 @@ def _advice(best: Minimum, parameters: ParameterMap, dropped: int, problem: Prob
     ]
     if needless:
         advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
-    share = dropped / problem.weight.size
-    if share > 0.2:
-        advice.append(f"{share:.0%} of the response lies below 10 dB: excite more, or measure more realizations")
+    if dropped_share > _MANY_DROPPED:
+        advice.append(f"{dropped_share:.0%} of the response lies below 10 dB: excite more, or average more")
+    if excess > _POOR_MODEL:
+        advice.append(
+            f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "
+            "something; intervals are widened by that factor"
+        )
     return "; ".join(advice)

@@ -40,7 +40,7 @@ class Problem:
     def model_response(self, internal: FloatArray) -> ComplexArray:
         """Parametric response (n_conf, n_freq, n_out, n_in)."""
         values = self.parameters.parameters(internal)
-        return response(self.model, values, self.frf.frequency_hz, self.frf.sampling_period_s).sampled
+        return response(self.model, values, self.frf.frequency_hz, self.frf.hold_period_s).sampled
 
     def measured(self, internal: FloatArray) -> ComplexArray:
         """Measured response, friction compensation moved by the estimated friction scales."""
@@ -70,7 +70,7 @@ class Problem:
     def linear(self, internal: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Residual and its negative derivative (n_conf, n_freq, n_out, n_in, n_param)."""
         values = self.parameters.parameters(internal)
-        period = self.frf.sampling_period_s
+        period = self.frf.hold_period_s
         result = response(self.model, values, self.frf.frequency_hz, period)
         plain = jacobian(self.model, values, result, self.parameters.kinds, period)[..., self.parameters.columns()]
         count = self.parameters.n_friction

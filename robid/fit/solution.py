@@ -30,6 +30,7 @@ class Solution:
         cost: Cost at the minimum.
         configuration_cost (n_conf,): Cost of each configuration.
         expected_cost (n_conf,): What the response's covariance alone would give.
+        misfit: Cost over what noise and the assumed model error give; above 1 the intervals are widened by its root.
         dropped: Response elements below 10 dB that the logarithm dropped.
         start_cost (n_start,): Cost each start ended at.
         start_iterations (n_start,): Its iterations.
@@ -61,6 +62,7 @@ class Solution:
     cost: float
     configuration_cost: FloatArray
     expected_cost: FloatArray
+    misfit: float
     dropped: int
     start_cost: FloatArray
     start_iterations: IntArray

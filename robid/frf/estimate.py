@@ -53,7 +53,7 @@ def estimate_frf(
     noise, noise_freedom = _noise_covariance(residual, options.pooled_lines)
     outer = np.einsum("rfei,rfej->fij", inverse, inverse.conj())
     names, deviation = _coefficients(record, laws if compensate else None)
-    sensitivity = _sensitivity(response, spectra, inverse)[deviation > 0]
+    sensitivity = np.concatenate([_sensitivity(response, spectra, inverse), _scale_sensitivity(response)])
     return Frf(
         frequency_hz=record.frequency_hz,
         lines=record.excited_lines,
@@ -64,7 +64,7 @@ def estimate_frf(
         noise_covariance=None if noise is None else noise[None],
         total_degrees_of_freedom=total_freedom,
         noise_degrees_of_freedom=noise_freedom,
-        sensitivity=sensitivity[None],
+        sensitivity=sensitivity[None, deviation > 0],
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
         removed_torque_rms=_removed(spectra, record)[None],
@@ -72,6 +72,7 @@ def estimate_frf(
         input_names=record.input_names,
         output_names=record.output_names,
         torque_unit=record.torque_unit,
+        torque_hold=record.torque_hold,
         notes=(*record.notes, *_notes(total)),
     )
 
@@ -161,11 +162,19 @@ def _sensitivity(response: ComplexArray, spectra: Spectra, inverse: ComplexArray
     return np.asarray(each.reshape(-1, *response.shape))
 
 
+def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
+    """Derivative (n_in, n_freq, n_out, n_in) of the response with respect to each torque's relative error."""
+    n_in = response.shape[-1]
+    return np.asarray(-response * np.eye(n_in)[:, None, None, :])
+
+
 def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray]:
+    scale = np.zeros(record.torque.shape[-1]) if record.torque_relative_std is None else record.torque_relative_std
+    names = tuple(f"{name}.torque_scale" for name in record.input_names)
     if laws is None:
-        return (), np.zeros(0)
-    names = tuple(f"{name}.{kind}" for kind in KINDS for name in record.input_names)
-    return names, np.array([law.coefficient_std for law in laws]).T.ravel()
+        return names, scale
+    coefficients = tuple(f"{name}.{kind}" for kind in KINDS for name in record.input_names)
+    return coefficients + names, np.concatenate([np.array([law.coefficient_std for law in laws]).T.ravel(), scale])
 
 
 def _removed(spectra: Spectra, record: Record) -> FloatArray:

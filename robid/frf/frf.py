@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -38,6 +39,7 @@ class Frf:
         input_names: Name of each input.
         output_names: Name of each output.
         torque_unit: Unit that stands for N m.
+        torque_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
         notes: What the estimator wants the reader to know.
     """
 
@@ -58,11 +60,17 @@ class Frf:
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
     torque_unit: str = "N m"
+    torque_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: tuple[str, ...] = field(default=())
 
     @property
+    def hold_period_s(self) -> float | None:
+        """Period for which the torque is held [s]; None where it is not."""
+        return self.sampling_period_s if self.torque_hold == "zoh" else None
+
+    @property
     def covariance(self) -> ComplexArray:
-        """Returns the output residual's covariance to use: total where known, else noise."""
+        """The output residual's covariance to use: total where known, else noise."""
         chosen = self.noise_covariance if self.total_covariance is None else self.total_covariance
         if chosen is None:
             shape = (*self.response.shape[:3], self.response.shape[2])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -39,6 +40,7 @@ class InputChannel:
         torque_constant_relative_std: Standard deviation of its relative error.
         normalised: Whether the torque constant is unknown and 1 stands for it.
         sign: 1, or -1 where the log counts the other way.
+        hold: A command held for a sample, or measured like the angles.
     """
 
     name: str
@@ -48,6 +50,7 @@ class InputChannel:
     torque_constant_relative_std: float = 0.0
     normalised: bool = False
     sign: int = 1
+    hold: Literal["zoh", "band_limited"] = "zoh"
 
     @property
     def is_current(self) -> bool:

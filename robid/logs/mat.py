@@ -88,6 +88,8 @@ def import_mat(
         output_names=tuple(channel.name for channel in mapping.outputs),
         position_offset_rad=offset,
         torque_unit="A" if normalised else "N m",
+        torque_hold=mapping.inputs[0].hold,
+        torque_relative_std=np.array([channel.torque_constant_relative_std for channel in mapping.inputs]),
         notes=(*_notes(mapping, len(channels[names[0]]) - used.stop, periods), *notes),
     )
 

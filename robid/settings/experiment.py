@@ -103,6 +103,9 @@ class InputChannel(Section):
         default=False, description="The current stands for the torque: every result is a ratio to K_t."
     )
     sign: Literal[1, -1] = Field(default=1, description="Sign that turns the log's direction into the joint's.")
+    hold: Literal["zoh", "band_limited"] = Field(
+        default="zoh", description="A command held for a sample, or measured like the angles."
+    )
 
     @model_validator(mode="after")
     def _torque_is_known(self) -> InputChannel:

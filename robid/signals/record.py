@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -27,6 +28,10 @@ class Record:
         output_names: Name of each position channel; collocated channels carry the motor's name.
         position_offset_rad (n_conf, n_out): Offset subtracted from `position` [rad].
         torque_unit: `N m`, or the unit that stands for it (a current where K_t is unknown).
+        torque_hold: `zoh` where the torque is a command held for a sample, `band_limited` where it was measured
+            behind the same anti-aliasing as the angles.
+        torque_relative_std (n_in,): Standard deviation of the relative error of the torque's scale, or None
+            where the scale is exact.
         notes: What the import or the simulation wants the reader to know.
     """
 
@@ -42,6 +47,8 @@ class Record:
     output_names: tuple[str, ...]
     position_offset_rad: FloatArray
     torque_unit: str = "N m"
+    torque_hold: Literal["zoh", "band_limited"] = "zoh"
+    torque_relative_std: FloatArray | None = None
     notes: tuple[str, ...] = field(default=())
 
     @property

@@ -133,7 +133,9 @@ def _parameters(
 
 
 def _unit(unit: str, torque_unit: str) -> str:
-    """Writes a unit with what stands for N m where the torque constant is unknown."""
+    """Writes a unit, none as such, with what stands for N m where the torque constant is unknown."""
+    if unit == "1":
+        return ""
     if torque_unit == "N m":
         return unit
     return unit.replace("kg m^2", "N m s^2/rad").replace("N m", torque_unit)

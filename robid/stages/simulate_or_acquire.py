@@ -17,7 +17,7 @@ from robid.artifacts.record import RECORD, record_from_artifact, record_to_artif
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, TimeChannel
 from robid.logs.mat import import_mat
-from robid.robot.description import Robot
+from robid.robot.description import Joint, Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.settings.checks import configuration_count
@@ -135,10 +135,7 @@ def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: Flo
         values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
         values[f"{joint.name}.motor_inertia"] = joint.motor.inertia_kgm2
         values[f"{joint.name}.link_inertia"] = inertia
-        if options.imperfections.friction != "none" and stated.motor.friction.coulomb_nm > 0:
-            law, known = joint.motor.friction, stated.motor.friction
-            values[f"{joint.name}.level"] = law.coulomb_nm / known.coulomb_nm - 1
-            values[f"{joint.name}.shape"] = law.presliding_rad / known.presliding_rad - 1
+        values |= {f"{joint.name}.{key}": value for key, value in _torque_errors(joint, stated, options).items()}
     values["delay"] = delay_s(job.loaded, job.campaign)
     return {
         "values": values,
@@ -146,6 +143,19 @@ def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: Flo
         "imperfections": asdict(options.imperfections),
         "seed": options.seed,
     }
+
+
+def _torque_errors(joint: Joint, stated: Joint, options: SimulateOptions) -> dict[str, float]:
+    """Relative errors of the robot file's friction and ripple, as the response's coefficients count them."""
+    errors: dict[str, float] = {}
+    law, known, flaws = joint.motor.friction, stated.motor.friction, options.imperfections
+    if known.coulomb_nm > 0 and flaws.friction != "none":
+        errors["level"] = law.coulomb_nm / known.coulomb_nm - 1
+        errors["shape"] = law.presliding_rad / known.presliding_rad - 1
+    if stated.motor.ripple_nm > 0:
+        # The ripple drives the motor; what a regressor counts opposes it.
+        errors |= {"ripple_sin": -1.0 if flaws.ripple else 0.0, "ripple_cos": 0.0}
+    return errors
 
 
 def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> Record:
@@ -163,6 +173,7 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> Record:
                 torque_constant_relative_std=channel.torque_constant_relative_std,
                 normalised=channel.normalised,
                 sign=channel.sign,
+                hold=channel.hold,
             )
             for channel in acquire.inputs
         ),

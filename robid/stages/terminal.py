@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-_PLAIN_WIDTH = 140
+_PLAIN_WIDTH = 200
 _COLOURS = {"fresh": "green", "stale": "yellow", "missing": "red"}
 
 

@@ -108,7 +108,7 @@ def tabulate_resonances(
     model, parameters = fitted.problem.model, fitted.parameters
     plain = replace(parameters, delay=np.zeros(1))
     continuous = response(model, plain, frf.frequency_hz, None).sampled
-    sampled = response(model, parameters, frf.frequency_hz, frf.sampling_period_s)
+    sampled = response(model, parameters, frf.frequency_hz, frf.hold_period_s)
     hold = sampled.hold[:, None, None]
     aliases = sampled.sampled - hold * continuous
     measured = (fitted.measured - aliases) / hold

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import pytest
 
+from robid.artifacts.store import read_header
 from robid.cli import run_command
 
 _HERE = Path(__file__).parent
@@ -58,11 +58,7 @@ class Workshop:
 
     def contents(self, folder: Path | None = None) -> dict[str, str]:
         root = folder or self.runs
-        found = {}
-        for path in sorted(root.rglob("*.h5")):
-            with h5py.File(path) as file:
-                found[str(path.relative_to(root))] = str(file.attrs["content_sha256"])
-        return found
+        return {str(path.relative_to(root)): read_header(path).content_sha256 for path in sorted(root.rglob("*.h5"))}
 
     def files(self) -> dict[str, str]:
         paths = [path for path in sorted(self.runs.rglob("*")) if path.is_file()]

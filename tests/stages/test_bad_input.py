@@ -85,7 +85,7 @@ def test_a_flipped_number_is_refused_by_name(done):
 def test_an_artifact_of_a_future_version_is_refused_and_kept(done, command):
     path = done.runs / "estimation" / "frf.h5"
     with h5py.File(path, "r+") as file:
-        file.attrs["schema_version"] = "99.0"
+        file.attrs["schema_version"] = np.bytes_("99.0")
     refuse(done, 3, "estimation/frf.h5", "schema version 99.0", "use the robid that wrote it", command=command)
 
 

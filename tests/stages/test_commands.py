@@ -3,6 +3,11 @@ import json
 import pytest
 
 from robid import cli, pipeline
+from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
+from robid.artifacts.model import MODEL, model_from_artifact, model_to_artifact
+from robid.artifacts.store import read_artifact, write_artifact
+from robid.artifacts.validation import VALIDATION, validation_from_artifact, validation_to_artifact
 from robid.settings.load import load_experiment
 
 CHAIN = (
@@ -165,3 +170,32 @@ def test_the_room_of_records_is_counted(shop):
     nodes = {node.output: node.plan.needed_bytes for node in pipeline.graph(loaded)}
     # 2 configurations, 2 realizations, 2 experiments, 2 periods of 500 samples, 2 motors, torque and angle, 4 bytes.
     assert nodes["estimation/record.h5"] == 2 * (2 * 2 * 2 * 2 * 500 * 2 * 2 * 4)
+
+
+@pytest.mark.parametrize(
+    ("path", "kind", "read", "write"),
+    [
+        ("designs/best.h5", DESIGN, design_from_artifact, design_to_artifact),
+        ("estimation/excitation.h5", EXCITATION, excitation_from_artifact, excitation_to_artifact),
+        ("fits/elastic/model.h5", MODEL, model_from_artifact, model_to_artifact),
+        ("fits/elastic/validation.h5", VALIDATION, validation_from_artifact, validation_to_artifact),
+    ],
+)
+def test_what_is_read_and_written_again_is_the_same(done, path, kind, read, write):
+    artifact = read_artifact(done.runs / path, kind)
+    again = write(read(artifact), artifact.provenance)
+    assert write_artifact(done.folder / "again.h5", again) == done.contents()[path]
+
+
+def test_an_experiment_without_fits_and_a_fit_of_some_configurations(done):
+    done.change("validate_on: validation, ", "validate_on: validation, configurations: [1], ")
+    answer = done.robid("run", "small.yaml", "--json")
+    assert answer.code in (0, 5), answer.err
+    shape = done.robid("inspect", str(done.runs / "fits/elastic/model.h5"), "--json").json["datasets"]["configurations"]
+    assert shape["shape"] == [1, 2]
+    text = (done.folder / "small.yaml").read_text()
+    (done.folder / "small.yaml").write_text(text[: text.index("fits:")] + text[text.index("execution:") :])
+    answer = done.robid("run", "small.yaml")
+    assert answer.code == 0, answer.err
+    assert "No model was fitted." in answer.out
+    assert set(done.states().values()) == {("fresh", "")}
