@@ -57,6 +57,7 @@ def exact_frf(
     delay_s=0.0,
     sampling_period_s=1e-3,
     output_names=None,
+    torque_hold="zoh",
     relative_noise=0.0,
     declared_noise=None,
     seed=0,
@@ -71,7 +72,8 @@ def exact_frf(
     outputs = output_names or names
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, configurations), outputs)
-    exact = response(linear, nominal_parameters(robot, linear, delay_s), frequency_hz, sampling_period_s).sampled
+    held_s = sampling_period_s if torque_hold == "zoh" else None
+    exact = response(linear, nominal_parameters(robot, linear, delay_s), frequency_hz, held_s).sampled
     n_conf, n_freq, n_out, n_in = exact.shape
     level = relative_noise * np.median(np.abs(exact), axis=(0, 1, 3))
     generator = np.random.default_rng(seed)
@@ -99,6 +101,7 @@ def exact_frf(
         sampling_period_s=sampling_period_s,
         input_names=names,
         output_names=outputs,
+        torque_hold=torque_hold,
     )
 
 

@@ -110,7 +110,8 @@ def make_weights(frf: Frf, weights: Weights, estimator: str) -> tuple[FloatArray
         estimator: `lls` or `nls`; the logarithm drops elements below 10 dB.
 
     Returns:
-        Weights (n_conf, n_freq, n_out, n_in) and the number of dropped elements.
+        Weights (n_conf, n_freq, n_out, n_in) and the number of dropped elements. Without a covariance the
+        model error takes the place of the noise.
 
     Source:
         Wernholt and Moberg (2008), eq. 6, 8 and sec. 6; METHODS sec. 5.
@@ -123,12 +124,12 @@ def make_weights(frf: Frf, weights: Weights, estimator: str) -> tuple[FloatArray
     if weights.kind == "user":
         base = np.where(np.eye(*power.shape[2:], dtype=bool), 1.0, weights.off_diagonal) + np.zeros(power.shape)
         typical = float((base * relative).sum() / max((base > 0).sum(), 1))
-        base = base / (typical if typical > 0 else 1.0)
+        base = base / (typical if 0 < typical < np.inf else weights.model_error**2 or 1.0)
     elif variance.any():
         floor = weights.model_error**2 if weights.kind == "inflated" else 0.0
         base = inverse_bias / (relative + floor)
     else:
-        base = np.ones(power.shape)
+        base = np.full(power.shape, 1 / (weights.model_error**2 or 1.0))
     if estimator == "nls":
         base = np.divide(base, power, out=np.zeros(power.shape), where=power > 0)
     below = relative > 1 / _MIN_SNR

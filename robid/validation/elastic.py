@@ -102,9 +102,9 @@ def validate_elastic(
 
     The model passes when its worst configuration costs at most 1.5 times the reference per element, and the
     motors' own responses are off by at most 1 dB in the median. The reference is the largest of the fit's own
-    average cost, the cost that noise alone gives there, and, where a covariance is known, 1: what noise and the
-    model error that the weights declare cost together. So a model is not blamed for noise nor for errors within
-    its declaration; one that fits its own data badly is caught by the second condition.
+    average cost, the cost that noise alone gives there, and 1, what noise and the model error that the weights
+    declare cost together. So a model is not blamed for noise nor for errors within its declaration; one that
+    fits its own data badly is caught by the second condition.
 
     Args:
         robot: The robot file that the fit started from.
@@ -131,8 +131,7 @@ def validate_elastic(
     per_element = cost / elements
     worst = int(np.argmax(per_element))
     estimation = _estimation_cost(solution, options)
-    reference = max(estimation, expected[worst] / elements[worst], float(frf.element_variance().any()))
-    ratio = float(per_element[worst] / max(reference, np.finfo(float).tiny))
+    ratio = float(per_element[worst] / max(estimation, expected[worst] / elements[worst], 1.0))
     error = _errors_db(problem, fitted.measured, modelled)
     median_db = float(np.nanmedian(error))
     recovery = recover(solution, truth or {})

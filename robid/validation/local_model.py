@@ -1,4 +1,4 @@
-"""A local rational model of a response around one extremum, and its pole or zero."""
+"""Local models of a response around one extremum, and their pole or zero."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray
 
 Kind = Literal["resonance", "antiresonance"]
 
-_ITERATIONS = 8
+_ITERATIONS = 3
 _RELATIVE_FLOOR = 0.02
+_MISFIT_LIMIT = 5.0
+_LINES = 7
 _MIN_LINES = 5
 
 
@@ -22,7 +24,7 @@ class LocalMode:
 
     Attributes:
         frequency_hz: Undamped frequency [Hz].
-        std_hz: Its standard deviation [Hz].
+        std_hz: Its standard deviation by the delta method over the lines' variances [Hz].
         root: The pole or zero in the upper half plane [rad/s].
     """
 
@@ -31,10 +33,10 @@ class LocalMode:
     root: complex
 
 
-def local_mode(
-    frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray, extremum: int, kind: Kind, lines: int = 7
+def rational_mode(
+    frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray, extremum: int, kind: Kind
 ) -> LocalMode | None:
-    """Fits `(b0 + b1 s + b2 s^2)/(s^2 + a1 s + a0)` on the lines around an extremum of the magnitude.
+    """Fits `(b0 + b1 s + b2 s^2)/(s^2 + a1 s + a0)` on seven lines around an extremum of the magnitude.
 
     A drive with two masses is of this form; of a robot's other modes it takes constant and slope.
 
@@ -44,35 +46,74 @@ def local_mode(
         variance (n_freq,): Its variance.
         extremum: Index of the line with the extremum.
         kind: Whether the pole or the zero is wanted.
-        lines: Lines of the local model, fewer at the edges but at least 5.
 
     Returns:
-        The pole or zero with its deviation by the delta method over the lines' variances, or None when it
-        does not lie between the extremum's neighbours.
+        The pole or zero, or None when the data are not of this form (misfit above 10 % and five deviations)
+        or it does not lie between the extremum's neighbours.
     """
-    half = lines // 2
+    half = _LINES // 2
     window = slice(max(0, extremum - half), min(frequency_hz.size, extremum + half + 1))
     if frequency_hz[window].size < _MIN_LINES:
         return None
-    omega = 2 * np.pi * frequency_hz[window]
-    deviation = np.sqrt(0.5 * variance[window])
-    moves = np.concatenate([np.diag(deviation), 1j * np.diag(deviation)])
-    data = response[window] + np.concatenate([np.zeros((1, omega.size)), moves, -moves])
-    roots, valid = _roots(omega, data, variance[window], 2 * np.pi * float(frequency_hz[extremum]), kind)
+    omega, centre = 2 * np.pi * frequency_hz[window], 2 * np.pi * float(frequency_hz[extremum])
+    data, power = _moved(response[window], variance[window]), np.abs(response[window]) ** 2
+    weight = 1 / np.sqrt(variance[window] + _RELATIVE_FLOOR**2 * power)
+    roots, misfit = _rational_roots(omega, data, weight, centre, kind)
+    return None if misfit > _MISFIT_LIMIT else _located(roots, frequency_hz, extremum)
+
+
+def interpolated_mode(
+    frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray, extremum: int, kind: Kind
+) -> LocalMode | None:
+    """Interpolates the response, or its inverse for a resonance, by a complex parabola through three lines.
+
+    Makes no use of the form of a mechanical response, so that it also holds where friction distorts it.
+
+    Args:
+        frequency_hz (n_freq,): Frequencies [Hz].
+        response (n_freq,): Response in continuous time, hold and delay removed.
+        variance (n_freq,): Its variance.
+        extremum: Index of the line with the extremum, not at an edge.
+        kind: Whether the pole or the zero is wanted.
+
+    Returns:
+        The pole or zero, or None when it does not lie between the extremum's neighbours.
+    """
+    three = slice(extremum - 1, extremum + 2)
+    data = _moved(response[three], variance[three])
+    values = 1 / data if kind == "resonance" else data
+    x = frequency_hz[three] / frequency_hz[extremum] - 1
+    second, first, constant = np.moveaxis(values @ np.linalg.inv(np.vander(x, 3)).T, -1, 0)
+    root = np.sqrt(first**2 - 4 * second * constant)
+    root = np.where(np.real(root * first.conj()) < 0, -root, root)
+    nearest = -2 * constant / (first + root)  # the root next to the extremum, without cancellation
+    return _located(2j * np.pi * frequency_hz[extremum] * (1 + nearest), frequency_hz, extremum)
+
+
+def _moved(data: ComplexArray, variance: FloatArray) -> ComplexArray:
+    """Data (n_line,) and their moves by one deviation of each line's real and imaginary part (1 + 4 n_line, n_line)."""
+    deviation = np.diag(np.sqrt(0.5 * variance))
+    moves = np.concatenate([deviation, 1j * deviation])
+    return np.asarray(data + np.concatenate([np.zeros((1, data.size)), moves, -moves]))
+
+
+def _located(roots: ComplexArray, frequency_hz: FloatArray, extremum: int) -> LocalMode | None:
+    """Judges the first root and takes its deviation from the others, found on moved data."""
     found = np.abs(roots) / (2 * np.pi)
     low, high = frequency_hz[max(0, extremum - 1)], frequency_hz[min(frequency_hz.size - 1, extremum + 1)]
-    if not valid[0] or not low <= found[0] <= high:
+    if not low <= found[0] <= high:
         return None
     forward, backward = np.split(found[1:], 2)
-    known = np.logical_and(*np.split(valid[1:], 2))
-    std = np.sqrt(np.sum((0.5 * (forward - backward)[known]) ** 2) * known.size / max(int(known.sum()), 1))
+    moved = 0.5 * (forward - backward)
+    moved = moved[np.isfinite(moved)]
+    std = np.sqrt(np.sum(moved**2) * forward.size / max(moved.size, 1))
     return LocalMode(float(found[0]), float(std), complex(roots[0]))
 
 
 def parabola_mode(frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray, extremum: int) -> LocalMode:
     """Fits a parabola of the log magnitude over log frequency through an extremum and its two neighbours.
 
-    Where several modes share the window of the local model, this is all that the lines show.
+    Where several modes share the lines next to the extremum, this is all that they show.
 
     Args:
         frequency_hz (n_freq,): Frequencies [Hz].
@@ -98,39 +139,32 @@ def _vertex(polynomial: FloatArray) -> float:
     return float(-0.5 * polynomial[1] / polynomial[0])
 
 
-def _roots(
-    omega: FloatArray, data: ComplexArray, variance: FloatArray, centre: float, kind: Kind
-) -> tuple[ComplexArray, BoolArray]:
-    """Roots (n_case,) of the numerator or denominator of each case (n_case, n_line), and which are oscillating.
+def _rational_roots(
+    omega: FloatArray, data: ComplexArray, weight: FloatArray, centre: float, kind: Kind
+) -> tuple[ComplexArray, float]:
+    """Roots (n_case,) of the numerator or denominator of each case (n_case, n_line), and the first one's misfit.
 
     The polynomials are written in `x = (w^2 - w0^2)/scale`, which keeps narrow windows well conditioned; the
-    linearised least squares is reweighted with the last denominator.
+    linearised least squares is reweighted with the last denominator. A root that does not oscillate is NaN.
     """
     scale = np.abs(omega**2 - centre**2).max()
     shift = (omega**2 - centre**2) / scale
     rate = 1j * omega / centre
-    power = np.abs(data) ** 2
-    base = 1 / np.sqrt(variance + _RELATIVE_FLOOR**2 * power)
-    one = np.ones_like(shift)
-    numerator = np.broadcast_to(np.stack([one, shift, rate], axis=-1), (*data.shape, 3))
+    powers = np.stack([np.ones_like(rate), shift, rate], axis=-1)
+    numerator = np.broadcast_to(powers, (*data.shape, 3))
     denominator = np.ones_like(data)
     theta: FloatArray = np.zeros((data.shape[0], 5))
     for _ in range(_ITERATIONS):
-        weight = (base / np.abs(denominator))[..., None]
-        columns = np.stack([one, rate], axis=-1) * data[..., None]
-        rows = weight * np.concatenate([numerator, -columns], axis=-1)
-        target = weight[..., 0] * (-shift * data)
-        theta = _least_squares(rows, target)
-        denominator = -shift + theta[:, 3:4] + theta[:, 4:5] * rate
-    if kind == "resonance":
-        free, slope = theta[:, 3] * scale, theta[:, 4] * scale / centre
-    else:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            free, slope = -theta[:, 0] / theta[:, 1] * scale, -theta[:, 2] / theta[:, 1] * scale / centre
-    squared = centre**2 + free
-    valid = np.isfinite(squared) & np.isfinite(slope) & (squared > 0.25 * slope**2)
-    imaginary = np.sqrt(np.where(valid, squared - 0.25 * slope**2, 0.0))
-    return np.where(valid, -0.5 * slope, 0.0) + 1j * imaginary, valid
+        here = (weight / np.abs(denominator))[..., None]
+        rows = here * np.concatenate([numerator, -powers[:, [0, 2]] * data[..., None]], axis=-1)
+        theta = _least_squares(rows, here[..., 0] * (-shift * data))
+        denominator = -shift + theta[:, 3:] @ powers[:, [0, 2]].T
+    misfit = weight * np.abs(theta[0, :3] @ powers.T / denominator[0] - data[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        free, slope = theta[:, 3:].T if kind == "resonance" else -theta[:, [0, 2]].T / theta[:, 1]
+        squared, slope = centre**2 + free * scale, slope * scale / centre
+        roots = -0.5 * slope + 1j * np.sqrt(squared - 0.25 * slope**2)
+    return np.asarray(roots), float(np.sqrt(np.mean(misfit**2)))
 
 
 def _least_squares(rows: ComplexArray, target: ComplexArray) -> FloatArray:

@@ -16,7 +16,7 @@ from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, response
 from robid.validation.fitted import fitted_model
-from robid.validation.local_model import Kind, local_mode, parabola_mode
+from robid.validation.local_model import Kind, interpolated_mode, parabola_mode, rational_mode
 from robid.validation.modes import damping_ratio, poles, zeros
 
 _MIN_PROMINENCE = np.log(1.1)
@@ -159,21 +159,27 @@ def _pairs(element: _Element, kind: Kind) -> list[_Pair]:
     dense_hz = element.dense_hz[_extrema(element.dense, np.zeros(element.dense.size), kind)]
     pairs = []
     for index in _extrema(np.abs(element.measured), np.sqrt(0.5 * element.variance), kind).tolist():
-        frequency_hz, variance = element.frequency_hz, element.variance
-        near = dense_hz[np.abs(dense_hz / frequency_hz[index] - 1) <= _MATCH]
-        model_index = _nearest_line(frequency_hz, level, near, index)
-        measured = local_mode(frequency_hz, element.measured, variance, index, kind)
-        modelled = (
-            None if model_index is None else local_mode(frequency_hz, element.modelled, variance, model_index, kind)
-        )
-        if measured is None or (modelled is None and model_index is not None):
-            measured = parabola_mode(frequency_hz, element.measured, variance, index)
-            modelled = (
-                None if model_index is None else parabola_mode(frequency_hz, element.modelled, variance, model_index)
-            )
-        model_hz, root = (np.nan, 0j) if modelled is None else (modelled.frequency_hz, modelled.root)
-        pairs.append(_Pair(measured.frequency_hz, measured.std_hz, model_hz, root))
+        near = dense_hz[np.abs(dense_hz / element.frequency_hz[index] - 1) <= _MATCH]
+        pairs.append(_pair(element, kind, index, _nearest_line(element.frequency_hz, level, near, index)))
     return pairs
+
+
+def _pair(element: _Element, kind: Kind, index: int, model_index: int | None) -> _Pair:
+    """Refines both by the best estimator that serves both."""
+    measured = element.frequency_hz, element.measured, element.variance, index
+    modelled = element.frequency_hz, element.modelled, element.variance, model_index or 0
+    for estimate in (rational_mode, interpolated_mode):
+        found = estimate(*measured, kind)
+        if found is not None and model_index is None:
+            return _Pair(found.frequency_hz, found.std_hz, np.nan, 0j)
+        counterpart = None if model_index is None else estimate(*modelled, kind)
+        if found is not None and counterpart is not None:
+            return _Pair(found.frequency_hz, found.std_hz, counterpart.frequency_hz, counterpart.root)
+    vertex = parabola_mode(*measured)
+    if model_index is None:
+        return _Pair(vertex.frequency_hz, vertex.std_hz, np.nan, 0j)
+    counterpart = parabola_mode(*modelled)
+    return _Pair(vertex.frequency_hz, vertex.std_hz, counterpart.frequency_hz, counterpart.root)
 
 
 def _nearest_line(frequency_hz: FloatArray, level: FloatArray, dense_hz: FloatArray, index: int) -> int | None:

@@ -18,6 +18,8 @@ LINES = np.array([3, 7, 11, 17, 23, 31])
 OMEGA = 2 * np.pi * LINES / PERIOD_S
 # Output noise per sample, correlated over the outputs: its square root.
 MIXING = np.array([[1.0, 0.0], [0.6, 0.8]])
+# What feedback makes of an orthogonal block: torques that are not orthogonal any more.
+CROSSTALK = np.array([[1.0, 0.5 + 0.4j], [-0.3j, 0.8]])
 PLAIN = EstimateOptions(compensation="none", pooled_lines=1)
 
 
@@ -30,18 +32,18 @@ def true_response():
     return rigid + mode[:, None, None] * shape
 
 
-def make_record(*, noise=0.0, realizations=4, periods=2, seed=0, response=None, motors=2, reuse_phases=False):
+def make_record(*, noise=0.0, realizations=4, periods=2, seed=0, response=None, reuse_phases=False):
     """Open-loop data with the excitation drawn by `seed` (or always the same) and white output noise [rad]."""
-    generator = np.random.default_rng(seed)
+    generator, motors = np.random.default_rng(seed), 2
     phases = np.random.default_rng(99) if reuse_phases else generator
-    amplitude = np.outer([1.0, 2.5][:motors], np.linspace(1.0, 2.0, LINES.size))
-    spectrum = multisine(amplitude, phases.uniform(0, 2 * np.pi, (realizations, motors, LINES.size)))
+    amplitude = np.outer([1.0, 2.5], np.linspace(1.0, 2.0, LINES.size))
+    spectrum = multisine(amplitude, phases.uniform(0, 2 * np.pi, (realizations, motors, LINES.size))) @ CROSSTALK
     acceleration = np.einsum("koi,reki->reko", true_response() if response is None else response, spectrum)
     torque = time_signal(spectrum, LINES, N_SAMPLE)
     position = time_signal(-acceleration / OMEGA[:, None] ** 2, LINES, N_SAMPLE)
     shape = (1, realizations, motors, periods, N_SAMPLE, motors)
-    errors = noise * generator.standard_normal(shape) @ MIXING[:motors, :motors].T
-    names = ("first", "second")[:motors]
+    errors = noise * generator.standard_normal(shape) @ MIXING.T
+    names = ("first", "second")
     return Record(
         sampling_period_s=PERIOD_S / N_SAMPLE,
         configurations=np.zeros((1, motors)),

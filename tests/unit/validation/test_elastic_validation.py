@@ -11,6 +11,7 @@ from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions
 from robid.validation.elastic import validate_elastic
 from robid.validation.fitted import fitted_model
+from robid.validation.recovery import median_spring_half_width, recover
 
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
 SEEN = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
@@ -150,3 +151,24 @@ def test_statics_are_those_of_the_fitted_springs(nominal):
     known = replace(start, estimate=estimate, internal=np.where(logarithmic, np.log(ratio), 0.0))
     found = validate_elastic(nominal, known, frf, OPTIONS, DELAY_S, None)
     np.testing.assert_allclose(found.modelled, frf.response, rtol=1e-9)
+
+
+def test_coverage_counts_identifiable_parameters_only(true_arm, solution):
+    truth = truth_of(true_arm)
+    narrow = replace(solution, lower=solution.estimate, upper=solution.estimate)
+    hit = {name: value for name, value in zip(solution.names, solution.estimate, strict=True) if name in truth}
+    truth |= {name: hit[name] for name in list(hit)[:2]}
+    identifiable = np.array([name in list(hit)[1:4] for name in solution.names])
+    assert recover(replace(narrow, identifiable=identifiable), truth).coverage == pytest.approx(1 / 3)
+    assert recover(replace(narrow, identifiable=np.zeros(len(solution.names), bool)), truth).coverage is None
+
+
+def test_median_half_width_is_that_of_the_springs(solution):
+    springs = [index for index, kind in enumerate(solution.kinds) if kind == "stiffness"]
+    lower, upper = solution.lower.copy(), solution.upper.copy()
+    for width, index in zip([0.01, 0.02, 0.04, 0.5], springs, strict=True):
+        lower[index], upper[index] = solution.estimate[index] * np.array([1 - width, 1 + width])
+    found = median_spring_half_width(replace(solution, lower=lower, upper=upper))
+    assert found == pytest.approx(0.03)
+    dampers = tuple("damping" for _ in solution.kinds)
+    assert median_spring_half_width(replace(solution, kinds=dampers)) is None

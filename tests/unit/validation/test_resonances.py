@@ -11,7 +11,7 @@ from robid.fit.options import ElasticOptions
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.validation.local_model import local_mode, parabola_mode
+from robid.validation.local_model import interpolated_mode, parabola_mode, rational_mode
 from robid.validation.modes import damping_ratio, poles, zeros
 from robid.validation.resonances import tabulate_resonances
 
@@ -35,8 +35,9 @@ def linear_model(robot, configurations):
 @pytest.mark.parametrize(
     "frequency_hz", [BENCH_HZ, np.unique(np.round(np.geomspace(10, 250, 60)))], ids=["1 Hz grid", "60 log-spaced"]
 )
-def test_two_masses_between_the_lines(frequency_hz):
-    frf = exact_frf(two_mass_robot(), [[0.0]], frequency_hz, **BENCH)
+@pytest.mark.parametrize("torque_hold", ["zoh", "band_limited"])
+def test_two_masses_between_the_lines(frequency_hz, torque_hold):
+    frf = exact_frf(two_mass_robot(), [[0.0]], frequency_hz, **BENCH, torque_hold=torque_hold)
     table = table_of(two_mass_robot(), frf, BENCH["delay_s"])
     assert table.kind == ("antiresonance", "resonance")
     assert set(table.channel) == {"drive"}
@@ -139,9 +140,22 @@ def test_local_model_is_exact_for_its_own_form_and_refuses_a_slope():
     s = 2j * np.pi * frequency
     root = 2 * np.pi * 24.9 * (-0.02 + 1j * np.sqrt(1 - 0.02**2))
     data = (3.0 + 0.1 * s + 0.4 * s**2) / ((s - root) * (s - root.conjugate()))
-    mode = local_mode(frequency, data, np.zeros(7), 3, "resonance")
+    mode = rational_mode(frequency, data, np.full(7, 1e-12), 3, "resonance")
     np.testing.assert_allclose(mode.root, root, rtol=1e-6)
-    assert local_mode(frequency, 1.0 / s, np.zeros(7), 3, "resonance") is None
+    assert rational_mode(frequency, 1.0 / s, np.full(7, 1e-12), 3, "resonance") is None
+
+
+@pytest.mark.parametrize("kind", ["resonance", "antiresonance"])
+def test_interpolation_finds_a_root_that_no_mechanical_form_explains(kind):
+    frequency = np.array([23.1, 24.4, 26.0])
+    data = 3.0 * (2j * np.pi * (frequency - 24.75) + 1.5) * np.exp(0.9j + 0.02j * frequency)
+    if kind == "resonance":
+        data = 1 / data
+    mode = interpolated_mode(frequency, data, np.full(3, 1e-12), 1, kind)
+    np.testing.assert_allclose(mode.root, 2j * np.pi * 24.75 - 1.5, rtol=1e-3)
+    lines = np.concatenate([frequency[:1] - 2, frequency, frequency[-1:] + 2])
+    distorted = np.concatenate([[5.0], data / np.abs(data).min(), [5.0j]])
+    assert rational_mode(lines, distorted, np.full(5, 1e-12), 2, kind) is None
 
 
 def test_parabola_finds_the_vertex():

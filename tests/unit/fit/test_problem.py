@@ -1,0 +1,152 @@
+"""The least-squares problem: derivatives against finite differences, weights written out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot
+from robid.fit.options import ElasticOptions, Weights
+from robid.fit.parameters import map_parameters
+from robid.fit.problem import make_problem, make_weights
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters
+from tolerances import FINITE_DIFFERENCE
+
+FREQUENCY_HZ = np.array([2.0, 5.0, 9.0, 14.0, 27.0, 45.0])
+CONFIGURATIONS = np.array([[-0.3, 0.5], [0.9, 1.2]])
+EVERYTHING = ("stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay")
+
+
+def noisy_frf(seed=1, relative_noise=0.02):
+    frf = exact_frf(
+        two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ, delay_s=1e-3, relative_noise=relative_noise, seed=seed
+    )
+    generator = np.random.default_rng(seed)
+    shape = (2, 2, *frf.response.shape[1:])
+    random = generator.standard_normal(shape) + 1j * generator.standard_normal(shape)
+    return replace(
+        frf,
+        sensitivity=random * frf.response[:, None],
+        coefficient_names=("shoulder.level", "elbow.level"),
+        coefficient_relative_std=np.array([0.1, 0.2]),
+    )
+
+
+def problem_of(options):
+    robot, frf = two_joint_robot(), noisy_frf()
+    model = build_model(robot)
+    linear = linearize(model, solve_statics(model, CONFIGURATIONS))
+    nominal = nominal_parameters(robot, linear, 1e-3)
+    parameters = map_parameters(robot, nominal, options, frf.coefficient_names, frf.coefficient_relative_std)
+    return make_problem(frf, linear, parameters, options)[0]
+
+
+@pytest.fixture(params=["lls", "nls"])
+def problem(request):
+    fixed = ("gear_2.damping", "shoulder.motor_inertia")
+    return problem_of(ElasticOptions(estimator=request.param, free=EVERYTHING, fixed=fixed))
+
+
+@pytest.fixture
+def point(problem):
+    return np.random.default_rng(3).uniform(-0.05, 0.05, len(problem.parameters.names))
+
+
+def test_fixed_parameters_are_left_out(problem):
+    names = problem.parameters.names
+    assert "gear_2.damping" not in names
+    assert "shoulder.motor_inertia" not in names
+    assert names[-2:] == ("shoulder.level", "elbow.level")
+    assert len(names) == 4 + 3 + 2 + 1 + 2 + 1 + 2
+
+
+def test_derivative_of_the_residual(problem, point):
+    derivative = problem.linear(point)[1]
+    for index in range(point.size):
+        step = np.zeros(point.size)
+        step[index] = 1e-5
+        ahead, behind = (problem.residual(point + move, problem.model_response(point + move)) for move in (step, -step))
+        difference = (ahead - behind) / 2e-5
+        size = np.abs(difference).max()
+        np.testing.assert_allclose(-derivative[..., index], difference, atol=FINITE_DIFFERENCE * size)
+
+
+def test_gradient_is_half_that_of_the_cost(problem, point):
+    normal = problem.normal(point)
+    assert normal.cost == pytest.approx(problem.cost(point), rel=1e-12)
+    for index in range(point.size):
+        step = np.zeros(point.size)
+        step[index] = 1e-5
+        slope = (problem.cost(point + step) - problem.cost(point - step)) / 2e-5
+        assert 2 * normal.gradient[index] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(normal.gradient).max())
+
+
+def test_prior_counts_as_half_its_square_in_deviations(problem):
+    zero = np.zeros(len(problem.parameters.names))
+    moved = zero.copy()
+    moved[-1] = 0.2
+    without = replace(problem, parameters=replace(problem.parameters, prior_std=np.full(zero.size, np.inf)))
+    assert problem.cost(moved) - without.cost(moved) == pytest.approx(0.5, rel=1e-9)
+    extra = np.diag(problem.normal(zero).hessian - without.normal(zero).hessian)
+    np.testing.assert_allclose(extra[-2:], [0.5 / 0.1**2, 0.5 / 0.2**2], rtol=1e-6)
+
+
+def test_values_and_slopes_of_the_map(problem, point):
+    parameters = problem.parameters
+    for index in range(point.size):
+        step = np.zeros(point.size)
+        step[index] = 1e-6
+        difference = (parameters.values(point + step) - parameters.values(point - step))[index] / 2e-6
+        assert parameters.slopes(point)[index] == pytest.approx(difference, rel=1e-6)
+    np.testing.assert_array_equal(parameters.values(np.zeros(point.size)), parameters.nominal_values())
+    fitted = parameters.parameters(point)
+    assert fitted.damping[1] == parameters.nominal.damping[1]
+    assert fitted.stiffness[1] == parameters.values(point)[1]
+
+
+def test_optimal_weights_are_the_inverse_variance():
+    frf = noisy_frf()
+    power = np.abs(frf.response) ** 2
+    relative = frf.element_variance() / power
+    bias = 1 - 1e-6
+    weight, dropped = make_weights(frf, Weights("optimal"), "lls")
+    kept = relative <= 0.1
+    assert dropped == (~kept).sum() > 0
+    assert (weight[~kept] == 0).all()
+    np.testing.assert_allclose(weight[kept], bias / relative[kept], rtol=1e-9)
+    plain, dropped = make_weights(frf, Weights("optimal"), "nls")
+    assert dropped == 0
+    np.testing.assert_allclose(plain, bias / frf.element_variance(), rtol=1e-9)
+
+
+def test_model_error_inflates_the_variance():
+    frf = noisy_frf()
+    relative = frf.element_variance() / np.abs(frf.response) ** 2
+    weight = make_weights(frf, Weights("inflated", model_error=0.05), "lls")[0]
+    kept = weight > 0
+    np.testing.assert_allclose(weight[kept], (1 - 1e-6) / (relative[kept] + 0.05**2), rtol=1e-9)
+
+
+def test_few_degrees_of_freedom_lower_the_weights():
+    frf = replace(noisy_frf(), total_degrees_of_freedom=3.0)
+    ratio = make_weights(frf, Weights("optimal"), "nls")[0] / make_weights(noisy_frf(), Weights("optimal"), "nls")[0]
+    # The mean of the inverse of a complex sample variance is n/(n - 1) of the inverse.
+    np.testing.assert_allclose(ratio, 2 / 3, rtol=1e-5)
+
+
+def test_user_weights_are_constant_per_element_above_the_cut():
+    frf = noisy_frf(relative_noise=1e-5)
+    weight = make_weights(frf, Weights("user", off_diagonal=0.25, low_cut_hz=6.0), "lls")[0]
+    assert (weight[:, FREQUENCY_HZ < 6.0] == 0).all()
+    above = weight[:, FREQUENCY_HZ >= 6.0]
+    np.testing.assert_allclose(above[..., 0, 1] / above[..., 0, 0], 0.25)
+    np.testing.assert_allclose(above[..., 0, 0], above[0, 0, 1, 1])
+
+
+def test_without_a_covariance_the_model_error_stands_for_the_noise():
+    frf = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ)
+    weight, dropped = make_weights(frf, Weights(model_error=0.05), "lls")
+    assert dropped == 0
+    np.testing.assert_allclose(weight, 400.0)
