@@ -90,6 +90,7 @@ def exact_frf(
         configurations=configurations,
         response=noisy,
         input_factor=np.broadcast_to(np.eye(n_in, dtype=complex), (n_conf, n_freq, n_in, n_in)),
+        element_scale=np.ones((n_conf, n_out, n_in)),
         total_covariance=covariance,
         noise_covariance=None,
         total_degrees_of_freedom=1e6 if declared > 0 else 0.0,

@@ -26,6 +26,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "input_factor": Column(
             f"1/{torque}^2", ("configuration", "frequency", "input", "input"), "Input factor of the covariance"
         ),
+        "element_scale": Column("1", ("configuration", "output", "input"), "Element variance over that of the product"),
         "total_covariance": Column("rad^2/s^4", covariance, "Output factor, from realizations"),
         "noise_covariance": Column("rad^2/s^4", covariance, "Output factor, from periods"),
         "sensitivity": Column(

@@ -32,7 +32,8 @@ class ExcitationOptions:
         metadata={"description": "RMS of the injected signal, one for all motors or one each [rad/s, rad or N m]."},
     )
     phase_iterations: int = field(
-        default=60, metadata={"description": "Iterations of the crest-factor optimisation; 0 keeps random phases.", "ge": 0}
+        default=60,
+        metadata={"description": "Iterations of the crest-factor optimisation; 0 keeps random phases.", "ge": 0},
     )
     seed: int = field(default=1, metadata={"description": "Seed of the phases and detection lines.", "ge": 0})
 
@@ -46,4 +47,6 @@ class DesignOptions:
         default=0.03, metadata={"description": "Assumed relative standard deviation of each response element.", "gt": 0}
     )
     iterations: int = field(default=2000, metadata={"description": "Limit on multiplicative updates.", "ge": 1})
-    gap: float = field(default=1e-3, metadata={"description": "Relative duality gap at which the updates stop.", "gt": 0})
+    gap: float = field(
+        default=1e-3, metadata={"description": "Relative duality gap at which the updates stop.", "gt": 0}
+    )

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.stats import norm
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.levenberg import Minimum, minimise
 from robid.fit.options import ElasticOptions, Weights
@@ -74,7 +74,7 @@ def fit_elastic(
     """
     _check_response(robot, frf)
     elastic = build_model(robot)
-    problem, dropped = _problem(elastic, frf, options, delay_s, None)
+    problem, dropped = _problem(elastic, frf, options, delay_s)
     predicted = np.sqrt(np.diag(sandwich(problem, np.zeros(len(problem.parameters.names)))))
     _check_influence(problem)
     coarse = _coarse(problem, robot, options)
@@ -82,22 +82,25 @@ def fit_elastic(
     ends: list[Minimum] = parallel_map(_descend, tasks)
     best = min(ends, key=lambda end: end.cost)
     for _ in range(options.statics_updates):
-        stiffness = problem.parameters.parameters(best.parameters).stiffness
-        problem, dropped = _problem(elastic, frf, options, delay_s, stiffness)
+        problem, dropped = _problem(elastic, frf, options, delay_s, (problem, best))
         best = minimise(problem.cost, problem.normal, best.parameters, max_iterations=options.max_iterations)
     return _solution(problem, options, best, ends, predicted, dropped)
 
 
 def _problem(
-    elastic: ElasticModel, frf: Frf, options: ElasticOptions, delay_s: float, stiffness: FloatArray | None
+    elastic: ElasticModel,
+    frf: Frf,
+    options: ElasticOptions,
+    delay_s: float,
+    before: tuple[Problem, Minimum] | None = None,
 ) -> tuple[Problem, int]:
+    """Statics and weights at the robot file's values, or at those of the minimum reached before."""
+    stiffness = None if before is None else before[0].parameters.parameters(before[1].parameters).stiffness
     equilibrium = solve_statics(elastic, frf.configurations, stiffness)
     model = linearize(elastic, equilibrium, frf.output_names)
     nominal = nominal_parameters(elastic.robot, model, delay_s)
-    parameters = map_parameters(
-        elastic.robot, nominal, options, frf.coefficient_names, frf.coefficient_relative_std
-    )
-    return make_problem(frf, model, parameters, options)
+    parameters = map_parameters(elastic.robot, nominal, options, frf.coefficient_names, frf.coefficient_relative_std)
+    return make_problem(frf, model, parameters, options, None if before is None else before[1].parameters)
 
 
 def _starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
@@ -159,7 +162,8 @@ def _solution(
     dropped: int,
 ) -> Solution:
     parameters, internal = problem.parameters, best.parameters
-    excess = misfit(problem, best.cost)
+    modelled = problem.model_response(internal)
+    excess = misfit(problem, modelled, best.cost)
     covariance = sandwich(problem, internal) * max(1.0, excess)
     values, slopes = parameters.values(internal), parameters.slopes(internal)
     deviation = np.sqrt(np.diag(covariance))
@@ -169,7 +173,6 @@ def _solution(
     predicted_slopes = parameters.slopes(np.zeros_like(internal))
     predicted_size = np.where(nominal == 0, 1.0, np.abs(nominal))
     predicted_relative = predicted * np.abs(predicted_slopes) / predicted_size
-    modelled = problem.model_response(internal)
     scaled = problem.normal(internal).hessian
     root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
     costs = np.array([end.cost for end in ends])
@@ -191,7 +194,7 @@ def _solution(
         confidence=options.confidence,
         cost=best.cost,
         configuration_cost=problem.configuration_cost(modelled, internal),
-        expected_cost=expected_cost(problem),
+        expected_cost=expected_cost(problem, modelled),
         misfit=excess,
         dropped=dropped,
         start_cost=costs,
@@ -207,20 +210,19 @@ def _solution(
     )
 
 
-def expected_cost(problem: Problem) -> FloatArray:
-    """Cost (n_conf,) that the measured response's covariance alone gives at the truth."""
+def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
+    """Cost (n_conf,) that the measured response's covariance alone gives around the modelled response."""
     variance = problem.frf.element_variance()
     if problem.estimator == "lls":
-        variance = variance / np.abs(problem.frf.response) ** 2
+        variance = variance / np.abs(modelled) ** 2
     return np.asarray((problem.weight * variance).sum(axis=(1, 2, 3)))
 
 
-def misfit(problem: Problem, cost: float) -> float:
+def misfit(problem: Problem, modelled: ComplexArray, cost: float) -> float:
     """Cost over what the response's covariance and the assumed model error give together; 0 without either."""
-    assumed = problem.model_error**2
-    if problem.estimator == "nls":
-        assumed = assumed * np.abs(problem.frf.response) ** 2
-    total = float(expected_cost(problem).sum() + (problem.weight * assumed).sum())
+    size = np.abs(modelled) ** 2 if problem.estimator == "nls" else np.ones(problem.weight.shape)
+    assumed = problem.model_error**2 * size
+    total = float(expected_cost(problem, modelled).sum() + (problem.weight * assumed).sum())
     return cost / total if total > 0 else 0.0
 
 

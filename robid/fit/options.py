@@ -16,31 +16,54 @@ class Weights:
         default="inflated",
         metadata={"description": "Constant per element; 1/variance; 1/(variance + model error)."},
     )
-    off_diagonal: float = field(default=0.3, metadata={"description": "User weight of off-diagonal elements, diagonal is 1.", "ge": 0})
+    off_diagonal: float = field(
+        default=0.3, metadata={"description": "User weight of off-diagonal elements, diagonal is 1.", "ge": 0}
+    )
     low_cut_hz: float = field(default=0.0, metadata={"description": "Lines below get no weight [Hz].", "ge": 0})
-    model_error: float = field(default=0.02, metadata={"description": "Relative model error that `inflated` adds.", "ge": 0})
+    model_error: float = field(
+        default=0.02, metadata={"description": "Relative model error that `inflated` adds.", "ge": 0}
+    )
 
 
 @dataclass(frozen=True)
 class ElasticOptions:
     """The elastic fit."""
 
-    estimator: Literal["lls", "nls"] = field(default="lls", metadata={"description": "Logarithmic or plain least squares."})
+    estimator: Literal["lls", "nls"] = field(
+        default="lls", metadata={"description": "Logarithmic or plain least squares."}
+    )
     weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
     free: tuple[ParameterKind, ...] = field(
-        default=("stiffness", "damping", "viscous", "delay"), metadata={"description": "Kinds of parameters that are estimated."}
+        default=("stiffness", "damping", "viscous", "delay"),
+        metadata={"description": "Kinds of parameters that are estimated."},
     )
-    fixed: tuple[str, ...] = field(default=(), metadata={"description": "Names of single parameters that stay at the robot file's value."})
-    starts: int = field(default=1, metadata={"description": "Number of starts; the first is the robot file's values.", "ge": 1})
-    start_decades: float = field(default=1.0, metadata={"description": "Further starts are log-uniform within this many decades.", "ge": 0})
+    fixed: tuple[str, ...] = field(
+        default=(), metadata={"description": "Names of single parameters that stay at the robot file's value."}
+    )
+    starts: int = field(
+        default=1, metadata={"description": "Number of starts; the first is the robot file's values.", "ge": 1}
+    )
+    start_decades: float = field(
+        default=1.0, metadata={"description": "Further starts are log-uniform within this many decades.", "ge": 0}
+    )
     prior_decades: float = field(
         default=1.0,
-        metadata={"description": "Standard deviation of what the robot file knows of springs, dampers, inertias [decades].", "gt": 0},
+        metadata={
+            "description": "Standard deviation of what the robot file knows of springs, dampers, inertias [decades].",
+            "gt": 0,
+        },
     )
     max_iterations: int = field(default=200, metadata={"description": "Iteration limit of one start.", "ge": 1})
-    statics_updates: int = field(default=2, metadata={"description": "How often the equilibrium is solved again for the fitted springs.", "ge": 0})
+    statics_updates: int = field(
+        default=2,
+        metadata={"description": "How often the equilibrium is solved again for the fitted springs.", "ge": 0},
+    )
     identifiable_relative_std: float = field(
-        default=0.2, metadata={"description": "Predicted relative deviation up to which a parameter counts as identifiable.", "gt": 0}
+        default=0.2,
+        metadata={
+            "description": "Predicted relative deviation up to which a parameter counts as identifiable.",
+            "gt": 0,
+        },
     )
     confidence: float = field(default=0.95, metadata={"description": "Level of the intervals.", "gt": 0, "lt": 1})
     seed: int = field(default=1, metadata={"description": "Seed of the starts.", "ge": 0})

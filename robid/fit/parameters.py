@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
 from robid.fit.options import ElasticOptions
 from robid.robot.description import Robot
@@ -45,10 +45,10 @@ class ParameterMap:
 
     nominal: ElasticParameters
     kinds: tuple[str, ...]
-    masks: tuple[FloatArray, ...]
+    masks: tuple[BoolArray, ...]
     names: tuple[str, ...]
     kind_of: tuple[str, ...]
-    logarithmic: FloatArray
+    logarithmic: BoolArray
     scale: FloatArray
     prior_std: FloatArray
 
@@ -70,7 +70,9 @@ class ParameterMap:
     def values(self, internal: FloatArray) -> FloatArray:
         """Values (n_param,) in their own units."""
         nominal = self.nominal_values()
-        return np.where(self.logarithmic, nominal * np.exp(internal * self.logarithmic), nominal + self.scale * internal)
+        return np.where(
+            self.logarithmic, nominal * np.exp(internal * self.logarithmic), nominal + self.scale * internal
+        )
 
     def slopes(self, internal: FloatArray) -> FloatArray:
         """Derivative (n_param,) of each value with respect to its internal parameter."""
@@ -86,7 +88,7 @@ class ParameterMap:
             result, begin = with_values(result, kind, full), begin + count
         return result
 
-    def columns(self) -> FloatArray:
+    def columns(self) -> IntArray:
         """Indices of the estimated elements among all elements of the estimated kinds."""
         return np.flatnonzero(np.concatenate(self.masks))
 
@@ -112,17 +114,27 @@ def map_parameters(
     """
     springs = [spring.name for spring in robot.springs]
     joints = [joint.name for joint in robot.joints]
-    kinds = tuple(dict.fromkeys(options.free))
+    kinds: tuple[str, ...] = tuple(dict.fromkeys(options.free))
     every = {
-        kind: ["delay"] if kind == "delay" else [f"{n}.{kind}" for n in (springs if kind in LOGARITHMIC[:2] else joints)]
+        kind: ["delay"]
+        if kind == "delay"
+        else [f"{n}.{kind}" for n in (springs if kind in LOGARITHMIC[:2] else joints)]
         for kind in kinds
     }
     _check_names(options, {name for names in every.values() for name in names}, every, nominal)
     masks = tuple(np.array([name not in options.fixed for name in every[kind]]) for kind in kinds)
-    names = [name for kind, mask in zip(kinds, masks, strict=True) for name, free in zip(every[kind], mask, strict=True) if free]
+    names = [
+        name
+        for kind, mask in zip(kinds, masks, strict=True)
+        for name, free in zip(every[kind], mask, strict=True)
+        if free
+    ]
     kind_of = [kind for kind, mask in zip(kinds, masks, strict=True) for _ in range(int(mask.sum()))]
     scales = {"viscous": 2 * np.pi * _VISCOUS_SCALE_HZ * nominal.motor_inertia, "delay": np.array([1e-3])}
-    scale = [scales[kind][mask] if kind in scales else np.ones(int(mask.sum())) for kind, mask in zip(kinds, masks, strict=True)]
+    scale = [
+        scales[kind][mask] if kind in scales else np.ones(int(mask.sum()))
+        for kind, mask in zip(kinds, masks, strict=True)
+    ]
     n_friction = len(friction_names)
     decades = np.log(10) * options.prior_decades
     prior = np.array([decades if kind in LOGARITHMIC else np.inf for kind in kind_of])

@@ -101,13 +101,17 @@ class Problem:
         return float((0.5 * (internal / self.parameters.prior_std) ** 2).sum())
 
 
-def make_weights(frf: Frf, weights: Weights, estimator: str) -> tuple[FloatArray, int]:
+def make_weights(
+    frf: Frf, weights: Weights, estimator: str, size: FloatArray | None = None
+) -> tuple[FloatArray, int]:
     """Weights of the squared residuals.
 
     Args:
         frf: Measured response with its variance.
         weights: Which weights.
         estimator: `lls` or `nls`; the logarithm drops elements below 10 dB.
+        size (n_conf, n_freq, n_out, n_in): Magnitude that errors are relative to, the measured one by default.
+            A fitted model's is better: noise then does not choose its own weight.
 
     Returns:
         Weights (n_conf, n_freq, n_out, n_in) and the number of dropped elements. Without a covariance the
@@ -116,13 +120,13 @@ def make_weights(frf: Frf, weights: Weights, estimator: str) -> tuple[FloatArray
     Source:
         Wernholt and Moberg (2008), eq. 6, 8 and sec. 6; METHODS sec. 5.
     """
-    power = np.abs(frf.response) ** 2
+    power = (np.abs(frf.response) if size is None else size) ** 2
     variance = frf.element_variance()
     relative = np.divide(variance, power, out=np.full(power.shape, np.inf), where=power > 0)
     freedom = frf.total_degrees_of_freedom if frf.total_covariance is not None else frf.noise_degrees_of_freedom
     inverse_bias = (freedom - 1) / freedom if freedom > 2 else 1.0
     if weights.kind == "user":
-        base = np.where(np.eye(*power.shape[2:], dtype=bool), 1.0, weights.off_diagonal) + np.zeros(power.shape)
+        base = np.where(np.eye(*power.shape[2:]) > 0, 1.0, weights.off_diagonal) + np.zeros(power.shape)
         typical = float((base * relative).sum() / max((base > 0).sum(), 1))
         base = base / (typical if 0 < typical < np.inf else weights.model_error**2 or 1.0)
     elif variance.any():
@@ -139,9 +143,21 @@ def make_weights(frf: Frf, weights: Weights, estimator: str) -> tuple[FloatArray
 
 
 def make_problem(
-    frf: Frf, model: LinearModel, parameters: ParameterMap, options: ElasticOptions
+    frf: Frf,
+    model: LinearModel,
+    parameters: ParameterMap,
+    options: ElasticOptions,
+    internal: FloatArray | None = None,
 ) -> tuple[Problem, int]:
-    """Returns the problem and the number of elements that the logarithm drops."""
-    weight, dropped = make_weights(frf, options.weights, options.estimator)
+    """Sets up the problem; where fitted internal values are known, the weights follow the fitted response.
+
+    Returns:
+        The problem and the number of elements that the logarithm drops.
+    """
+    size = None
+    if internal is not None:
+        values = parameters.parameters(internal)
+        size = np.abs(response(model, values, frf.frequency_hz, frf.hold_period_s).sampled)
+    weight, dropped = make_weights(frf, options.weights, options.estimator, size)
     model_error = options.weights.model_error if options.weights.kind == "inflated" else 0.0
     return Problem(frf, model, parameters, options.estimator, weight, model_error), dropped

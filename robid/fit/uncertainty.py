@@ -31,6 +31,7 @@ def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
     else:
         error = error * np.abs(problem.frf.response).reshape(-1, 1)
     covariance, factor = problem.frf.covariance, problem.frf.input_factor
+    weighted = weighted * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
     moved = np.einsum("cfop,cfpiq->cfoiq", covariance, weighted, optimize=True)
     moved = np.einsum("cfij,cfojq->cfoiq", factor, moved, optimize=True)
     meat = 0.5 * np.real(weighted.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + error.conj().T @ error)

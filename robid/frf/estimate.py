@@ -51,7 +51,7 @@ def estimate_frf(
     residual = acceleration - response @ torque
     total, total_freedom = _total_covariance(residual.mean(axis=1), options.pooled_lines)
     noise, noise_freedom = _noise_covariance(residual, options.pooled_lines)
-    outer = np.einsum("rfei,rfej->fij", inverse, inverse.conj())
+    factor = np.einsum("rfei,rfej->fij", inverse, inverse.conj()) / per_block.shape[0] ** 2
     names, deviation = _coefficients(record, laws if compensate else None)
     sensitivity = np.concatenate([_sensitivity(response, spectra, inverse), _scale_sensitivity(response)])
     return Frf(
@@ -59,7 +59,8 @@ def estimate_frf(
         lines=record.excited_lines,
         configurations=record.configurations,
         response=response[None],
-        input_factor=outer[None] / per_block.shape[0] ** 2,
+        input_factor=factor[None],
+        element_scale=_element_scale(per_block, factor, total)[None],
         total_covariance=None if total is None else total[None],
         noise_covariance=None if noise is None else noise[None],
         total_degrees_of_freedom=total_freedom,
@@ -90,21 +91,20 @@ def average(per_block: ComplexArray, estimator: str) -> ComplexArray:
 
 def concatenate(parts: list[Frf]) -> Frf:
     """Joins responses of single configurations along the configuration axis."""
-    per_configuration = (
-        "configurations",
-        "response",
-        "input_factor",
-        "total_covariance",
-        "noise_covariance",
-        "sensitivity",
-        "removed_torque_rms",
+    first = parts[0]
+    total = [part.total_covariance for part in parts if part.total_covariance is not None]
+    noise = [part.noise_covariance for part in parts if part.noise_covariance is not None]
+    return replace(
+        first,
+        configurations=np.concatenate([part.configurations for part in parts]),
+        response=np.concatenate([part.response for part in parts]),
+        input_factor=np.concatenate([part.input_factor for part in parts]),
+        element_scale=np.concatenate([part.element_scale for part in parts]),
+        total_covariance=np.concatenate(total) if total else None,
+        noise_covariance=np.concatenate(noise) if noise else None,
+        sensitivity=np.concatenate([part.sensitivity for part in parts]),
+        removed_torque_rms=np.concatenate([part.removed_torque_rms for part in parts]),
     )
-    joined = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in per_configuration
-        if getattr(parts[0], name) is not None
-    }
-    return replace(parts[0], **joined)
 
 
 def _blocks(spectrum: ComplexArray) -> ComplexArray:
@@ -136,6 +136,19 @@ def _total_covariance(residual: ComplexArray, pooled: int) -> tuple[ComplexArray
     return pool(covariance, pooled), float(n_exp * (n_real - 1) * min(pooled, n_freq))
 
 
+def _element_scale(per_block: ComplexArray, factor: ComplexArray, total: ComplexArray | None) -> FloatArray:
+    """Sample variance of each element's mean over that of the Kronecker product (n_out, n_in), mean over lines."""
+    n_real = per_block.shape[0]
+    if total is None:
+        return np.ones(per_block.shape[2:])
+    sample = per_block.var(axis=0) / (n_real - 1)
+    rows = np.real(np.diagonal(total, axis1=-2, axis2=-1))
+    columns = np.real(np.diagonal(factor, axis1=-2, axis2=-1))
+    product = rows[:, :, None] * columns[:, None, :]
+    ratio = np.divide(sample, product, out=np.ones_like(product), where=product > 0)
+    return np.asarray(ratio.mean(axis=0))
+
+
 def _noise_covariance(residual: ComplexArray, pooled: int) -> tuple[ComplexArray | None, float]:
     n_real, n_period, n_freq, _, n_exp = residual.shape
     if n_period < 2:
@@ -155,7 +168,9 @@ def pool(covariance: ComplexArray, count: int) -> ComplexArray:
 
 def _sensitivity(response: ComplexArray, spectra: Spectra, inverse: ComplexArray) -> ComplexArray:
     """Derivative (n_coef, n_freq, n_out, n_in) of `Y (U - s F)^-1` with respect to each coefficient s."""
-    moved = [np.einsum("rfje,rfei->rfji", _blocks(kind).mean(axis=1), inverse).mean(axis=0) for kind in spectra.disturbance]
+    moved = [
+        np.einsum("rfje,rfei->rfji", _blocks(kind).mean(axis=1), inverse).mean(axis=0) for kind in spectra.disturbance
+    ]
     if not moved:
         return np.zeros((0, *response.shape), complex)
     each = np.einsum("foj,kfji->kjfoi", response, np.array(moved))

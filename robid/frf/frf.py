@@ -14,9 +14,10 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 class Frf:
     """Frequency responses from motor torque to acceleration, one per configuration.
 
-    The covariance is structured: `cov(vec G) = input_factor (x) C_v`, with `vec` stacking columns,
-    `C_v` the covariance of the output residual and `input_factor` the mean of `(U U^H)^-T` over
-    realizations divided by their number (METHODS sec. 4).
+    The covariance is structured: `cov(vec G) = S (input_factor (x) C_v) S`, with `vec` stacking columns, `C_v`
+    the covariance of the output residual, `input_factor` the mean of `(U U^H)^-T` over realizations divided by
+    their number (METHODS sec. 4), and `S` diagonal with the roots of `element_scale`: distortion that follows
+    the inputs through a block, as friction does, gathers in some elements, which the product alone cannot hold.
 
     Attributes:
         frequency_hz (n_freq,): Excited frequencies [Hz].
@@ -24,6 +25,8 @@ class Frf:
         configurations (n_conf, n_joint): Arm-side joint angles [rad].
         response (n_conf, n_freq, n_out, n_in): Frequency response [rad/(s^2 N m)].
         input_factor (n_conf, n_freq, n_in, n_in): See above [1/(N m)^2].
+        element_scale (n_conf, n_out, n_in): Total variance of each element over that of the product, mean over
+            the lines; 1 where there is only one realization.
         total_covariance (n_conf, n_freq, n_out, n_out): `C_v` from realizations, or None when there is
             only one [rad^2/s^4].
         noise_covariance (n_conf, n_freq, n_out, n_out): `C_v` from periods, or None when there is only
@@ -48,6 +51,7 @@ class Frf:
     configurations: FloatArray
     response: ComplexArray
     input_factor: ComplexArray
+    element_scale: FloatArray
     total_covariance: ComplexArray | None
     noise_covariance: ComplexArray | None
     total_degrees_of_freedom: float
@@ -84,4 +88,5 @@ class Frf:
             return np.zeros(self.response.shape)
         rows = np.real(np.diagonal(chosen, axis1=-2, axis2=-1))
         columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
-        return np.asarray(rows[..., :, None] * columns[..., None, :])
+        scale = 1.0 if noise_only else self.element_scale[:, None]
+        return np.asarray(rows[..., :, None] * columns[..., None, :] * scale)

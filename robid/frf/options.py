@@ -17,5 +17,6 @@ class EstimateOptions:
         default="nominal", metadata={"description": "Friction subtracted from the torque: none, or the robot file's."}
     )
     pooled_lines: int = field(
-        default=3, metadata={"description": "Neighbouring lines (odd number) pooled in the residual covariance.", "ge": 1}
+        default=3,
+        metadata={"description": "Neighbouring lines (odd number) pooled in the residual covariance.", "ge": 1},
     )

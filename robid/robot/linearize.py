@@ -61,9 +61,7 @@ class LinearModel:
         return int(self.rotor.size)
 
 
-def solve_statics(
-    model: ElasticModel, configurations: FloatArray, stiffness: FloatArray | None = None
-) -> Equilibrium:
+def solve_statics(model: ElasticModel, configurations: FloatArray, stiffness: FloatArray | None = None) -> Equilibrium:
     """Solves the statics with the motor angles held by the encoders.
 
     Args:

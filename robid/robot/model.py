@@ -67,7 +67,8 @@ def build_model(
     spec.option.gravity = robot.gravity_m_s2
     flags = mujoco.mjtDisableBit
     spec.option.disableflags = int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_AUTORESET)
-    parent, offset = spec.worldbody, np.zeros(3)
+    parent = spec.worldbody
+    offset: FloatArray = np.zeros(3)
     for index, joint in enumerate(robot.joints):
         is_last = index == len(robot.joints) - 1
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
@@ -103,7 +104,8 @@ def _add_link(
         if spring.place == "bearing":
             _add_elastic_hinge(body, spring)
     body.add_joint(name=f"q_a_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-    whole, origin = joint.link, np.zeros(3)
+    whole = joint.link
+    origin: FloatArray = np.zeros(3)
     for spring in springs:
         if spring.place == "split" and spring.outboard is not None:
             _set_inertial(body, remove(whole, spring.outboard), origin)
@@ -154,9 +156,7 @@ def _add_torque(spec: mujoco.MjSpec, joint: Joint, *, friction: bool, ripple: bo
     cogging = [motor.ripple_nm, motor.ripple_order, 0.0] if ripple and motor.ripple_nm > 0 else None
     if lugre or cogging:
         target = f"q_m_{joint.name}"
-        _add_passive(
-            spec, f"friction_{joint.name}", mujoco.mjtTrn.mjTRN_JOINT, target, lugre=lugre, cogging=cogging
-        )
+        _add_passive(spec, f"friction_{joint.name}", mujoco.mjtTrn.mjTRN_JOINT, target, lugre=lugre, cogging=cogging)
 
 
 def _lugre(motor: Motor) -> list[float]:

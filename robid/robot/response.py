@@ -163,7 +163,7 @@ def _inertia_columns(
     change = np.einsum("cfao,clab,cfbi->cfoil", result.outputs, spread, result.inputs, optimize=True)
     columns = -(result.hold * result.omega**4)[:, None, None, None] * change
     if sampling_period_s is None:
-        return columns
+        return np.asarray(columns)
     inverse = np.linalg.inv(_mass(model, parameters))
     left, right = model.output @ inverse, inverse[..., : model.n_motor]
     fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)

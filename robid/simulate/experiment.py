@@ -195,5 +195,3 @@ def _quiet_directory() -> Iterator[None]:
             yield
         finally:
             os.chdir(here)
-
-

@@ -10,13 +10,17 @@ from typing import Literal
 class Controller:
     """A cascade as robots have it: position P, speed PI, torque limit, one computation delay."""
 
-    sampling_period_s: float = field(default=1e-3, metadata={"description": "Sampling period of the controller [s].", "gt": 0})
+    sampling_period_s: float = field(
+        default=1e-3, metadata={"description": "Sampling period of the controller [s].", "gt": 0}
+    )
     position_gain_1_s: float = field(default=6.0, metadata={"description": "Gain of the position loop [1/s].", "ge": 0})
     speed_bandwidth_hz: float = field(
         default=20.0,
         metadata={"description": "Crossover of the speed loop on the rotor's inertia alone [Hz].", "gt": 0},
     )
-    integral_time_s: float = field(default=0.1, metadata={"description": "Integral time of the speed loop [s].", "gt": 0})
+    integral_time_s: float = field(
+        default=0.1, metadata={"description": "Integral time of the speed loop [s].", "gt": 0}
+    )
     delay_samples: int = field(
         default=1, metadata={"description": "Samples from measurement to the torque that uses it.", "ge": 0, "le": 4}
     )
@@ -26,19 +30,38 @@ class Controller:
 class Imperfections:
     """What the simulated robot does beyond the linear model; zero or false is off."""
 
-    encoder_noise_rad: float = field(default=0.0, metadata={"description": "Standard deviation of the motor angle's noise [rad].", "ge": 0})
-    encoder_resolution_rad: float = field(default=0.0, metadata={"description": "Quantisation step of the motor angle [rad].", "ge": 0})
-    torque_noise_nm: float = field(default=0.0, metadata={"description": "Standard deviation of the torque's noise, new each sample [N m].", "ge": 0})
-    resolver_error_rad: float = field(default=0.0, metadata={"description": "Amplitude of the resolver's error [rad].", "ge": 0})
-    resolver_order: int = field(default=2, metadata={"description": "Periods of the resolver's error per motor turn.", "ge": 1})
+    encoder_noise_rad: float = field(
+        default=0.0, metadata={"description": "Standard deviation of the motor angle's noise [rad].", "ge": 0}
+    )
+    encoder_resolution_rad: float = field(
+        default=0.0, metadata={"description": "Quantisation step of the motor angle [rad].", "ge": 0}
+    )
+    torque_noise_nm: float = field(
+        default=0.0,
+        metadata={"description": "Standard deviation of the torque's noise, new each sample [N m].", "ge": 0},
+    )
+    resolver_error_rad: float = field(
+        default=0.0, metadata={"description": "Amplitude of the resolver's error [rad].", "ge": 0}
+    )
+    resolver_order: int = field(
+        default=2, metadata={"description": "Periods of the resolver's error per motor turn.", "ge": 1}
+    )
     ripple: bool = field(default=False, metadata={"description": "Torque ripple as the robot file gives it."})
-    friction: Literal["none", "lugre"] = field(default="none", metadata={"description": "Motor friction inside the integrator."})
+    friction: Literal["none", "lugre"] = field(
+        default="none", metadata={"description": "Motor friction inside the integrator."}
+    )
     stiffening_1_rad2: float = field(
         default=0.0, metadata={"description": "Cubic over linear coefficient of the transmissions [1/rad^2].", "ge": 0}
     )
-    backlash_rad: float = field(default=0.0, metadata={"description": "Arm-side backlash of the transmissions [rad].", "ge": 0})
-    hysteresis_nm: float = field(default=0.0, metadata={"description": "Arm-side hysteresis torque of the transmissions [N m].", "ge": 0})
-    unmodelled_payload_kg: float = field(default=0.0, metadata={"description": "Payload mass the model does not know [kg]."})
+    backlash_rad: float = field(
+        default=0.0, metadata={"description": "Arm-side backlash of the transmissions [rad].", "ge": 0}
+    )
+    hysteresis_nm: float = field(
+        default=0.0, metadata={"description": "Arm-side hysteresis torque of the transmissions [N m].", "ge": 0}
+    )
+    unmodelled_payload_kg: float = field(
+        default=0.0, metadata={"description": "Payload mass the model does not know [kg]."}
+    )
 
 
 @dataclass(frozen=True)
@@ -46,10 +69,12 @@ class Truth:
     """Seeded deviations of the simulated robot from the robot file."""
 
     spring_factor: float = field(
-        default=1.0, metadata={"description": "Springs and dampers are multiplied log-uniformly by up to this factor.", "ge": 1}
+        default=1.0,
+        metadata={"description": "Springs and dampers are multiplied log-uniformly by up to this factor.", "ge": 1},
     )
     friction_relative: float = field(
-        default=0.0, metadata={"description": "Friction coefficients deviate uniformly by up to this share.", "ge": 0, "lt": 1}
+        default=0.0,
+        metadata={"description": "Friction coefficients deviate uniformly by up to this share.", "ge": 0, "lt": 1},
     )
     seed: int = field(default=1, metadata={"description": "Seed of the deviations.", "ge": 0})
 
@@ -58,8 +83,14 @@ class Truth:
 class SimulateOptions:
     """One simulated campaign."""
 
-    imperfections: Imperfections = field(default_factory=Imperfections, metadata={"description": "What is not linear or not exact."})
-    truth: Truth = field(default_factory=Truth, metadata={"description": "How the true robot differs from the robot file."})
-    steps_per_sample: int = field(default=1, metadata={"description": "RK4 steps per controller sample.", "ge": 1, "le": 64})
+    imperfections: Imperfections = field(
+        default_factory=Imperfections, metadata={"description": "What is not linear or not exact."}
+    )
+    truth: Truth = field(
+        default_factory=Truth, metadata={"description": "How the true robot differs from the robot file."}
+    )
+    steps_per_sample: int = field(
+        default=1, metadata={"description": "RK4 steps per controller sample.", "ge": 1, "le": 64}
+    )
     transient_periods: int = field(default=1, metadata={"description": "Periods dropped before recording.", "ge": 0})
     seed: int = field(default=1, metadata={"description": "Seed of the noise.", "ge": 0})

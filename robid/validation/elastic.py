@@ -125,7 +125,7 @@ def validate_elastic(
     problem = fitted.problem
     modelled = problem.model_response(fitted.internal)
     cost = problem.configuration_cost(modelled, fitted.internal)
-    expected = expected_cost(problem)
+    expected = expected_cost(problem, modelled)
     elements = np.asarray((problem.weight > 0).sum(axis=(1, 2, 3)))
     _refuse_empty(robot, elements)
     per_element = cost / elements

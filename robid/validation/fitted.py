@@ -76,7 +76,7 @@ def fitted_model(robot: Robot, solution: Solution, frf: Frf, options: ElasticOpt
         frf.coefficient_relative_std,
     )
     internal = _internal(robot, solution, parameters)
-    problem, dropped = make_problem(frf, model, parameters, options)
+    problem, dropped = make_problem(frf, model, parameters, options, internal)
     return FittedModel(problem, internal, dropped)
 
 

@@ -83,7 +83,9 @@ def test_noise_free_robot_costs_no_accuracy(tmp_path):
     frf = frf_from_artifact(read_artifact(tmp_path / "run" / "estimation" / "frf.h5", FRF))
     loaded = load_experiment(path)
     settings = loaded.experiment.campaigns["estimation"].source.simulate.truth
-    robot = true_robot(loaded.robot.to_robot(), Truth(settings.spring_factor, settings.friction_relative, settings.seed))
+    robot = true_robot(
+        loaded.robot.to_robot(), Truth(settings.spring_factor, settings.friction_relative, settings.seed)
+    )
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, frf.configurations))
     period = loaded.robot.controller.sampling_period_s

@@ -89,6 +89,7 @@ def _frf(generator: np.random.Generator, *, coefficients: int, covariances: bool
         configurations=generator.standard_normal((2, 6)),
         response=complex_values(2, 3, 3, 2),
         input_factor=complex_values(2, 3, 2, 2),
+        element_scale=generator.uniform(0.5, 2.0, (2, 3, 2)),
         total_covariance=complex_values(2, 3, 3, 3) if covariances else None,
         noise_covariance=complex_values(2, 3, 3, 3) if covariances else None,
         total_degrees_of_freedom=18.0 if covariances else 0.0,

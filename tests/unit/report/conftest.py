@@ -58,6 +58,7 @@ def synthetic_frf(response, frequency_hz, configurations, relative, inputs, outp
         configurations=configurations,
         response=response + level[..., None] * (deviation[0] + 1j * deviation[1]),
         input_factor=np.broadcast_to(np.eye(n_in, dtype=complex), (n_conf, n_freq, n_in, n_in)),
+        element_scale=np.ones((n_conf, n_out, n_in)),
         total_covariance=covariance,
         noise_covariance=None,
         total_degrees_of_freedom=36.0,

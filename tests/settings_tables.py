@@ -1,0 +1,80 @@
+"""The tables of settings in the documentation, written from the JSON schemas.
+
+Below a line `<!-- settings: NAME -->` of a page stands the table of the section NAME; `file` is the whole file.
+`.venv/bin/python tests/settings_tables.py` writes them anew, and a test compares.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from robid.settings.schema import experiment_schema, robot_schema
+
+ROOT = Path(__file__).parent.parent
+PAGES = {"docs/experiment-file.md": experiment_schema, "docs/bring-your-own.md": robot_schema}
+_HEAD = ["| key | value | default | meaning |", "|---|---|---|---|"]
+_MARK = re.compile(r"^<!-- settings: (\w+) -->\n(?:\|.*\n)*", re.MULTILINE)
+_LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+_TYPES = {"number": "number", "integer": "whole number", "boolean": "true, false", "string": "text", "array": "list"}
+
+
+def marked(page: str) -> list[str]:
+    """Returns the sections that a page has tables of."""
+    return _MARK.findall(page)
+
+
+def renewed(page: str, schema: dict[str, Any]) -> str:
+    """Returns a page with its tables written from a schema."""
+
+    def table(found: re.Match[str]) -> str:
+        return "\n".join([f"<!-- settings: {found[1]} -->", *_HEAD, *_rows(found[1], schema), ""])
+
+    return _MARK.sub(table, page)
+
+
+def _rows(section: str, schema: dict[str, Any]) -> list[str]:
+    node = schema if section == "file" else schema["$defs"][section]
+    required = node.get("required", ())
+    # `assumed` is the same everywhere and is explained once.
+    shown = {key: field for key, field in node["properties"].items() if key != "assumed" or section == "file"}
+    return [
+        f"| `{key}` | {_values(field)} | {'required' if key in required else _default(field)} | {_meaning(field, schema)} |"
+        for key, field in shown.items()
+    ]
+
+
+def _meaning(field: dict[str, Any], schema: dict[str, Any]) -> str:
+    section = schema["$defs"].get(field.get("$ref", "").rpartition("/")[2], {})
+    return str(field.get("description") or section["description"])
+
+
+def _values(field: dict[str, Any]) -> str:
+    if "anyOf" in field:
+        members = (_values(member) for member in field["anyOf"] if member.get("type") != "null")
+        return " or ".join(dict.fromkeys(members))
+    if "const" in field:
+        return f"`{field['const']}`"
+    if "enum" in field:
+        return ", ".join(f"`{value}`" for value in field["enum"])
+    if "$ref" in field or field["type"] == "object":
+        return "section"
+    if field["type"] == "array" and "enum" in field.get("items", {}):
+        return f"list of {_values(field['items'])}"
+    limits = ", ".join(f"{sign} {field[limit]:g}" for limit, sign in _LIMITS.items() if limit in field)
+    return f"{_TYPES[field['type']]} {limits}".strip()
+
+
+def _default(field: dict[str, Any]) -> str:
+    default = field.get("default")
+    if default is None or default == [] or isinstance(default, dict):
+        return "–"
+    return f"`{json.dumps(default)}`".replace('"', "")
+
+
+if __name__ == "__main__":
+    for name, make_schema in PAGES.items():
+        file = ROOT / name
+        file.write_text(renewed(file.read_text(encoding="utf-8"), make_schema()), encoding="utf-8")
