@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -66,6 +67,21 @@ class Frf:
     torque_unit: str = "N m"
     torque_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: tuple[str, ...] = field(default=())
+
+    def select(self, configurations: Sequence[int]) -> Frf:
+        """Returns the response in some of its configurations."""
+        chosen = np.asarray(configurations)
+        return replace(
+            self,
+            configurations=self.configurations[chosen],
+            response=self.response[chosen],
+            input_factor=self.input_factor[chosen],
+            element_scale=self.element_scale[chosen],
+            total_covariance=None if self.total_covariance is None else self.total_covariance[chosen],
+            noise_covariance=None if self.noise_covariance is None else self.noise_covariance[chosen],
+            sensitivity=self.sensitivity[chosen],
+            removed_torque_rms=self.removed_torque_rms[chosen],
+        )
 
     @property
     def hold_period_s(self) -> float | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +19,6 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.stages.slices import delay_s, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted
-
-_PER_CONFIGURATION = (
-    "configurations",
-    "response",
-    "input_factor",
-    "total_covariance",
-    "noise_covariance",
-    "sensitivity",
-    "removed_torque_rms",
-)
 
 
 def _owners(experiment: Experiment) -> tuple[str, ...]:
@@ -68,13 +57,7 @@ def _run(job: Job) -> str:
 
 def select(frf: Frf, configurations: Sequence[int] | None) -> Frf:
     """Returns the response in some of its configurations, or in all of them."""
-    if configurations is None:
-        return frf
-    chosen = np.array(configurations)
-    return replace(
-        frf,
-        **{name: getattr(frf, name)[chosen] for name in _PER_CONFIGURATION if getattr(frf, name) is not None},
-    )
+    return frf if configurations is None else frf.select(configurations)
 
 
 def figures(solution: Solution) -> str:

@@ -83,8 +83,9 @@ def vec(response):
 
 
 def kronecker(frf):
-    covariance = frf.covariance[0]
-    return np.array([np.kron(a, b) for a, b in zip(frf.input_factor[0], covariance, strict=True)])
+    root = np.sqrt(vec(frf.element_scale[0][None])[0])
+    pairs = zip(frf.input_factor[0], frf.covariance[0], strict=True)
+    return np.array([np.kron(a, b) * np.outer(root, root) for a, b in pairs])
 
 
 @pytest.mark.parametrize(("realizations", "periods"), [(4, 2), (1, 4)])

@@ -85,5 +85,5 @@ def test_hash_depends_on_content_and_not_on_order_or_number_form():
     assert settings_hash(excitation) != settings_hash({**plain, "seed": plain["seed"] + 1})
     # `period_s: 5` and `period_s: 5.0` are the same setting.
     assert plain["period_s"] == 5
-    assert type(plain["period_s"]) is type(plain["rms"]) is float
+    assert type(plain["period_s"]) is type(plain["low_hz"]) is float
     assert settings_hash({}) == "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"
