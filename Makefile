@@ -32,7 +32,7 @@ test: $(STAMP) ## run the tests
 	$(BIN)/python -m pytest -q -m "not slow"
 
 test-slow: $(STAMP) ## run the tests that take minutes
-	$(BIN)/python -m pytest -q -m slow
+	$(BIN)/python -m pytest -q -s -m slow
 
 lint: $(STAMP) ## check format, rules, types and layers
 	$(BIN)/ruff format --check robid tests

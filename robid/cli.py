@@ -29,7 +29,7 @@ from robid.pipeline import (
     run_all,
 )
 from robid.report.numbers import duration
-from robid.report.terminal import parameter_table
+from robid.report.terminal import fit_tables
 from robid.settings.load import load_experiment
 from robid.settings.schema import experiment_schema, robot_schema
 from robid.stages.report_content import gather
@@ -207,9 +207,12 @@ def run_experiment(
         _print_json({"nodes": nodes, "parameters": rows, "verdict": verdict, "report": report})
         return _PROBLEM if any(result.problem for result in results) else 0
     for fit in content.fits:
-        shown = tuple(row for row in fit.parameters if row.kind != "friction")
-        threshold = fit.identifiable_relative_std
-        shell.out.print(parameter_table(shown, level=fit.level, identifiable_relative_std=threshold))
+        if len(content.fits) > 1:
+            shell.say(f"\nfit {fit.name}")
+        for table in fit_tables(fit):
+            shell.out.print(table)
+        if fit.advice:
+            shell.warn(fit.advice)
     shell.say(f"\n{content.verdict.text}")
     shell.say(f"report: {report}")
     return _PROBLEM if any(result.problem for result in results) else 0

@@ -40,10 +40,11 @@ def _rows(section: str, schema: dict[str, Any]) -> list[str]:
     required = node.get("required", ())
     # `assumed` is the same everywhere and is explained once.
     shown = {key: field for key, field in node["properties"].items() if key != "assumed" or section == "file"}
-    return [
-        f"| `{key}` | {_values(field)} | {'required' if key in required else _default(field)} | {_meaning(field, schema)} |"
+    cells = [
+        (f"`{key}`", _values(field), "required" if key in required else _default(field), _meaning(field, schema))
         for key, field in shown.items()
     ]
+    return [f"| {' | '.join(row)} |" for row in cells]
 
 
 def _meaning(field: dict[str, Any], schema: dict[str, Any]) -> str:
@@ -69,8 +70,8 @@ def _values(field: dict[str, Any]) -> str:
 
 def _default(field: dict[str, Any]) -> str:
     default = field.get("default")
-    if default is None or default == [] or isinstance(default, dict):
-        return "–"
+    if default in (None, []) or isinstance(default, dict):
+        return ""
     return f"`{json.dumps(default)}`".replace('"', "")
 
 

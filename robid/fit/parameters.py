@@ -60,7 +60,8 @@ class ParameterMap:
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each parameter."""
-        return tuple(_UNITS[kind] for kind in self.kind_of)
+        named = zip(self.names, self.kind_of, strict=True)
+        return tuple("samples" if name.endswith(".lag") else _UNITS[kind] for name, kind in named)
 
     def nominal_values(self) -> FloatArray:
         """Nominal value (n_param,) of each parameter in its own unit."""

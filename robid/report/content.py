@@ -30,7 +30,7 @@ class ParameterRow:
         name: Name of the parameter.
         kind: Its kind, as in `stiffness`, `damping`, `delay`.
         unit: Its SI unit, as in `N m/rad`.
-        nominal: Value in the robot file.
+        nominal: Value in the robot file; 0 for kind `friction`, whose values are deviations from it.
         estimate: Fitted value.
         lower: Lower end of the interval.
         upper: Upper end of the interval.
@@ -66,9 +66,11 @@ class ResonanceRow:
         channel: Name of the channel.
         kind: Peak or dip of the magnitude.
         measured_hz: Measured frequency [Hz], or None when the data show none.
-        model_hz: The model's frequency [Hz], or None when the model has none.
+        model_hz: The model's frequency, read from its curve as the measured one [Hz], or None when it has none.
         interval_hz: Lower and upper end of the measured frequency's interval [Hz], or None.
-        damping: The model's damping ratio, or None.
+        mode_hz: The model's own pole or zero there [Hz], or None.
+        mode_interval_hz: Lower and upper end of its interval [Hz], or None.
+        damping: Its damping ratio, or None.
     """
 
     configuration: int
@@ -77,6 +79,8 @@ class ResonanceRow:
     measured_hz: float | None
     model_hz: float | None
     interval_hz: tuple[float, float] | None = None
+    mode_hz: float | None = None
+    mode_interval_hz: tuple[float, float] | None = None
     damping: float | None = None
 
 
@@ -135,6 +139,7 @@ class FitContent:
         starts: The optimizer's starts.
         status: How the fit ended.
         advice: What to do about it; empty when there is nothing to do.
+        misfit: Cost over what noise and the assumed model error give; above 1 the intervals are widened by its root.
         identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
         validation_campaign: Name of the validation campaign.
         validation_frf: Its frequency responses, or None.
@@ -153,6 +158,7 @@ class FitContent:
     starts: tuple[StartRow, ...] = ()
     status: str = ""
     advice: str = ""
+    misfit: float = 0.0
     identifiable_relative_std: float | None = None
     validation_campaign: str = ""
     validation_frf: Frf | None = None

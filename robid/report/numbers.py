@@ -91,13 +91,15 @@ def significant(value: float | None, digits: int = 3) -> str:
 
 
 def percent(fraction: float | None, *, signed: bool = False) -> str:
-    """Writes a fraction in percent with two significant digits, as in `+1.2 %`."""
+    """Writes a fraction in percent with two significant digits, one where it is tiny, as in `+1.2 %`."""
     if fraction is None or math.isnan(fraction):
         return MISSING
     value = 100 * fraction
     if math.isinf(value) or abs(value) >= 1e4:
         return "> 10 000 %"
     decimals = 0 if abs(value) >= 9.95 else 1 if abs(value) >= 0.995 else 2
+    if 0 < abs(value) < 0.00995:
+        decimals = min(-math.floor(math.log10(abs(value))), 4)
     written = f"{value:+.{decimals}f}" if signed else f"{value:.{decimals}f}"
     return f"{written.replace('-', MINUS)} %"
 

@@ -38,6 +38,20 @@ def key_figures(fit: FitContent) -> tuple[KeyFigure, ...]:
     return tuple(figure for figure in candidates if figure is not None)
 
 
+def identified_phrase(fit: FitContent) -> str:
+    """Says how many springs, or parameters without any, are identified, and how closely."""
+    springs = _springs(fit.parameters)
+    chosen = springs or list(fit.parameters)
+    found = sum(row.identifiable for row in chosen)
+    noun = ("spring" if springs else "parameter") + ("" if len(chosen) == 1 else "s")
+    text = f"{found} of {len(chosen)} {noun} identified"
+    half_width = _median_half_width(springs)
+    if half_width is None:
+        return text
+    level = f"{'median, ' if found > 1 else ''}{percent(fit.level)}"
+    return f"{text} within ±{percent(half_width)} ({level})"
+
+
 def average_and_worst(rows: tuple[CostRow, ...]) -> tuple[float, CostRow] | None:
     """Mean cost over the configurations and the row of the largest, or None without rows."""
     if not rows:
@@ -70,11 +84,15 @@ def _identified(fit: FitContent) -> KeyFigure | None:
 
 
 def _half_width(fit: FitContent) -> KeyFigure | None:
-    chosen = [row for row in _springs(fit.parameters) if row.identifiable and row.estimate]
-    if not chosen:
+    value = _median_half_width(_springs(fit.parameters))
+    if value is None:
         return None
-    value = median((row.upper - row.lower) / 2 / abs(row.estimate) for row in chosen)
     return KeyFigure("Spring interval", f"± {percent(value)}", f"median, {percent(fit.level)} level")
+
+
+def _median_half_width(springs: list[ParameterRow]) -> float | None:
+    widths = [(row.upper - row.lower) / 2 / abs(row.estimate) for row in springs if row.identifiable and row.estimate]
+    return median(widths) if widths else None
 
 
 def _truth_distance(rows: tuple[ParameterRow, ...]) -> KeyFigure | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import groupby
 from statistics import median
@@ -14,7 +15,7 @@ from robid.report.content import (
     ResonanceRow,
     StartRow,
 )
-from robid.report.numbers import MISSING, number_of, percent, pretty_unit, scale_for, significant
+from robid.report.numbers import MISSING, Scale, number_of, percent, pretty_unit, scale_for, significant
 from robid.report.summary import average_and_worst, resonance_errors
 
 KIND_TITLES = {
@@ -24,7 +25,10 @@ KIND_TITLES = {
     "motor_inertia": "Motor inertias",
     "link_inertia": "Link inertias",
     "delay": "Delay",
+    "friction": "Torque nonlinearities (nuisance)",
 }
+NUISANCE = "friction"
+_SYMBOLS = {"stiffness": "k", "damping": "d", "viscous": "d", "motor_inertia": "J1", "link_inertia": "J2"}
 
 
 @dataclass(frozen=True)
@@ -57,8 +61,33 @@ class CampaignCosts:
     worst: str
 
 
+def kind_title(kind: str, torque_unit: str = "N m") -> str:
+    """Names a kind of parameters, as a ratio where the torque constant is unknown: `Springs, k/Kt`."""
+    title = KIND_TITLES.get(kind, kind)
+    return f"{title}, {_SYMBOLS[kind]}/Kt" if torque_unit != "N m" and kind in _SYMBOLS else title
+
+
+def ratio_sentence(torque_unit: str) -> str:
+    """Says what the values are where the torque constant is unknown; empty where it is known."""
+    if torque_unit == "N m":
+        return ""
+    return f"The torque constant Kt is unknown: {torque_unit} stands for N m, and every value is its ratio to Kt."
+
+
+def widened_sentence(fit: FitContent) -> str:
+    """Says by how much the intervals are widened; empty where they are not."""
+    if fit.misfit <= 1:
+        return ""
+    return (
+        f"Intervals are widened {significant(math.sqrt(fit.misfit), 2)} times: the residual is so much larger "
+        "than noise and the assumed model error explain."
+    )
+
+
 def parameter_line(row: ParameterRow, threshold: float | None = None) -> ParameterLine:
     """Writes a parameter; a row that is not identifiable says why."""
+    if row.kind == NUISANCE:
+        return _nuisance_line(row, threshold)
     half_width = (row.upper - row.lower) / 2
     scale = scale_for(row.estimate or row.nominal, row.unit, half_width)
     relative = half_width / abs(row.estimate) if row.estimate else float("nan")
@@ -80,14 +109,47 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
     )
 
 
+def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
+    """Writes a deviation from the robot file, in percentage points or samples; there is nothing to relate it to."""
+    factor, unit = (1, row.unit) if row.unit else (100, "%")
+    half_width = factor * (row.upper - row.lower) / 2
+    known = half_width > 0 and math.isfinite(half_width)
+    scale = Scale(0, unit, min(max(1 - math.floor(math.log10(half_width)), 0), 3) if known else 3)
+    return ParameterLine(
+        name=row.name,
+        unit=unit,
+        nominal="",
+        estimate=scale.text(factor * row.estimate),
+        lower=scale.text(factor * row.lower),
+        upper=scale.text(factor * row.upper),
+        half_width="",
+        change="",
+        truth=scale.text(None if row.truth is None else factor * row.truth),
+        off_truth="",
+        covered=row.covered,
+        assumed=False,
+        identifiable=row.identifiable,
+        note=row.note if row.identifiable else _reason(row, threshold),
+    )
+
+
 def parameter_groups(fit: FitContent) -> list[tuple[str, list[ParameterLine]]]:
-    """Groups a fit's parameters by kind, in the order given."""
-    order = list(dict.fromkeys(row.kind for row in fit.parameters))
-    rows = sorted(fit.parameters, key=lambda row: order.index(row.kind))
+    """Groups a fit's parameters by kind, in the order given; nuisances are apart."""
+    shown = [row for row in fit.parameters if row.kind != NUISANCE]
+    order = list(dict.fromkeys(row.kind for row in shown))
+    rows = sorted(shown, key=lambda row: order.index(row.kind))
     return [
-        (KIND_TITLES.get(kind, kind), [parameter_line(row, fit.identifiable_relative_std) for row in group])
+        (
+            kind_title(kind, fit.frf.torque_unit),
+            [parameter_line(row, fit.identifiable_relative_std) for row in group],
+        )
         for kind, group in groupby(rows, key=lambda row: row.kind)
     ]
+
+
+def nuisance_lines(fit: FitContent) -> list[ParameterLine]:
+    """Writes what the fit estimates only to get it out of the way: errors of the compensated torque."""
+    return [parameter_line(row, fit.identifiable_relative_std) for row in fit.parameters if row.kind == NUISANCE]
 
 
 def _reason(row: ParameterRow, threshold: float | None) -> str:
@@ -109,25 +171,40 @@ class ResonanceLine:
     model: str
     error: str
     within: bool | None
+    mode: str
+    mode_interval: str
     damping: str
 
 
 def resonance_line(row: ResonanceRow) -> ResonanceLine:
     """Writes a resonance with what it can be judged by."""
     errors = resonance_errors((row,))
-    low_high = row.interval_hz
+    low_high, own = row.interval_hz, row.mode_interval_hz
     return ResonanceLine(
         configuration=row.configuration,
         number=number_of(row.configuration),
         channel=row.channel,
         kind=row.kind,
         measured=significant(row.measured_hz, 4) if row.measured_hz is not None else "not seen",
-        interval=f"{significant(low_high[0], 4)} … {significant(low_high[1], 4)}" if low_high else MISSING,
+        interval=interval_text(low_high),
         model=significant(row.model_hz, 4) if row.model_hz is not None else "none",
         error=percent(errors[0][0], signed=True) if errors else MISSING,
         within=low_high[0] <= row.model_hz <= low_high[1] if low_high and row.model_hz is not None else None,
+        mode=significant(row.mode_hz, 4),
+        mode_interval=interval_text(own),
         damping=percent(row.damping),
     )
+
+
+def interval_text(low_high: tuple[float, float] | None) -> str:
+    """Writes an interval to four digits, or more where its ends would look the same."""
+    if low_high is None:
+        return MISSING
+    for digits in (4, 5):
+        low, high = (significant(value, digits) for value in low_high)
+        if low != high:
+            break
+    return f"{low} … {high}"
 
 
 def resonance_sentence(rows: tuple[ResonanceRow, ...]) -> str:

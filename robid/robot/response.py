@@ -183,6 +183,14 @@ def _delay_column(
     return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]
 
 
+def motion_matrices(
+    model: LinearModel, parameters: ElasticParameters, configuration: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Returns mass, damping and stiffness (n, n) of one configuration in the model's coordinates."""
+    stiffness = model.gravity_stiffness[configuration] + _springs(model, parameters)
+    return _mass(model, parameters)[configuration], _dampers(parameters), stiffness
+
+
 def _mass(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
     mass = model.mass + np.einsum("l,clij->cij", parameters.link_inertia, model.link_inertia)
     motors = np.arange(model.n_motor)
@@ -190,13 +198,18 @@ def _mass(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
     return np.asarray(mass)
 
 
+def _dampers(parameters: ElasticParameters) -> FloatArray:
+    return np.diag(np.concatenate([parameters.viscous, parameters.damping]))
+
+
+def _springs(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    return np.diag(np.concatenate([np.zeros(model.n_motor), parameters.stiffness]))
+
+
 def _dynamic_stiffness(model: LinearModel, parameters: ElasticParameters, omega: FloatArray) -> ComplexArray:
-    n_motor = model.n_motor
-    diagonal = np.concatenate([np.zeros(n_motor), parameters.stiffness])
-    damping = np.concatenate([parameters.viscous, parameters.damping])
-    constant = model.gravity_stiffness[:, None] + np.diag(diagonal)
+    constant = model.gravity_stiffness[:, None] + _springs(model, parameters)
     dynamic = constant - (omega**2)[:, None, None] * _mass(model, parameters)[:, None]
-    return np.asarray(dynamic + 1j * omega[:, None, None] * np.diag(damping))
+    return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(parameters))
 
 
 def _fast_limit(model: LinearModel, parameters: ElasticParameters) -> FloatArray:

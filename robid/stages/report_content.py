@@ -30,11 +30,14 @@ from robid.report.content import (
     TorqueRow,
     Verdict,
 )
+from robid.report.summary import identified_phrase
+from robid.report.tables import widened_sentence
 from robid.settings.load import LoadedExperiment
-from robid.stages import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire
+from robid.stages import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
 from robid.stages.report_fit import fit_content
 from robid.stages.validate import truth_input
 from robid.validation.elastic import Validation
+from robid.validation.recovery import recovery_sentence
 
 _SHORT = 8
 
@@ -133,18 +136,27 @@ def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float
 def _verdict(fits: list[FitContent], validations: dict[str, Validation]) -> Verdict:
     if not fits:
         return Verdict("No model was fitted.", "warn")
-    texts, fine = [], True
-    for content in fits:
-        springs = [row for row in content.parameters if row.kind == "stiffness"]
-        text = f"{sum(row.identifiable for row in springs)} of {len(springs)} springs are identified"
-        if content.status != "converged":
-            text = f"the fit has not converged ({content.status}); {text}"
-        validation = validations.get(content.name)
-        if validation is not None:
-            text += f", and the model {validation.verdict}"
-        fine &= content.status == "converged" and (validation is None or validation.ok)
-        texts.append(f"{content.name}: {text}." if len(fits) > 1 else f"{text[0].upper()}{text[1:]}.")
+    sentences = [_sentences(content, validations.get(content.name)) for content in fits]
+    texts = [f"{content.name}: {text}" if len(fits) > 1 else text for content, text in zip(fits, sentences, strict=True)]
+    fine = all(
+        content.status == "converged" and not content.advice and (validation is None or validation.ok)
+        for content in fits
+        for validation in [validations.get(content.name)]
+    )
     return Verdict(" ".join(texts), "ok" if fine else "warn")
+
+
+def _sentences(content: FitContent, validation: Validation | None) -> str:
+    """Says of one fit what is identified, whether the model holds, and what is known of the truth."""
+    found = [f"The fit has not converged ({content.status})."] if content.status != "converged" else []
+    found.append(f"{identified_phrase(content)}.")
+    found.append(widened_sentence(content))
+    if validation is None:
+        found.append("Not validated: the fit names no `validate_on`.")
+    else:
+        found.append(f"The model {validation.verdict}.")
+        found.append(recovery_sentence(validation.springs_within, validation.springs_known, validation.coverage))
+    return " ".join(sentence for sentence in found if sentence)
 
 
 def _excitation(run: _Run, campaign: str) -> ExcitationRow:
@@ -205,7 +217,7 @@ def _figures(path: str, run: _Run) -> str:
     if name == "model":
         return fit.figures(run.solutions[owner])
     if name == "validation":
-        return "holds" if run.validations[owner].ok else "does not hold"
+        return validate.figures(run.validations[owner])
     if owner not in run.frfs:
         return ""
     excitation = run.excitations[owner]

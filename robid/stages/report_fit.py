@@ -62,6 +62,7 @@ def fit_content(
         starts=_starts(solution),
         status=solution.status.replace("_", " "),
         advice=solution.advice,
+        misfit=solution.misfit,
         identifiable_relative_std=settings.identifiable_relative_std,
     )
     if validation is None or settings.validate_on is None:
@@ -77,20 +78,19 @@ def fit_content(
 
 
 def _resonances(table: ResonanceTable) -> tuple[ResonanceRow, ...]:
-    columns = (table.measured_hz, table.lower_hz, table.upper_hz, table.model_hz, table.damping)
-    numbers = np.stack(columns, axis=-1).tolist()
-    rows = zip(table.configuration.tolist(), table.channel, table.kind, numbers, strict=True)
     return tuple(
         ResonanceRow(
-            configuration=configuration,
+            configuration=int(table.configuration[row]),
             channel=channel,
-            kind="resonance" if kind == "resonance" else "antiresonance",
-            measured_hz=measured,
-            model_hz=_finite(model),
-            interval_hz=(lower, upper) if np.isfinite([lower, upper]).all() else None,
-            damping=_finite(damping),
+            kind="resonance" if table.kind[row] == "resonance" else "antiresonance",
+            measured_hz=float(table.measured_hz[row]),
+            model_hz=_finite(table.model_hz[row]),
+            interval_hz=_interval(table.lower_hz[row], table.upper_hz[row]),
+            mode_hz=_finite(table.mode_hz[row]),
+            mode_interval_hz=_interval(table.mode_lower_hz[row], table.mode_upper_hz[row]),
+            damping=_finite(table.damping[row]),
         )
-        for configuration, channel, kind, (measured, lower, upper, model, damping) in rows
+        for row, channel in enumerate(table.channel)
     )
 
 
@@ -149,4 +149,8 @@ def _costs(campaign: str, indices: Sequence[int], cost: FloatArray, expected: Fl
 
 
 def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+    return float(value) if np.isfinite(value) else None
+
+
+def _interval(lower: float, upper: float) -> tuple[float, float] | None:
+    return (float(lower), float(upper)) if np.isfinite([lower, upper]).all() else None

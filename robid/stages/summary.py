@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from statistics import fmean, median
 
 from robid.report.content import FitContent, ParameterRow
@@ -30,7 +31,7 @@ def summarize(gathered: Gathered) -> dict[str, float]:
 
 
 def _fit(fit: FitContent) -> dict[str, float]:
-    found: dict[str, float] = {"converged": float(fit.status == "converged")}
+    found: dict[str, float] = {"converged": float(fit.status == "converged"), "misfit": fit.misfit}
     for row in fit.parameters:
         name = row.name if row.kind in ("delay", "friction") else f"{row.name}.{row.kind}"
         found |= {f"parameters.{name}.{key}": value for key, value in _parameter(row).items()}
@@ -45,7 +46,21 @@ def _fit(fit: FitContent) -> dict[str, float]:
     distances = [abs(error) for error, _ in resonance_errors(fit.resonances)]
     if distances:
         found |= {"resonances.median_relative_error": median(distances), "resonances.count": len(distances)}
-    return found | _recovery(fit)
+    return found | _modes(fit) | _recovery(fit)
+
+
+def _modes(fit: FitContent) -> dict[str, float]:
+    """The model's own poles and zeros where the data show one, numbered by rising frequency, and the measured ones."""
+    found: dict[str, float] = {}
+    counts: Counter[str] = Counter()
+    for row in fit.resonances:
+        place = f"resonances.configuration_{row.configuration + 1}.{row.channel}.{row.kind}"
+        counts[place] += 1
+        values = {"measured_hz": row.measured_hz, "model_hz": row.mode_hz}
+        if row.mode_interval_hz is not None:
+            values |= {"model_lower_hz": row.mode_interval_hz[0], "model_upper_hz": row.mode_interval_hz[1]}
+        found |= {f"{place}_{counts[place]}.{key}": value for key, value in values.items() if value is not None}
+    return found
 
 
 def _parameter(row: ParameterRow) -> dict[str, float]:

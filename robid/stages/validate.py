@@ -15,7 +15,8 @@ from robid.settings.slices import to_plain
 from robid.stages.fit import model_settings
 from robid.stages.slices import delay_s
 from robid.stages.stage import Job, Plan, Stage
-from robid.validation.elastic import validate_elastic
+from robid.validation.elastic import Validation, validate_elastic
+from robid.validation.recovery import recovery_sentence
 
 
 def _owners(experiment: Experiment) -> tuple[str, ...]:
@@ -52,7 +53,13 @@ def _run(job: Job) -> str:
         read_json(job.inputs["truth"])["values"] if "truth" in job.inputs else None,
     )
     write_artifact(job.output, validation_to_artifact(validation, job.provenance(STAGE.name)))
-    return validation.verdict
+    return figures(validation)
+
+
+def figures(validation: Validation) -> str:
+    """Says whether the model holds, in a sentence or two."""
+    known = recovery_sentence(validation.springs_within, validation.springs_known, validation.coverage)
+    return f"{validation.verdict}. {known}" if known else validation.verdict
 
 
 def _problem(output: Path) -> str:

@@ -15,7 +15,7 @@ from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.validation.fitted import fitted_model
-from robid.validation.recovery import Recovery, median_spring_half_width, recover
+from robid.validation.recovery import median_spring_half_width, recover
 
 _SAME_CONFIGURATION_RAD = 1e-3
 _COST_RATIO_LIMIT = 1.5
@@ -57,7 +57,7 @@ class Validation:
         springs_within: Springs within 2 % of the truth.
         springs_known: Springs with a known truth.
         ok: Whether the model may be used in configurations like these.
-        verdict: The same in one line.
+        verdict: The same in words, to follow "the model".
     """
 
     configurations: FloatArray
@@ -164,7 +164,7 @@ def validate_elastic(
         springs_within=recovery.springs_within,
         springs_known=recovery.springs_known,
         ok=ok,
-        verdict=_verdict(ratio, worst, cost.size, median_db, recovery, ok=ok),
+        verdict=_verdict(ratio, worst, cost.size, median_db, ok=ok),
     )
 
 
@@ -207,14 +207,11 @@ def _median(error: FloatArray) -> FloatArray:
     return np.asarray(np.where(empty, np.nan, np.nanmedian(filled, axis=1)))
 
 
-def _verdict(ratio: float, worst: int, count: int, median_db: float, recovery: Recovery, *, ok: bool) -> str:
-    text = (
-        f"{'holds' if ok else 'does not hold'} on new data: the worst of {count} configurations (number {worst + 1}) "
-        f"costs {ratio:.2f} times the reference per element (limit {_COST_RATIO_LIMIT:g}), the motors' own "
-        f"responses are off by {median_db:.2f} dB in the median (limit {_MEDIAN_LIMIT_DB:g})"
+def _verdict(ratio: float, worst: int, count: int, median_db: float, *, ok: bool) -> str:
+    where = f"{count} new configurations" if count > 1 else "a new configuration"
+    place = f" (configuration {worst + 1})" if count > 1 else ""
+    return (
+        f"{'holds' if ok else 'does not hold'} in {where}: worst cost {ratio:.2g} of what noise and the assumed model "
+        f"error allow{place}, limit {_COST_RATIO_LIMIT:g}; motors' own responses off by {median_db:.2g} dB in the "
+        f"median, limit {_MEDIAN_LIMIT_DB:g} dB"
     )
-    if recovery.springs_known:
-        text += f"; {recovery.springs_within} of {recovery.springs_known} springs lie within 2 % of the truth"
-    if recovery.coverage is not None:
-        text += f", {recovery.coverage:.0%} of the intervals hold it"
-    return text

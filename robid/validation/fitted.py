@@ -14,7 +14,7 @@ from robid.fit.problem import Problem, make_problem
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
-from robid.robot.linearize import linearize, solve_statics
+from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import ElasticParameters, nominal_parameters
 
@@ -39,6 +39,11 @@ class FittedModel:
     def parameters(self) -> ElasticParameters:
         """All parameter values, fitted and fixed."""
         return self.problem.parameters.parameters(self.internal)
+
+    @property
+    def linear(self) -> tuple[LinearModel, ElasticParameters]:
+        """The linearised robot and its parameters."""
+        return self.problem.model, self.parameters
 
     @property
     def measured(self) -> ComplexArray:

@@ -14,6 +14,7 @@ Kind = Literal["resonance", "antiresonance"]
 _ITERATIONS = 3
 _RELATIVE_FLOOR = 0.02
 _MISFIT_LIMIT = 5.0
+_MOST_NEGATIVE_DAMPING = -0.01  # noise may turn a small damping ratio negative, a passive robot does not
 _LINES = 7
 _MIN_LINES = 5
 
@@ -49,7 +50,7 @@ def rational_mode(
 
     Returns:
         The pole or zero, or None when the data are not of this form (misfit above 10 % and five deviations)
-        or it does not lie between the extremum's neighbours.
+        or it does not lie between the extremum's neighbours, or grows in time.
     """
     half = _LINES // 2
     window = slice(max(0, extremum - half), min(frequency_hz.size, extremum + half + 1))
@@ -77,7 +78,7 @@ def interpolated_mode(
         kind: Whether the pole or the zero is wanted.
 
     Returns:
-        The pole or zero, or None when it does not lie between the extremum's neighbours.
+        The pole or zero, or None when it does not lie between the extremum's neighbours, or grows in time.
     """
     three = slice(extremum - 1, extremum + 2)
     data = _moved(response[three], variance[three])
@@ -101,7 +102,7 @@ def _located(roots: ComplexArray, frequency_hz: FloatArray, extremum: int) -> Lo
     """Judges the first root and takes its deviation from the others, found on moved data."""
     found = np.abs(roots) / (2 * np.pi)
     low, high = frequency_hz[max(0, extremum - 1)], frequency_hz[min(frequency_hz.size - 1, extremum + 1)]
-    if not low <= found[0] <= high:
+    if not low <= found[0] <= high or -roots[0].real < _MOST_NEGATIVE_DAMPING * np.abs(roots[0]):
         return None
     forward, backward = np.split(found[1:], 2)
     moved = 0.5 * (forward - backward)
@@ -110,7 +111,9 @@ def _located(roots: ComplexArray, frequency_hz: FloatArray, extremum: int) -> Lo
     return LocalMode(float(found[0]), float(std), complex(roots[0]))
 
 
-def parabola_mode(frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray, extremum: int) -> LocalMode:
+def parabola_mode(
+    frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray, extremum: int, kind: Kind
+) -> LocalMode | None:
     """Fits a parabola of the log magnitude over log frequency through an extremum and its two neighbours.
 
     Where several modes share the lines next to the extremum, this is all that they show.
@@ -120,15 +123,20 @@ def parabola_mode(frequency_hz: FloatArray, response: ComplexArray, variance: Fl
         response (n_freq,): Response in continuous time, hold and delay removed.
         variance (n_freq,): Its variance.
         extremum: Index of the line with the extremum, not at an edge.
+        kind: Whether a peak or a dip is wanted.
 
     Returns:
-        The extremum, without damping.
+        The extremum, without damping, or None when no extremum of this kind lies between the neighbours.
     """
     three = slice(extremum - 1, extremum + 2)
     inverse = np.linalg.inv(np.vander(np.log(frequency_hz[three] / frequency_hz[extremum]), 3))
     level = np.log(np.abs(response[three]))
     noise = np.sqrt(0.5 * variance[three]) / np.abs(response[three])
-    vertex = _vertex(inverse @ level)
+    polynomial = inverse @ level
+    vertex = _vertex(polynomial)
+    low, high = np.log(frequency_hz[[extremum - 1, extremum + 1]] / frequency_hz[extremum])
+    if polynomial[0] * (1 if kind == "resonance" else -1) >= 0 or not low <= vertex <= high:
+        return None
     moved = np.array([_vertex(inverse @ (level + step)) for step in np.diag(noise)])
     found = float(frequency_hz[extremum] * np.exp(vertex))
     std = float(frequency_hz[extremum] * np.sqrt(np.sum((moved - vertex) ** 2)))
@@ -136,7 +144,7 @@ def parabola_mode(frequency_hz: FloatArray, response: ComplexArray, variance: Fl
 
 
 def _vertex(polynomial: FloatArray) -> float:
-    return float(-0.5 * polynomial[1] / polynomial[0])
+    return float(-0.5 * polynomial[1] / polynomial[0]) if polynomial[0] else float("inf")
 
 
 def _rational_roots(

@@ -67,6 +67,13 @@ def recover(solution: Solution, truth: dict[str, float]) -> Recovery:
     )
 
 
+def recovery_sentence(springs_within: int, springs_known: int, coverage: float | None) -> str:
+    """Says how much of the truth was found; empty where none is known."""
+    parts = [f"{springs_within} of {springs_known} springs within 2 %"] if springs_known else []
+    parts += [] if coverage is None else [f"{100 * coverage:.0f} % of the intervals hold it"]
+    return f"Against the truth: {', '.join(parts)}." if parts else ""
+
+
 def median_spring_half_width(solution: Solution) -> float | None:
     """Median half width of the springs' intervals over their estimates; None without a fitted spring."""
     springs = np.array(solution.kinds) == "stiffness"

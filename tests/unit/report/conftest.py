@@ -122,6 +122,11 @@ def arm_parameters():
         ParameterRow(f"viscous_{index + 1}", "viscous", "N m s/rad", 0.0, 2e-3 + 1e-4 * index, 1e-3, 3e-3, 0.2)
         for index in range(6)
     )
+    for name, unit, estimate, half in (("level", "", 0.0321, 0.0012), ("lag", "samples", -0.25, 0.06)):
+        interval = estimate - half, estimate + half
+        rows.append(ParameterRow(f"axis_1.{name}", "friction", unit, 0.0, estimate, *interval, half / 2, 0.031))
+    open_row = ParameterRow("axis_1.shape", "friction", "", 0.0, 0.4, -0.5, 1.3, 0.46, identifiable=False)
+    rows.append(open_row)
     rows.append(ParameterRow("delay", "delay", "s", 1.0e-3, 1.0021e-3, 1.0012e-3, 1.003e-3, 5e-4, 1.0e-3, True, False))
     return tuple(rows)
 
@@ -257,7 +262,7 @@ def bench_report():
         parameters=rows,
         estimation_costs=(CostRow("estimation", 0, 1.02),),
         resonances=(
-            ResonanceRow(0, "motor", "antiresonance", 53.97, 53.99),
+            ResonanceRow(0, "motor", "antiresonance", 53.97, 53.99, None, 53.95, (53.9, 54.0), 0.01),
             ResonanceRow(0, "motor", "resonance", 76.21, 76.2),
         ),
         starts=(StartRow(0, 1.02, 9, "converged", 0),),

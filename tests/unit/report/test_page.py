@@ -13,9 +13,10 @@ import pytest
 
 from robid.report.content import FitContent, ReportContent, Verdict
 from robid.report.figures import band_radius
+from robid.report.numbers import MINUS, percent
 from robid.report.page import render, write_report
-from robid.report.summary import key_figures
-from robid.report.tables import parameter_line
+from robid.report.summary import identified_phrase, key_figures
+from robid.report.tables import interval_text, parameter_line
 
 FETCHING = {"src", "href", "srcset", "action", "poster", "data", "xlink:href", "background", "formaction"}
 
@@ -157,9 +158,40 @@ def test_the_band_holds_the_truth_as_often_as_its_level_says(arm_content):
 
 
 def test_unidentifiable_rows_are_grey_and_say_why(arm_page):
-    rows = re.findall(r'<tr class="unidentified">(.*?)</tr>', arm_page, re.DOTALL)
+    rows = re.findall(r'<tr class="unidentified">(.*?)</tr>', arm_page.split("<details>")[0], re.DOTALL)
     assert len(rows) == 2
     assert all("not identifiable: predicted deviation 55 %, above 20 %" in row for row in rows)
+
+
+def test_torque_nonlinearities_are_apart_and_relative_to_nothing(arm_page):
+    apart = re.search(r"<details>(.*?)</details>", arm_page, re.DOTALL).group(1)
+    text = page_text(apart)
+    assert "Torque nonlinearities (nuisance), 3" in text
+    assert "axis_1.level 3.21 3.09 … 3.33 % 3.10" in text
+    assert f"axis_1.lag {MINUS}0.250 {MINUS}0.310 … {MINUS}0.190 samples" in text
+    assert "axis_1.shape 40 {0}50 … 130 % – – not identifiable".format(MINUS) in text
+    assert "axis_1.level" not in arm_page.replace(apart, "")
+
+
+def test_widened_intervals_are_told(arm_content):
+    fit = arm_content.fits[0]
+    wide = page_text(render(replace(arm_content, fits=(replace(fit, misfit=25.0),))))
+    assert "Intervals are widened 5.0 times" in wide
+    assert "widened" not in page_text(render(replace(arm_content, fits=(replace(fit, misfit=0.9),))))
+
+
+def test_identified_phrase_counts_and_measures(arm_content, bench_content):
+    fit = arm_content.fits[0]
+    springs = [row for row in fit.parameters if row.kind == "stiffness"]
+    half = np.median([(row.upper - row.lower) / 2 / row.estimate for row in springs])
+    assert identified_phrase(fit) == f"13 of 13 springs identified within ±{percent(half)} (median, 95 %)"
+    assert identified_phrase(bench_content.fits[0]) == "1 of 1 spring identified within ±0.26 % (95 %)"
+
+
+def test_interval_ends_differ():
+    assert interval_text((12.341, 12.344)) == "12.341 … 12.344"
+    assert interval_text((12.3, 12.4)) == "12.30 … 12.40"
+    assert interval_text(None) == "–"
 
 
 def test_without_truth_there_are_no_truth_columns(bench_page, arm_page):
@@ -210,7 +242,7 @@ def test_a_model_of_another_shape_is_refused(arm_content):
 def test_key_figures_count_what_the_rows_say(arm_content, bench_content):
     shown = {figure.label: figure for figure in key_figures(arm_content.fits[0])}
     assert shown["Springs identified"].value == "13 of 13"
-    assert shown["Springs identified"].detail == "31 of 33 parameters"
+    assert shown["Springs identified"].detail == "33 of 36 parameters"
     assert shown["Starts at the best"].value == "18 of 20"
     costs = [row.cost for row in arm_content.fits[0].validation_costs]
     assert float(shown["Validation cost / noise"].value) == pytest.approx(np.mean(costs) / 0.0191, rel=5e-3)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import StringIO
 
 from rich.console import Console
 
 from robid.report.tables import parameter_line
-from robid.report.terminal import parameter_table
+from robid.report.terminal import fit_tables, parameter_table
 
 
 def printed(table, width):
@@ -18,19 +19,42 @@ def printed(table, width):
 
 def test_every_parameter_with_its_interval(arm_content):
     fit = arm_content.fits[0]
-    text = printed(parameter_table(fit.parameters, identifiable_relative_std=0.2), 110)
+    text = printed(parameter_table(fit), 110)
     lines = [line.split() for line in text.splitlines()]
     for row in fit.parameters:
+        if row.kind == "friction":
+            assert row.name not in text
+            continue
         line = parameter_line(row)
         assert [line.name, line.estimate, line.lower, "…", line.upper] in [words[:5] for words in lines]
     assert "Dampers, bearing_3y: not identifiable: predicted deviation 55 %, above 20 %" in text
+    assert "3 more, of friction and ripple, are in the report" in text
     assert sum("outside" in line for line in text.splitlines()) == sum(
-        row.covered is False for row in fit.parameters if row.identifiable
+        row.covered is False for row in fit.parameters if row.identifiable and row.kind != "friction"
     )
 
 
 def test_eighty_columns_are_enough_without_truth(bench_content):
-    text = printed(parameter_table(bench_content.fits[0].parameters), 80)
+    text = printed(parameter_table(bench_content.fits[0]), 80)
     assert "truth" not in text
     assert "545.0 … 547.8" in text
     assert max(map(len, text.splitlines())) <= 80
+
+
+def test_unknown_torque_constant_makes_ratios(bench_content):
+    fit = bench_content.fits[0]
+    assert "Kt" not in printed(parameter_table(fit), 100)
+    ampere = replace(fit, frf=replace(fit.frf, torque_unit="A"))
+    text = printed(parameter_table(ampere), 100)
+    assert "Springs, k/Kt" in text
+    assert "Motor inertias, J1/Kt" in text
+    assert "Kt is unknown: A stands for N m" in text
+
+
+def test_small_drives_show_the_models_own_modes(arm_content, bench_content):
+    shown = [printed(table, 100) for table in fit_tables(bench_content.fits[0])]
+    assert len(shown) == 2
+    words = next(line.split() for line in shown[1].splitlines() if "antiresonance" in line)
+    assert words == ["motor", "antiresonance", "53.95", "53.90", "…", "54.00", "53.97", "–"]
+    assert "1 more that the model does not have are in the report" in shown[1]
+    assert len(list(fit_tables(arm_content.fits[0]))) == 1

@@ -11,7 +11,7 @@ from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions
 from robid.validation.elastic import validate_elastic
 from robid.validation.fitted import fitted_model
-from robid.validation.recovery import median_spring_half_width, recover
+from robid.validation.recovery import median_spring_half_width, recover, recovery_sentence
 
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
 SEEN = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
@@ -54,7 +54,7 @@ def validation(nominal, true_arm, solution, fresh):
 
 def test_right_model_passes_at_the_cost_of_noise(validation):
     assert validation.ok
-    assert "holds on new data" in validation.verdict
+    assert "holds in 2 new configurations" in validation.verdict
     np.testing.assert_allclose(validation.cost, validation.expected_cost, rtol=0.25)
     np.testing.assert_allclose(validation.excess, validation.cost - validation.expected_cost)
     assert validation.median_error_db < 0.15
@@ -79,7 +79,7 @@ def test_decibels_are_those_of_a_scaled_response(nominal, solution, fresh, valid
     found = validate_elastic(nominal, solution, scaled, OPTIONS, DELAY_S, None)
     np.testing.assert_allclose([found.median_error_db, found.worst_error_db, *found.error_db.ravel()], 3.0, rtol=1e-9)
     assert not found.ok
-    assert "does not hold" in found.verdict
+    assert found.verdict.startswith("does not hold in 2 new configurations")
 
 
 def test_wrong_payload_fails(nominal, true_arm, solution):
@@ -106,7 +106,13 @@ def test_truth_is_counted(nominal, true_arm, solution, fresh, validation):
 def test_without_truth_nothing_is_claimed(nominal, solution, fresh):
     found = validate_elastic(nominal, solution, fresh, OPTIONS, DELAY_S, None)
     assert (found.truth_names, found.coverage, found.springs_known) == ((), None, 0)
-    assert "truth" not in found.verdict
+    assert recovery_sentence(0, 0, None) == ""
+
+
+def test_truth_is_told_in_a_sentence():
+    assert recovery_sentence(12, 13, 0.842) == (
+        "Against the truth: 12 of 13 springs within 2 %, 84 % of the intervals hold it."
+    )
 
 
 def test_seen_configurations_are_refused(nominal, solution, fresh):

@@ -7,12 +7,13 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.fit.elastic import fit_elastic
-from robid.fit.options import ElasticOptions
+from robid.fit.options import ElasticOptions, Weights
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.validation.local_model import interpolated_mode, parabola_mode, rational_mode
-from robid.validation.modes import damping_ratio, poles, zeros
+from robid.validation.fitted import fitted_model
+from robid.validation.modes import damping_ratio, frequency_std, poles, zeros
 from robid.validation.resonances import tabulate_resonances
 
 ANTIRESONANCE_HZ = np.sqrt(546.4 / 4.752e-3) / (2 * np.pi)
@@ -116,12 +117,12 @@ def test_poles_and_zeros_are_those_of_the_response():
     linear, parameters = linear_model(robot, [0.4, -0.9])
     free = replace(parameters, damping=0 * parameters.damping, viscous=0 * parameters.viscous)
     for motor in range(2):
-        for root in zeros(linear, free, 0, motor):
+        for root in zeros(linear, free, 0, motor).roots:
             at = np.array([abs(root) / (2 * np.pi)])
             here = np.abs(response(linear, free, at, None).sampled[0, 0, motor, motor])
             near = np.abs(response(linear, free, 1.01 * at, None).sampled[0, 0, motor, motor])
             assert here < 1e-6 * near
-    for root in poles(linear, free, 0)[-4:]:
+    for root in poles(linear, free, 0).roots[-4:]:
         at = np.array([abs(root) / (2 * np.pi)]) * (1 + 1e-8)
         here = np.abs(response(linear, free, at, None).sampled).max()
         assert here > 1e3 * np.abs(response(linear, free, 1.01 * at, None).sampled).max()
@@ -130,7 +131,7 @@ def test_poles_and_zeros_are_those_of_the_response():
 def test_damping_ratio_is_the_textbook_one():
     linear, parameters = linear_model(two_mass_robot(damping=0.4), [0.0])
     natural = np.sqrt(546.4 / 4.752e-3)
-    locked = zeros(linear, parameters, 0, 0)
+    locked = zeros(linear, parameters, 0, 0).roots
     np.testing.assert_allclose(damping_ratio(locked), 0.4 / (2 * 4.752e-3 * natural), rtol=1e-9)
     np.testing.assert_allclose(np.abs(locked), natural, rtol=1e-9)
 
@@ -160,7 +161,59 @@ def test_interpolation_finds_a_root_that_no_mechanical_form_explains(kind):
 
 def test_parabola_finds_the_vertex():
     frequency = np.array([20.0, 21.3, 22.9, 24.4, 26.2])
-    magnitude = np.exp(-5 * np.log(frequency / 22.5) ** 2)
-    mode = parabola_mode(frequency, magnitude * np.exp(0.7j), np.full(5, 1e-6), 2)
+    magnitude = np.exp(-5 * np.log(frequency / 22.5) ** 2) + 0j
+    mode = parabola_mode(frequency, magnitude * np.exp(0.7j), np.full(5, 1e-6), 2, "resonance")
     np.testing.assert_allclose(mode.frequency_hz, 22.5, rtol=1e-9)
     assert mode.std_hz > 0
+    for line, kind in ((3, "resonance"), (2, "antiresonance")):
+        assert parabola_mode(frequency, magnitude, np.full(5, 1e-6), line, kind) is None
+
+
+def test_a_root_that_grows_in_time_is_refused():
+    frequency = np.array([23.1, 24.4, 26.0])
+    data = 1 / (2j * np.pi * (frequency - 24.75) - 6.0)
+    assert interpolated_mode(frequency, data, np.full(3, 1e-12), 1, "resonance") is None
+    assert interpolated_mode(frequency, data.conj(), np.full(3, 1e-12), 1, "resonance") is not None
+
+
+def test_counterpart_lies_where_the_measured_one_was_sought():
+    """Two modes half a line apart: whichever line the model peaks at, the pair stays within its window."""
+    robot = two_joint_robot()
+    lines = np.unique(np.round(np.geomspace(3, 60, 40), 1))
+    configurations = np.random.default_rng(4).uniform(-1.5, 1.5, (6, 2))
+    frf = exact_frf(robot, configurations, lines, delay_s=1e-3, relative_noise=0.003, seed=5)
+    table = table_of(robot, frf, 1e-3, ElasticOptions())
+    paired = np.isfinite(table.model_hz)
+    assert paired.sum() >= 20
+    np.testing.assert_allclose(table.model_hz[paired], table.measured_hz[paired], rtol=0.01)
+
+
+@pytest.mark.parametrize("kinds", [OPTIONS.free, ("stiffness", "delay", "damping")])
+def test_deviation_of_a_mode_is_that_of_moved_parameters(kinds):
+    robot, options = two_joint_robot(), ElasticOptions(free=kinds, fixed=("gear_2.stiffness",))
+    frf = exact_frf(robot, [[-0.3, 0.5], [0.9, 1.2]], np.geomspace(1, 60, 30), delay_s=1e-3)
+    fitted = fitted_model(robot, fit_elastic(robot, frf, options, 1e-3), frf, options, 1e-3)
+    n_param = len(fitted.problem.parameters.names)
+    root = np.random.default_rng(2).standard_normal((n_param, n_param))
+    covariance = root @ root.T
+
+    def moved(modes_of, step):
+        values = fitted.problem.parameters.parameters(fitted.internal + step)
+        return np.abs(modes_of(fitted.problem.model, values).roots) / (2 * np.pi)
+
+    for modes_of in (lambda *at: poles(*at, 1), lambda *at: zeros(*at, 1, 0)):
+        steps = 1e-5 * np.eye(n_param)
+        slopes = np.array([(moved(modes_of, step) - moved(modes_of, -step)) / 2e-5 for step in steps])
+        wanted = np.sqrt(np.einsum("pm,pq,qm->m", slopes, covariance, slopes))
+        found = frequency_std(fitted, covariance, modes_of(*fitted.linear), 1)
+        np.testing.assert_allclose(found, wanted, rtol=1e-5)
+
+
+def test_interval_of_the_model_holds_its_truth_about_as_often_as_it_says():
+    held = []
+    for seed in range(40):
+        frf = exact_frf(two_mass_robot(), [[0.0]], BENCH_HZ, **BENCH, relative_noise=1e-3, seed=seed)
+        table = table_of(two_mass_robot(), frf, BENCH["delay_s"], replace(OPTIONS, weights=Weights(model_error=0.0)))
+        truth = np.array([ANTIRESONANCE_HZ, RESONANCE_HZ])
+        held.append((table.mode_lower_hz <= truth) & (truth <= table.mode_upper_hz))
+    assert 0.85 <= np.mean(held) <= 0.99

@@ -1,0 +1,179 @@
+"""What the documentation promises: examples load, commands parse, links lead somewhere, tables are the schemas'."""
+
+import re
+import shlex
+import subprocess
+
+import pytest
+import typer
+
+import robid
+from robid.artifacts.design import DESIGN
+from robid.artifacts.excitation import EXCITATION
+from robid.artifacts.frf import FRF
+from robid.artifacts.model import MODEL
+from robid.artifacts.record import RECORD
+from robid.artifacts.validation import VALIDATION
+from robid.cli import app
+from robid.errors import ArtifactError, DataError, SettingsError
+from robid.fit.options import ElasticOptions
+from robid.pipeline import graph
+from robid.settings.load import load_experiment, load_robot
+from settings_tables import PAGES, ROOT, marked, renewed
+
+DOCUMENTS = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "data/SOURCES.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
+NAMES = [str(path.relative_to(ROOT)) for path in DOCUMENTS]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+EXAMPLES = sorted((ROOT / "configs").glob("*.yaml"))
+ROBOTS = sorted((ROOT / "configs/robots").glob("*.yaml"))
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PLACEHOLDER = "EXPERIMENT.yaml"
+FOLDERS = ("configs", "data", "docs", "robid", "tests")
+
+
+def text_of(path):
+    return path.read_text(encoding="utf-8")
+
+
+def commands(text):
+    """Every `robid ...` of a page, in blocks and within lines."""
+    blocks = [line.partition(" #")[0] for _, block in FENCE.findall(text) for line in block.splitlines()]
+    inline = re.findall(r"`([^`\n]+)`", FENCE.sub("", text))
+    return [line.removeprefix(".venv/bin/") for line in [*blocks, *inline] if re.match(r"(\.venv/bin/)?robid ", line)]
+
+
+def outputs_of(example):
+    loaded = load_experiment(example)
+    return {f"runs/{loaded.experiment.name}/{path}" for node in graph(loaded) for path in node.plan.outputs}
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_every_example_loads(path):
+    assert load_experiment(path).experiment.fits
+
+
+@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
+def test_every_robot_file_loads(path):
+    assert load_robot(path).joints
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_tables_are_those_of_the_schema(page):
+    text, schema = text_of(ROOT / page), PAGES[page]()
+    assert sorted(marked(text)) == sorted(["file", *schema["$defs"]]), "each section has its table, once"
+    assert renewed(text, schema) == text, "`.venv/bin/python tests/settings_tables.py` writes the tables anew"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_commands_parse_and_name_files_that_exist(name):
+    group = typer.main.get_command(app)
+    made = {path for example in EXAMPLES for path in outputs_of(example)}
+    for command in commands(text_of(ROOT / name)):
+        _, stage, *arguments = shlex.split(command)
+        assert stage in group.commands, command
+        if arguments and "--help" not in arguments:
+            group.commands[stage].make_context(stage, list(arguments))
+        for word in arguments:
+            if word.endswith((".yaml", ".h5", ".html")) and word != PLACEHOLDER:
+                assert word in made or (ROOT / word).is_file(), command
+
+
+def test_the_readme_has_a_command_for_every_stage():
+    shown = {command.split()[1] for command in commands(README)}
+    assert set(typer.main.get_command(app).commands) <= shown
+
+
+def test_run_folder_of_the_readme_is_that_of_the_default_experiment():
+    made = {path.removeprefix("runs/kr300/") for path in outputs_of(ROOT / "configs/kr300.yaml")}
+    shown = set(re.findall(r"`([\w/]+\.(?:h5|html|json))`", README.partition("## Commands")[0]))
+    assert {path for path in made if not path.startswith("validation/")} == shown - {"runs/kr300/report.html"}
+
+
+@pytest.mark.parametrize("name", [*NAMES, "CHANGELOG.md"])
+def test_links_and_paths_lead_somewhere(name):
+    page = ROOT / name
+    text = FENCE.sub("", text_of(page))
+    for target in re.findall(r"\]\(([^)]+)\)", text):
+        path, _, anchor = target.partition("#")
+        found = (page.parent / path) if path else page
+        assert found.exists(), target
+        if anchor:
+            assert anchor in anchors(text_of(found)), target
+    for path in re.findall(rf"`((?:{'|'.join(FOLDERS)})/[\w./-]*)`", text):
+        assert (ROOT / path).exists(), path
+
+
+def anchors(text):
+    """Anchors of a page's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", FENCE.sub("", text), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_make_targets_exist(name):
+    targets = set(re.findall(r"^([a-z-]+):.*## ", text_of(ROOT / "Makefile"), re.MULTILINE))
+    text = text_of(ROOT / name)
+    code = [block for _, block in FENCE.findall(text)] + re.findall(r"`([^`\n]+)`", FENCE.sub("", text))
+    for words in re.findall(r"\bmake ([a-z -]+)", "\n".join(code)):
+        assert set(words.split()) <= targets, words
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda path: path.stem)
+def test_complete_examples_in_pages_load(page, tmp_path):
+    (tmp_path / "robots").mkdir()
+    for robot in ROBOTS:
+        (tmp_path / "robots" / robot.name).write_text(text_of(robot), encoding="utf-8")
+    for index, (language, block) in enumerate(FENCE.findall(text_of(page))):
+        if language == "yaml":
+            file = tmp_path / f"{index}.yaml"
+            file.write_text(block, encoding="utf-8")
+            assert load_experiment(file).experiment.campaigns
+
+
+def test_the_readme_has_no_figure_that_nothing_prints():
+    options = ElasticOptions()
+    shares = (options.confidence, options.identifiable_relative_std, options.weights.model_error)
+    allowed = {f"{100 * share:g} %" for share in shares} | {"150 kg"}
+    number = re.compile(r"\d+(?:[.,]\d+)? ?(?:%|dB|Hz|kHz|ms|s|min|minutes|hours|kg|N m|rad|MB|kB)(?![\w/])")
+    found = set(number.findall(FENCE.sub("", README)))
+    assert found <= allowed, "outside the sample output the README has only defaults"
+    assert found - {"150 kg"} == allowed - {"150 kg"}, "and it names these"
+    assert load_robot(ROOT / "configs/robots/kr300.yaml").payload.mass_kg == 150
+
+
+def test_exit_codes_of_the_readme_are_those_of_the_errors():
+    codes = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
+    assert codes == {0, 1, SettingsError.exit_code, ArtifactError.exit_code, DataError.exit_code, 5, 130}
+    for error, word in ((SettingsError, "settings"), (ArtifactError, "artifact"), (DataError, "data")):
+        assert re.search(rf"^\| {error.exit_code} \| .*{word}", README, re.MULTILINE)
+
+
+def test_the_changelog_tells_formats_and_default_numbers():
+    text = text_of(ROOT / "CHANGELOG.md")
+    versions = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
+    assert versions[0].startswith(robid.__version__)
+    for version in versions:
+        assert "\n### File formats\n" in version
+        assert "\n### Default numbers\n" in version
+    for kind in (EXCITATION, RECORD, FRF, DESIGN, MODEL, VALIDATION):
+        assert f"`{kind.name}` {kind.version}" in text
+
+
+def test_the_picture_is_small():
+    assert 10_000 < (ROOT / "docs/report.png").stat().st_size < 300_000
+
+
+def test_no_file_names_this_machine_or_a_registry():
+    listed = subprocess.run(["git", "-C", str(ROOT), "ls-files"], capture_output=True, text=True, check=False).stdout
+    if not listed:
+        pytest.skip("not a checkout: there is no list of tracked files")
+    paths = [ROOT / name for name in listed.splitlines()]
+    texts = {path: text_of(path).lower() for path in paths if path.suffix != ".png" and path.is_file()}
+    words = [f"/{name}/" for name in ("work", "tmp", "root", "home")] + ["py" + "pi", "index" + "-url"]
+    assert len(texts) > 100
+    assert [(str(path), word) for path, text in texts.items() for word in words if word in text] == []
