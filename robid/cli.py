@@ -38,7 +38,6 @@ from robid.stages.terminal import Shell, dataset_table, make_console, status_tab
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _PROBLEM, _INTERRUPTED = 5, 130
-_QUIET_LEVELS = ("warning", "error")
 
 app = typer.Typer(
     help="Identifies the elastic dynamics of a robot from its own motor signals.",
@@ -108,7 +107,7 @@ def _open(path: Path, folder: Path | None, backend: Literal["serial", "processes
 
 
 def _shell(run: Run, *, as_json: bool) -> Shell:
-    quiet = as_json or run.loaded.experiment.execution.log_level in _QUIET_LEVELS
+    quiet = as_json or run.loaded.experiment.execution.log_level == "warning"
     return Shell(make_console(stderr=False), make_console(stderr=True), quiet)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from robid.arrays import IntArray
@@ -28,9 +26,7 @@ def samples_per_period(period_s: float, sampling_period_s: float) -> int:
     return count
 
 
-def choose_lines(
-    options: ExcitationOptions, sampling_period_s: float, *, grid: Literal["odd", "full"] = "odd"
-) -> tuple[IntArray, IntArray]:
+def choose_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[IntArray, IntArray]:
     """Chooses the excited lines and, interleaved with them, the detection lines.
 
     Logarithmic spacing takes consecutive lines of the grid where it would be finer than the grid, so that the
@@ -38,9 +34,8 @@ def choose_lines(
     lowest and the highest chosen line stay excited.
 
     Args:
-        options: Period, band, count, spacing, detection share and seed.
-        sampling_period_s: Sampling period of the controller [s].
-        grid: Grid the lines are taken from: odd lines, or all (a log that was recorded so).
+        options: Period, band, count, spacing, grid, detection share and seed.
+        sampling_period_s: Sampling period of the controller or of the log [s].
 
     Returns:
         Excited lines (count,) and detection lines (n_detection,), both rising.
@@ -52,10 +47,10 @@ def choose_lines(
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     n_detection = _detection_count(options)
     total = options.count + n_detection
-    step = 2 if grid == "odd" else 1
+    step = 2 if options.grid == "odd" else 1
     lowest = max(int(np.ceil(options.low_hz * options.period_s - 1e-9)), 1)
     highest = int(np.floor(options.high_hz * options.period_s + 1e-9))
-    if grid == "odd":
+    if options.grid == "odd":
         lowest, highest = lowest + 1 - lowest % 2, highest - 1 + highest % 2
     available = max((highest - lowest) // step + 1, 0)
     problems = []
@@ -67,7 +62,7 @@ def choose_lines(
     if options.low_hz >= options.high_hz:
         problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
     elif available < total:
-        odd = "odd " if grid == "odd" else ""
+        odd = "odd " if options.grid == "odd" else ""
         problems.append(
             f"{options.count} excited and {n_detection} detection lines do not fit: the band {options.low_hz:g} to "
             f"{options.high_hz:g} Hz holds {available} {odd}lines of a {options.period_s:g} s"

@@ -22,7 +22,7 @@ class ExcitationOptions:
     )
     detection_share: float = field(
         default=0.1,
-        metadata={"description": "Share of the chosen odd lines left out to detect distortion.", "ge": 0, "lt": 1},
+        metadata={"description": "Share of the chosen lines left out to detect distortion.", "ge": 0, "lt": 1},
     )
     inject: Literal["speed_reference", "position_reference", "torque"] = field(
         default="speed_reference", metadata={"description": "Where the controller adds the excitation."}
@@ -33,7 +33,10 @@ class ExcitationOptions:
     )
     phase_iterations: int = field(
         default=60,
-        metadata={"description": "Iterations of the crest-factor optimisation; 0 keeps random phases.", "ge": 0},
+        metadata={
+            "description": "Iterations of the crest-factor search at each of four exponents; 0 keeps random phases.",
+            "ge": 0,
+        },
     )
     seed: int = field(default=1, metadata={"description": "Seed of the phases and detection lines.", "ge": 0})
 

@@ -30,6 +30,7 @@ _COARSE_TOLERANCE = 1e-4
 _COARSE_WEIGHTS = Weights(kind="user", off_diagonal=0.5)
 _CALL_BACKS = 3
 _NEEDLESS_FACTOR = 1e3
+_LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
 _NO_INFLUENCE = 1e-14  # of the largest: rounding
@@ -72,7 +73,8 @@ def fit_elastic(
     Source:
         Wernholt and Moberg (2008), sec. 5; METHODS sec. 5.
     """
-    _check_response(robot, frf)
+    check_inputs(robot, frf)
+    _check_finite(robot, frf)
     elastic = build_model(robot)
     problem, dropped = _problem(elastic, frf, options, delay_s)
     predicted = np.sqrt(np.diag(sandwich(problem, np.zeros(len(problem.parameters.names)))))
@@ -187,7 +189,8 @@ def _solution(
         upper=parameters.values(internal + reach),
         relative_std=deviation * np.abs(slopes) / size,
         predicted_relative_std=predicted_relative,
-        identifiable=predicted_relative <= options.identifiable_relative_std,
+        identifiable=(predicted_relative <= options.identifiable_relative_std)
+        & (predicted <= _LEARNT_SHARE * parameters.prior_std),
         internal=internal,
         covariance=covariance,
         singular_values=np.linalg.svd(scaled / np.outer(root, root), compute_uv=False),
@@ -238,11 +241,19 @@ def distinct_minima(costs: FloatArray) -> IntArray:
     return labels
 
 
-def _check_response(robot: Robot, frf: Frf) -> None:
+def check_inputs(robot: Robot, frf: Frf) -> None:
+    """Refuses a response whose inputs are not the robot's motors.
+
+    Raises:
+        DataError: If it is so.
+    """
     motors = tuple(joint.name for joint in robot.joints)
     if frf.input_names != motors:
         message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
         raise DataError(message, where=robot.name, remedy="name the inputs after the robot's joints, in order")
+
+
+def _check_finite(robot: Robot, frf: Frf) -> None:
     bad = ~np.isfinite(frf.response).all(axis=(0, 2, 3))
     if bad.any():
         shown = ", ".join(f"{frequency:.3g}" for frequency in frf.frequency_hz[bad][:5])

@@ -101,9 +101,7 @@ class Problem:
         return float((0.5 * (internal / self.parameters.prior_std) ** 2).sum())
 
 
-def make_weights(
-    frf: Frf, weights: Weights, estimator: str, size: FloatArray | None = None
-) -> tuple[FloatArray, int]:
+def make_weights(frf: Frf, weights: Weights, estimator: str, size: FloatArray | None = None) -> tuple[FloatArray, int]:
     """Weights of the squared residuals.
 
     Args:

@@ -22,7 +22,8 @@ class Solution:
         upper (n_param,): Upper end of the interval.
         relative_std (n_param,): Standard deviation over the estimate (of the relative error for friction).
         predicted_relative_std (n_param,): The same, predicted at the nominal values before the fit.
-        identifiable (n_param,): Whether the prediction was small enough, decided before the fit.
+        identifiable (n_param,): Whether the prediction was small enough and the data at least halve what was
+            unknown before, decided before the fit.
         internal (n_param,): Optimizer's values.
         covariance (n_param, n_param): Covariance of the optimizer's values.
         singular_values (n_param,): Of the scaled information matrix, largest first.

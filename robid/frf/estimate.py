@@ -200,4 +200,4 @@ def _removed(spectra: Spectra, record: Record) -> FloatArray:
 def _notes(total: ComplexArray | None) -> tuple[str, ...]:
     if total is not None:
         return ()
-    return ("one realization: the covariance holds noise only, no distortion by nonlinearities",)
+    return ("One realization: the covariance holds noise only, no distortion by nonlinearities.",)

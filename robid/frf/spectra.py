@@ -57,7 +57,7 @@ def record_spectra(record: Record, laws: tuple[TorqueLaw, ...] | None, delay_s: 
     highest = lines[-1] / record.period_s
     torques = torque_regressors(np.moveaxis(angle, 3, 0), record.sampling_period_s, laws, _NOISE_CUT * highest)
     spectra = np.moveaxis(np.fft.rfft(torques, axis=1)[:, lines], 1, 4) / torques.shape[1]
-    half = 0.5 * omega * record.sampling_period_s
+    half = 0.5 * omega * record.sampling_period_s * (record.torque_hold == "zoh")
     hold = np.sinc(half / np.pi) * np.exp(-1j * (half + omega * delay_s))
     return Spectra(torque, acceleration, spectra / hold[:, None])
 

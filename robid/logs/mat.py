@@ -149,10 +149,9 @@ def _torque_scale(mapping: LogMapping) -> float:
 def _notes(mapping: LogMapping, left_over: int, periods: int) -> list[str]:
     """What the reader of the record has to know about the import."""
     channel = mapping.inputs[0]
-    notes = [f"Imported from {mapping.file.name}, {mapping.drop_periods} periods dropped, {periods} used."]
+    notes = [f"Imported from {mapping.file.name}, periods dropped: {mapping.drop_periods}, used: {periods}."]
     if left_over:
         notes.append(f"{left_over} samples at the end of the log are not used.")
-    notes.append("One realization: a noise covariance only, none of nonlinear distortion.")
     if channel.normalised:
         notes.append(
             f"The torque constant K_t of {channel.name} is unknown: the torque is a current in A, and only ratios to"

@@ -62,16 +62,16 @@ class CampaignCosts:
 
 
 def kind_title(kind: str, torque_unit: str = "N m") -> str:
-    """Names a kind of parameters, as a ratio where the torque constant is unknown: `Springs, k/Kt`."""
+    """Names a kind of parameters, as a ratio where the torque constant is unknown: `Springs, k/K_t`."""
     title = KIND_TITLES.get(kind, kind)
-    return f"{title}, {_SYMBOLS[kind]}/Kt" if torque_unit != "N m" and kind in _SYMBOLS else title
+    return f"{title}, {_SYMBOLS[kind]}/K_t" if torque_unit != "N m" and kind in _SYMBOLS else title
 
 
 def ratio_sentence(torque_unit: str) -> str:
     """Says what the values are where the torque constant is unknown; empty where it is known."""
     if torque_unit == "N m":
         return ""
-    return f"The torque constant Kt is unknown: {torque_unit} stands for N m, and every value is its ratio to Kt."
+    return f"The torque constant K_t is unknown: {torque_unit} stands for N m, and every value is its ratio to K_t."
 
 
 def widened_sentence(fit: FitContent) -> str:

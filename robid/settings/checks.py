@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
@@ -131,6 +130,9 @@ def _acquire(experiment: Experiment, campaign: Campaign, acquire: Acquire, field
                 yield (*inside, key, index, "name"), f"`{channel}` is there twice"
     if configuration_count(experiment, campaign) not in (1, None):
         yield (*field, "configurations"), "a log is of one robot configuration: give exactly one"
+    if campaign.realizations > 1:
+        message = f"a log is of one realization, not of {campaign.realizations}: leave `realizations` at 1"
+        yield (*field, "realizations"), message
     if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
         message = "friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
@@ -166,15 +168,12 @@ def _channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Found:
 
 
 def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
-    """Chooses the lines as the design will; a log may have been played on all lines, not the odd ones alone."""
+    """Chooses the lines as the design will."""
     period_s = sampling_period_s(campaign, robot)
     if period_s is None:
         return
     try:
-        if campaign.source is not None and campaign.source.acquire is not None:
-            choose_lines(dataclasses.replace(campaign.excitation, detection_share=0.0), period_s, grid="full")
-        else:
-            choose_lines(campaign.excitation, period_s)
+        choose_lines(campaign.excitation, period_s)
     except SettingsError as error:
         yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
 
@@ -224,10 +223,12 @@ def _fit(experiment: Experiment, name: str, fit: Fit) -> _Found:
     count = None if used is None else configuration_count(experiment, used)
     for position, index in enumerate(fit.configurations or ()):
         if count is not None and index >= count:
-            message = f"there is no configuration {index}: `{fit.campaign}` has {count}, counted from 0"
+            message = (
+                f"there is no index {index}: `{fit.campaign}` has {count} configurations, from index 0 to {count - 1}"
+            )
             yield (*field, "configurations", position), message
         if index in (fit.configurations or ())[:position]:
-            yield (*field, "configurations", position), f"configuration {index} is there twice"
+            yield (*field, "configurations", position), f"index {index} is there twice"
 
 
 def _fit_of_robot(experiment: Experiment, name: str, fit: Fit, robot: RobotFile) -> _Found:

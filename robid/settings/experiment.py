@@ -198,7 +198,9 @@ class ElasticFit(ElasticOptions):
     family: Literal["elastic"] = Field(description="Family of the model.")
     campaign: Name = Field(alias="from", description="Name of the campaign it reads.")
     configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
-        default=None, description="Indices of the campaign's configurations to use; all when not given.", min_length=1
+        default=None,
+        description="Indices, from 0, of the campaign's configurations to use; all when not given.",
+        min_length=1,
     )
     validate_on: Name | None = Field(default=None, description="Name of the campaign it is validated on.")
 
@@ -215,7 +217,9 @@ class Execution(Section):
 
     backend: Literal["serial", "processes"] = Field(default="processes", description="How tasks are mapped to cores.")
     workers: int | None = Field(default=None, description="Number of processes; all cores when not given.", ge=1)
-    log_level: Literal["debug", "info", "warning", "error"] = Field(default="info", description="What is reported.")
+    log_level: Literal["info", "warning"] = Field(
+        default="info", description="What is told while it runs: progress, messages and warnings, or warnings alone."
+    )
 
 
 class Experiment(Section):

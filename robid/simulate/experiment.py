@@ -180,8 +180,8 @@ def _refuse_explosion(batch: Batch, configuration: FloatArray, index: int, perio
     shown = np.array2string(np.rad2deg(configuration), precision=1)
     raise DataError(
         f"the simulation blew up in period {period + 1}",
-        where=f"configuration {index} at {shown} deg",
-        remedy="lower the speed loop's bandwidth or the excitation, raise steps_per_sample, or check springs and inertias",
+        where=f"configuration {index + 1} at {shown} deg",
+        remedy="lower the speed loop's bandwidth or the excitation, raise steps_per_sample, check springs and inertias",
     )
 
 

@@ -58,7 +58,7 @@ def _run(job: Job) -> str:
 def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Excitation:
     """The lines of a log, which somebody else has played: there are no realizations of ours."""
     options = campaign.excitation
-    excited, detection = choose_lines(options, sampling_period_s, grid=options.grid)
+    excited, detection = choose_lines(options, sampling_period_s)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     return Excitation(
         reference=np.zeros((0, 0, n_sample, n_motor)),

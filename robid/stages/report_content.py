@@ -137,7 +137,9 @@ def _verdict(fits: list[FitContent], validations: dict[str, Validation]) -> Verd
     if not fits:
         return Verdict("No model was fitted.", "warn")
     sentences = [_sentences(content, validations.get(content.name)) for content in fits]
-    texts = [f"{content.name}: {text}" if len(fits) > 1 else text for content, text in zip(fits, sentences, strict=True)]
+    texts = [
+        f"{content.name}: {text}" if len(fits) > 1 else text for content, text in zip(fits, sentences, strict=True)
+    ]
     fine = all(
         content.status == "converged" and not content.advice and (validation is None or validation.ok)
         for content in fits
@@ -152,7 +154,7 @@ def _sentences(content: FitContent, validation: Validation | None) -> str:
     found.append(f"{identified_phrase(content)}.")
     found.append(widened_sentence(content))
     if validation is None:
-        found.append("Not validated: the fit names no `validate_on`.")
+        found.append("Not validated: no campaign was named to hold it against.")
     else:
         found.append(f"The model {validation.verdict}.")
         found.append(recovery_sentence(validation.springs_within, validation.springs_known, validation.coverage))

@@ -8,6 +8,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
+from robid.fit.elastic import check_inputs
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap, map_parameters
 from robid.fit.problem import Problem, make_problem
@@ -68,7 +69,7 @@ def fitted_model(robot: Robot, solution: Solution, frf: Frf, options: ElasticOpt
         DataError: If the response's inputs are not the robot's motors, or robot, options or delay are not
             those of the fit.
     """
-    _check_inputs(robot, frf)
+    check_inputs(robot, frf)
     elastic = build_model(robot)
     found = dict(zip(solution.names, solution.estimate.tolist(), strict=True))
     stiffness = np.array([found.get(f"{s.name}.stiffness", s.stiffness_nm_rad) for s in robot.springs])
@@ -104,10 +105,3 @@ def _internal(robot: Robot, solution: Solution, parameters: ParameterMap) -> Flo
         message = f"robot, options or delay are not those of the fit: {', '.join(differing)} would change"
         raise DataError(message, where=robot.name, remedy="fit again with the present robot and settings")
     return internal
-
-
-def _check_inputs(robot: Robot, frf: Frf) -> None:
-    motors = tuple(joint.name for joint in robot.joints)
-    if frf.input_names != motors:
-        message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
-        raise DataError(message, where=robot.name, remedy="name the inputs after the robot's joints, in order")

@@ -19,6 +19,7 @@ from robid.errors import ArtifactError, DataError, SettingsError
 from robid.fit.options import ElasticOptions
 from robid.pipeline import graph
 from robid.settings.load import load_experiment, load_robot
+from robid.simulate.truth import true_robot
 from settings_tables import PAGES, ROOT, marked, renewed
 
 DOCUMENTS = [
@@ -144,6 +145,24 @@ def test_the_readme_has_no_figure_that_nothing_prints():
     assert found <= allowed, "outside the sample output the README has only defaults"
     assert found - {"150 kg"} == allowed - {"150 kg"}, "and it names these"
     assert load_robot(ROOT / "configs/robots/kr300.yaml").payload.mass_kg == 150
+
+
+def test_the_sample_output_is_of_the_default_experiment():
+    robot = load_robot(ROOT / "configs/robots/kr300.yaml").to_robot()
+    options = load_experiment(ROOT / "configs/kr300.yaml").experiment.campaigns["estimation"].source.simulate
+    true = true_robot(robot, options.truth)
+    row = re.compile(
+        r"^  (\w+) .*? ([kM]?)N m(?: s)?/rad .*? (?:a )?([\d.]+) +([\d.]+) +[+\u2212][\d.]+ %$", re.MULTILINE
+    )
+    springs, dampers = README.partition("\nSprings\n")[2].partition("Equivalent")[0].split("Dampers\n")
+    for block, field in ((springs, "stiffness_nm_rad"), (dampers, "damping_nms_rad")):
+        rows = row.findall(block)
+        assert len(rows) == len([line for line in block.splitlines() if line.startswith("  ") and "..." not in line])
+        for name, prefix, nominal, truth in rows:
+            factor = {"": 1.0, "k": 1e3, "M": 1e6}[prefix]
+            for shown, described in ((nominal, robot), (truth, true)):
+                value = next(getattr(spring, field) for spring in described.springs if spring.name == name) / factor
+                assert f"{value:.{len(shown.partition('.')[2])}f}" == shown, name
 
 
 def test_exit_codes_of_the_readme_are_those_of_the_errors():

@@ -49,8 +49,9 @@ def test_detection_lines_follow_the_seed():
 
 
 def test_a_full_grid_takes_every_line_of_the_band():
-    options = ExcitationOptions(period_s=1, low_hz=11, high_hz=250, count=240, spacing="linear", detection_share=0.0)
-    excited, detection = choose_lines(options, 4e-4, grid="full")
+    band = {"period_s": 1, "low_hz": 11, "high_hz": 250, "count": 240}
+    options = ExcitationOptions(**band, spacing="linear", grid="full", detection_share=0.0)
+    excited, detection = choose_lines(options, 4e-4)
     np.testing.assert_array_equal(excited, np.arange(11, 251))
     assert len(detection) == 0
 

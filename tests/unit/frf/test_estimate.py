@@ -67,7 +67,7 @@ def test_exact_data_give_the_exact_response(estimator, realizations):
     np.testing.assert_allclose(frf.response[0], true_response(), rtol=IDENTITY * 10)
     np.testing.assert_allclose(frf.frequency_hz, LINES / PERIOD_S)
     assert (frf.total_covariance is None) == (realizations == 1)
-    assert any("one realization" in note for note in frf.notes) == (realizations == 1)
+    assert any("One realization" in note for note in frf.notes) == (realizations == 1)
 
 
 def test_drift_leaves_no_trace():

@@ -85,7 +85,6 @@ def test_a_good_log_becomes_a_record(tmp_path):
     assert record.reference is None
     assert record.torque_unit == "N m"
     notes = " ".join(record.notes)
-    assert "noise covariance only" in notes
     assert "2 % (1 sigma)" in notes
 
 

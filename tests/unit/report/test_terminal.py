@@ -7,6 +7,7 @@ from io import StringIO
 
 from rich.console import Console
 
+from robid.report.numbers import MISSING
 from robid.report.tables import parameter_line
 from robid.report.terminal import fit_tables, parameter_table
 
@@ -43,18 +44,18 @@ def test_eighty_columns_are_enough_without_truth(bench_content):
 
 def test_unknown_torque_constant_makes_ratios(bench_content):
     fit = bench_content.fits[0]
-    assert "Kt" not in printed(parameter_table(fit), 100)
+    assert "K_t" not in printed(parameter_table(fit), 100)
     ampere = replace(fit, frf=replace(fit.frf, torque_unit="A"))
     text = printed(parameter_table(ampere), 100)
-    assert "Springs, k/Kt" in text
-    assert "Motor inertias, J1/Kt" in text
-    assert "Kt is unknown: A stands for N m" in text
+    assert "Springs, k/K_t" in text
+    assert "Motor inertias, J1/K_t" in text
+    assert "K_t is unknown: A stands for N m" in text
 
 
 def test_small_drives_show_the_models_own_modes(arm_content, bench_content):
     shown = [printed(table, 100) for table in fit_tables(bench_content.fits[0])]
     assert len(shown) == 2
     words = next(line.split() for line in shown[1].splitlines() if "antiresonance" in line)
-    assert words == ["motor", "antiresonance", "53.95", "53.90", "…", "54.00", "53.97", "–"]
+    assert words == ["motor", "antiresonance", "53.95", "53.90", "…", "54.00", "53.97", MISSING]
     assert "1 more that the model does not have are in the report" in shown[1]
     assert len(list(fit_tables(arm_content.fits[0]))) == 1

@@ -174,7 +174,12 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
         ("validate_on: fresh", "validate_on: frech", "fits.springs.validate_on", "did you mean `fresh`?"),
         ("validate_on: fresh", "validate_on: measured", "fits.springs.validate_on", "validate on another"),
         ("from: measured", "from: candidates", "fits.springs.from", "has no `source`"),
-        ("validate_on: fresh", "configurations: [0, 3]", "fits.springs.configurations[1]", "no configuration 3"),
+        (
+            "validate_on: fresh",
+            "configurations: [0, 3]",
+            "fits.springs.configurations[1]",
+            "no index 3: `measured` has 3",
+        ),
         ("validate_on: fresh", "configurations: [1, 1]", "fits.springs.configurations[1]", "there twice"),
         (
             "validate_on: fresh",
@@ -256,7 +261,9 @@ def test_wrong_logs_are_told(tmp_path, old, new, field, words):
 
 def test_a_log_needs_one_configuration_the_fits_outputs_and_compensation_in_its_unit(tmp_path):
     log = LOG.replace("u1}", "u1, unit: A, torque_constant_nm_a: 1, normalised: true}").replace(": none", ": nominal")
-    told = "\n".join(_refused(_write(tmp_path, _replaced(EXPERIMENT, "source: *source\n", log))))
+    again = _replaced(EXPERIMENT, "source: *source\n", f"realizations: 2\n    {log}")
+    told = "\n".join(_refused(_write(tmp_path, again)))
+    assert "campaigns.fresh.realizations: a log is of one realization, not of 2" in told
     assert "campaigns.fresh.configurations: a log is of one robot configuration" in told
     assert "campaigns.fresh.estimate.compensation: friction in N m" in told
     assert "fits.springs.validate_on: `fresh` measures one, two.arm, but the fit reads one, two" in told
@@ -266,8 +273,10 @@ def test_a_log_may_use_even_lines_too(tmp_path):
     experiment = _replaced(EXPERIMENT, "{list_deg: [[10, 20], [-80, 40]]}", "{list_deg: [[10, 20]]}")
     experiment = _replaced(experiment, "source: *source\n", LOG)
     experiment = _replaced(experiment, ", validate_on: fresh", "")
-    load_experiment(_write(tmp_path, _replaced(experiment, "seed: 2", "count: 99")))
-    assert "holds 99 lines" in _refused(_write(tmp_path, _replaced(experiment, "seed: 2", "count: 100")))[0]
+    full = "grid: full, detection_share: 0"
+    load_experiment(_write(tmp_path, _replaced(experiment, "seed: 2", f"count: 99, {full}")))
+    assert "holds 99 lines" in _refused(_write(tmp_path, _replaced(experiment, "seed: 2", f"count: 100, {full}")))[0]
+    assert "odd lines" in _refused(_write(tmp_path, _replaced(experiment, "seed: 2", "count: 99")))[0]
 
 
 def test_a_simulation_needs_a_controller(tmp_path):
