@@ -211,7 +211,7 @@ def run_experiment(
         for table in fit_tables(fit):
             shell.out.print(table)
         if fit.advice:
-            shell.warn(fit.advice)
+            shell.say(f"advice: {fit.advice}")
     shell.say(f"\n{content.verdict.text}")
     shell.say(f"report: {report}")
     return _PROBLEM if any(result.problem for result in results) else 0

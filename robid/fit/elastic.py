@@ -284,7 +284,7 @@ def _advice(best: Minimum, parameters: ParameterMap, dropped_share: float, exces
     if needless:
         advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
     if dropped_share > _MANY_DROPPED:
-        advice.append(f"{dropped_share:.0%} of the response lies below 10 dB: excite more, or average more")
+        advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:
         advice.append(
             f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "

@@ -114,17 +114,22 @@ def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
     factor, unit = (1, row.unit) if row.unit else (100, "%")
     half_width = factor * (row.upper - row.lower) / 2
     known = half_width > 0 and math.isfinite(half_width)
-    scale = Scale(0, unit, min(max(1 - math.floor(math.log10(half_width)), 0), 3) if known else 3)
+    decimals = min(max(1 - math.floor(math.log10(half_width)), 0), 3) if known else 3
+
+    def text(value: float | None) -> str:
+        rounded = None if value is None else round(factor * value, decimals)
+        return Scale(0, unit, decimals).text(rounded)
+
     return ParameterLine(
         name=row.name,
         unit=unit,
         nominal="",
-        estimate=scale.text(factor * row.estimate),
-        lower=scale.text(factor * row.lower),
-        upper=scale.text(factor * row.upper),
+        estimate=text(row.estimate),
+        lower=text(row.lower),
+        upper=text(row.upper),
         half_width="",
         change="",
-        truth=scale.text(None if row.truth is None else factor * row.truth),
+        truth=text(row.truth),
         off_truth="",
         covered=row.covered,
         assumed=False,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
+import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
@@ -74,7 +72,7 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
     torque = np.empty((experiment.periods, n_sample, n_sim, n_motor))
     angle = np.empty_like(torque)
     scrap = np.empty_like(torque[0]), np.empty_like(torque[0])
-    with _quiet_directory():
+    with _quiet_mujoco():
         for period in range(total):
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
@@ -186,12 +184,11 @@ def _refuse_explosion(batch: Batch, configuration: FloatArray, index: int, perio
 
 
 @contextlib.contextmanager
-def _quiet_directory() -> Iterator[None]:
-    """Keeps MuJoCo's warning log out of the current directory."""
-    here = Path.cwd()
-    with tempfile.TemporaryDirectory() as scratch:
-        os.chdir(scratch)
-        try:
-            yield
-        finally:
-            os.chdir(here)
+def _quiet_mujoco() -> Iterator[None]:
+    """Keeps MuJoCo's warnings off the screen and out of a log file; the batch counts them."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

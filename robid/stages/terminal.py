@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 _PLAIN_WIDTH = 200
 _COLOURS = {"fresh": "green", "stale": "yellow", "missing": "red"}
@@ -38,16 +40,16 @@ class Shell:
 
     def say(self, text: str) -> None:
         """Prints a result as it is."""
-        self.out.print(text, soft_wrap=True, highlight=False, markup=False)
+        _print(self.out, text)
 
     def note(self, subject: str, text: str) -> None:
         """Prints a message about something, unless quiet."""
         if not self.quiet:
-            self.err.print(f"[bold]{escape(subject)}[/bold]  {escape(text)}", soft_wrap=True, highlight=False)
+            _print(self.err, f"{subject}  {text}", bold=len(subject))
 
     def warn(self, text: str) -> None:
         """Prints a warning."""
-        self.err.print(f"warning: {escape(text)}", style="yellow", soft_wrap=True, highlight=False)
+        _print(self.err, f"warning: {text}", "yellow")
 
     @contextmanager
     def progress(self, label: str) -> Iterator[Bar]:
@@ -82,6 +84,18 @@ class Bar:
     def advance(self) -> None:
         """Says that one more is done."""
         self.bars.advance(self.task)
+
+
+def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
+    """Wraps between words in a terminal, never within one, so that paths stay whole; elsewhere a line is a line."""
+    if console.is_terminal:
+        wrapper = textwrap.TextWrapper(
+            console.width, break_long_words=False, break_on_hyphens=False, replace_whitespace=False
+        )
+        text = "\n".join(wrapper.fill(line) for line in text.split("\n"))
+    shown = Text(text, style)
+    shown.stylize("bold", 0, bold)
+    console.print(shown, soft_wrap=True, highlight=False)
 
 
 def status_table(rows: Sequence[tuple[str, str, str]]) -> Table:

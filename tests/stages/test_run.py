@@ -30,13 +30,18 @@ def test_a_run_makes_everything_and_recovers_the_springs(done):
         assert summary[f"{prefix}.truth"] == truth["values"][name] != summary[f"{prefix}.nominal"]
         assert summary[f"{prefix}.estimate"] == pytest.approx(truth["values"][name], rel=0.02)
     assert summary["fits.elastic.springs.worst_error"] < 0.02
+    modes = [key for key in summary if ".resonances.configuration_1." in key and key.endswith(".model_hz")]
+    assert modes
+    for key in modes:
+        ends = summary[key.replace("model_hz", "model_lower_hz")], summary[key.replace("model_hz", "model_upper_hz")]
+        assert ends[0] < summary[key] < ends[1]
     assert (done.runs / "report.html").read_text().count("<html") == 1
 
 
 def test_a_run_ends_with_table_verdict_and_report(done):
     answer = done.robid("run", "small.yaml")
     assert answer.code == 0
-    for text in ("gear_turn", "kN m/rad", "2 of 2 springs are identified", "runs/small/report.html"):
+    for text in ("gear_turn", "kN m/rad", "2 of 2 springs identified within ±", "runs/small/report.html"):
         assert text in answer.out
 
 

@@ -128,12 +128,12 @@
     const style = { line: 1.6, dot: 6 };
     document.getElementById("enlarged-title").textContent =
       `${response.outputs[row]} acceleration per ${response.inputs[column]} torque, configuration ${chosen.label}`;
-    document.getElementById("enlarged-caption").textContent = describe(fit, response, chosen, "phase")
-      + (state.response === 0 && fit.marks.length ? " Dotted lines: measured resonances and antiresonances of this channel." : "");
-    const ticks = logTicks(response.frequency[0] / 2, response.frequency[response.frequency.length - 1] * 2);
-    const shared = { type: "log", range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), fixedrange: false };
     const marks = state.response === 0 ? fit.marks.filter(([configuration, channel]) => configuration === state.configuration
       && channel === response.outputs[row] && (response.inputs[column] === channel || response.inputs.length === 1)) : [];
+    document.getElementById("enlarged-caption").textContent = describe(fit, response, chosen, "phase")
+      + (marks.length ? " Dotted lines: measured resonances and antiresonances of this channel." : "");
+    const ticks = logTicks(response.frequency[0] / 2, response.frequency[response.frequency.length - 1] * 2);
+    const shared = { type: "log", range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), fixedrange: false };
     const figure = layout({
       width: dialog.clientWidth - 52, height: Math.min(Math.max(window.innerHeight * 0.66, 360), 640),
       margin: { l: 62, r: 10, t: 30, b: 46 }, hovermode: "x", dragmode: "zoom",

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exact_systems import exact_frf, two_joint_robot
+from exact_systems import exact_frf, two_joint_robot, two_mass_robot
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import map_parameters
 from robid.fit.problem import make_problem, make_weights
@@ -150,3 +150,12 @@ def test_without_a_covariance_the_model_error_stands_for_the_noise():
     weight, dropped = make_weights(frf, Weights(model_error=0.05), "lls")
     assert dropped == 0
     np.testing.assert_allclose(weight, 400.0)
+
+
+def test_units_of_torque_nonlinearities_are_their_own():
+    robot = two_mass_robot()
+    linear = linearize(build_model(robot), solve_statics(build_model(robot), np.zeros((1, 1))))
+    names = ("drive.level", "drive.lag", "drive.torque_scale")
+    nominal = nominal_parameters(robot, linear, 0.0)
+    mapped = map_parameters(robot, nominal, ElasticOptions(free=("stiffness",)), names, np.ones(3))
+    assert mapped.units == ("N m/rad", "1", "samples", "1")
