@@ -65,7 +65,7 @@ def main() -> None:
 def run_command(arguments: list[str]) -> int:
     """Runs a command; every error becomes one message and an exit code."""
     try:
-        code = app(arguments, prog_name="robid", standalone_mode=False)
+        code = app(arguments or ["--help"], prog_name="robid", standalone_mode=False)
     except RobidError as error:
         return _fail(arguments, str(error), error.exit_code)
     except _UsageError as error:

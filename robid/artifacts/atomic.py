@@ -59,7 +59,7 @@ def read_json(path: Path, *, made_by: str = "robid run") -> Any:  # noqa: ANN401
     except FileNotFoundError as error:
         raise ArtifactError("The file is missing.", where=str(path), remedy=remedy) from error
     except (OSError, ValueError) as error:
-        raise ArtifactError(f"The file is damaged: {error}.", where=str(path), remedy=remedy) from error
+        raise ArtifactError(f"The file is damaged: {error}.", where=str(path), remedy=f"delete it; {remedy}") from error
 
 
 def _plain(value: object) -> object:

@@ -158,6 +158,10 @@ def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File], Result]) ->
     if not path.exists():
         command = kind.made_by if kind else "robid run"
         raise ArtifactError("The artifact is missing.", where=str(path), remedy=f"`{command} EXPERIMENT.yaml` makes it")
+    if kind is None and not h5py.is_hdf5(path):
+        raise ArtifactError(
+            "The file is not an artifact of robid.", where=str(path), remedy="name an .h5 file of a run folder"
+        )
     try:
         with h5py.File(path, "r") as file:
             header = _header(file)
@@ -223,7 +227,7 @@ def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
 def _damaged(path: Path, kind: Kind | None, why: str) -> ArtifactError:
     command = kind.made_by if kind else "robid run"
     return ArtifactError(
-        f"The artifact cannot be read: {why}.",
+        f"The artifact is damaged: {why}.",
         where=str(path),
         remedy=f"delete it and make it again with `{command} EXPERIMENT.yaml`",
     )

@@ -50,7 +50,7 @@ def compare(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) 
     try:
         made = _provenance(stage, output)
     except ArtifactError as error:
-        return State("stale", f"it cannot be read: {error.what}", unreadable=error)
+        return State("stale", error.what[:1].lower() + error.what[1:].rstrip("."), unreadable=error)
     missing = [path for path in plan.outputs if not (folder / path).exists()]
     if missing:
         return State("missing", f"{missing[0]} is not there")

@@ -70,7 +70,7 @@ def test_a_missing_artifact_names_the_command(done):
 def test_a_damaged_artifact_is_refused_by_name(done, command):
     path = done.runs / "estimation" / "frf.h5"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    refuse(done, 3, "estimation/frf.h5", "cannot be read", "estimate-frf", command=command)
+    refuse(done, 3, "estimation/frf.h5", "is damaged", "estimate-frf", command=command)
 
 
 def test_a_flipped_number_is_refused_by_name(done):

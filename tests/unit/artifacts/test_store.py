@@ -184,7 +184,7 @@ def test_a_truncated_artifact_is_refused(tmp_path: Path, length: float) -> None:
     write_artifact(path, _thing())
     content = path.read_bytes()
     path.write_bytes(content[: length if isinstance(length, int) else int(len(content) * length)])
-    _assert_refused(path, "cannot be read")
+    _assert_refused(path, "is damaged")
     with pytest.raises(ArtifactError):
         inspect_artifact(path)
 
@@ -223,7 +223,7 @@ def test_a_file_that_is_no_artifact_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "thing.h5"
     with h5py.File(path, "w") as file:
         file["x"] = 1
-    _assert_refused(path, "cannot be read")
+    _assert_refused(path, "is damaged")
 
 
 def test_another_kind_is_refused(tmp_path: Path) -> None:
@@ -356,3 +356,11 @@ def test_provenance_may_be_long(tmp_path: Path) -> None:
     provenance = replace(PROVENANCE, settings={str(index): "größer" * 10 for index in range(5000)})
     write_artifact(tmp_path / "thing.h5", _thing(provenance=provenance))
     assert read_header(tmp_path / "thing.h5", KIND).provenance == provenance
+
+
+def test_inspecting_a_file_of_another_format_does_not_advise_to_delete_it(tmp_path: Path) -> None:
+    path = tmp_path / "experiment.yaml"
+    path.write_text("name: arm\n")
+    with pytest.raises(ArtifactError, match="not an artifact of robid") as caught:
+        inspect_artifact(path)
+    assert "delete" not in caught.value.remedy
