@@ -199,11 +199,12 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
             raise state.unreadable
         if state.status != "fresh":
             why = f" ({state.why})" if state.why else ""
-            force = " --force" if state.status == "stale" and run.path(maker.output).exists() else ""
+            there = state.status == "stale" and run.path(maker.output).exists()
+            command = run.command(maker) + " --force" * there
             raise ArtifactError(
                 f"The input is {state.status}{why}.",
                 where=str(run.path(path)),
-                remedy=f"`{run.command(maker)}{force}` makes it; `robid run {run.loaded.path}` makes all that is needed",
+                remedy=f"`{command}` makes it; `robid run {run.loaded.path}` makes all that is needed",
             )
         inputs[name] = run.path(path)
     return inputs
