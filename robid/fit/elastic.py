@@ -123,7 +123,7 @@ def _descend(start: _Start) -> Minimum:
 
 
 def _call_back(problem: Problem, internal: FloatArray, max_iterations: int) -> Minimum:
-    """Descends, sets parameters that ran away back to nominal and descends again, while that helps."""
+    """Descends; while parameters run away, sets them to nominal, halves the others' distance, descends again."""
 
     def descend(point: FloatArray) -> Minimum:
         return minimise(
@@ -136,7 +136,7 @@ def _call_back(problem: Problem, internal: FloatArray, max_iterations: int) -> M
         ran_away = np.abs(best.parameters) > problem.parameters.prior_std
         if not ran_away.any():
             break
-        again = descend(np.where(ran_away, 0.0, best.parameters))
+        again = descend(np.where(ran_away, 0.0, 0.5 * best.parameters))
         iterations += again.iterations
         if again.cost > best.cost * (1 - _SAME_MINIMUM):
             break
