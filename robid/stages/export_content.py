@@ -177,7 +177,7 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             "",
             f"Units: m, kg, s, rad; torque in {unit}. Controls are motor torques, motor side.",
             "q_m_<joint> motor angle (motor side), q_a_<joint> arm angle, q_e_<spring> elastic angle (arm side);",
-            "tendons are transmissions: length q_m / gear ratio - q_a.",
+            "tendons are transmissions: arm turns of the motors less q_a.",
             "Friction and ripple: passive actuators friction_<joint>."
             if friction
             else "Friction and ripple are left out; viscous friction is damping of q_m.",
