@@ -12,6 +12,7 @@ from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, motion_matrices
 
 _SAME_INSTANT = 1e-9  # of a period
+_JUMPING = ".acceleration"
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,8 @@ def discretise(system: StateSpace, period_s: float, delay_s: float) -> StateSpac
         delay_s: Delay from the command to its effect, hold excluded [s]; any share of a period.
 
     Returns:
-        The sampled system. Torques that still wait are states after the continuous ones. Outputs that jump with
-        the torque, the accelerations, are left out: at the sampling instant they have two values.
+        The sampled system. Torques that still wait are states after the continuous ones. Accelerations
+        are left out: where they jump with the torque they have two values at the sampling instant.
 
     Raises:
         ValueError: If the delay is negative.
@@ -126,11 +127,11 @@ def discretise(system: StateSpace, period_s: float, delay_s: float) -> StateSpac
     if waiting:
         B[n : n + n_in] = np.eye(n_in)
         A[n + n_in :, n:-n_in] = np.eye((waiting - 1) * n_in)
-    kept = np.flatnonzero(~system.D.any(axis=1))
+    kept = [row for row, name in enumerate(system.outputs) if not name.endswith(_JUMPING)]
     return StateSpace(
         A=A,
         B=B,
-        C=np.hstack([system.C[kept], np.zeros((kept.size, waiting * n_in))]),
+        C=np.hstack([system.C[kept], np.zeros((len(kept), waiting * n_in))]),
         D=system.D[kept],
         states=(*system.states, *(f"{name}[k-{age + 1}]" for age in range(waiting) for name in system.inputs)),
         inputs=system.inputs,

@@ -176,9 +176,10 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             f"experiment {found.loaded.experiment.name}, fit {found.name} of {found.date}, {solution.status}",
             "",
             f"Units: m, kg, s, rad; torque in {unit}. Controls are motor torques, motor side.",
+            *([] if unit == "N m" else [f"{unit} stands for N m: inertias, springs and dampers are ratios to K_t."]),
             "q_m_<joint> motor angle (motor side), q_a_<joint> arm angle, q_e_<spring> elastic angle (arm side);",
             "tendons are transmissions: arm turns of the motors less q_a.",
-            "Friction and ripple: passive actuators friction_<joint>."
+            "Friction and ripple, where there are any: passive actuators friction_<joint>."
             if friction
             else "Friction and ripple are left out; viscous friction is damping of q_m.",
             f"Not in here: the delay of {1e3 * found.delay_s:.4g} ms from commanded to applied torque.",

@@ -121,6 +121,12 @@ def test_names_and_shapes():
     assert [name.rpartition(".")[2] for name in sampled.outputs] == ["angle"] * 3 + ["speed"] * 3
 
 
+def test_sampled_outputs_do_not_depend_on_where_the_torque_acts():
+    (system,), _, _ = systems("motor and load")
+    names = ("drive.angle", "drive.arm.angle", "drive.speed", "drive.arm.speed")
+    assert discretise(system, PERIOD_S, 0.0).outputs == names
+
+
 def test_a_negative_delay_is_refused():
     (system,), _, _ = systems("motor and load")
     with pytest.raises(ValueError, match="`delay_s` must not be negative"):
