@@ -2,10 +2,11 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
+BENCH_STAMP := .venv/.bench
 DATA := $(or $(ROBID_DATA),../shared/data)
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-log test test-slow lint check clean
+.PHONY: help install run run-log test test-slow lint check bench clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '  %-10s %s\n' "$$name" "$$text"; done
@@ -41,6 +42,13 @@ lint: $(STAMP) ## check format, rules, types and layers
 	$(BIN)/lint-imports
 
 check: lint test ## what CI runs: lint and test
+
+bench: $(BENCH_STAMP) ## measure speed as ratios within one run, into runs/bench/bench.json
+	$(BIN)/python -m pytest -q --override-ini 'python_files=bench_*.py' --benchmark-columns=median,iqr,rounds tests/bench
+
+$(BENCH_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench]'
+	@touch $@
 
 clean: ## remove caches and build leftovers; .venv and runs stay
 	rm -rf build dist robid.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache

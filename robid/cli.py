@@ -32,6 +32,7 @@ from robid.report.numbers import duration
 from robid.report.terminal import fit_tables
 from robid.settings.load import load_experiment
 from robid.settings.schema import experiment_schema, robot_schema
+from robid.stages.export import ExportOptions, Format, check_options, export, export_plan, write_export
 from robid.stages.report_content import gather
 from robid.stages.stage import Stage
 from robid.stages.terminal import Shell, dataset_table, make_console, status_table
@@ -215,6 +216,47 @@ def run_experiment(
     shell.say(f"\n{content.verdict.text}")
     shell.say(f"report: {report}")
     return _PROBLEM if any(result.problem for result in results) else 0
+
+
+@app.command("export")
+def export_model(
+    experiment: ExperimentFile,
+    format_: Annotated[Format, typer.Option("--format", help="What to write.")],
+    fit: Annotated[
+        str | None, typer.Option("--fit", help="Name of the fit; may be left out if it is the only one.")
+    ] = None,
+    configuration: Annotated[
+        int | None,
+        typer.Option("--configuration", min=0, help="Index of one configuration; all of the fit by default."),
+    ] = None,
+    friction: Annotated[
+        bool | None,
+        typer.Option("--friction/--no-friction", help="MJCF: with friction and ripple (default), or without."),
+    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", help="Write here instead of the fit's folder.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that differs.")] = False,
+    run_dir: RunFolder = None,
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> int:
+    """Writes a fitted model for other programs: MJCF, JSON, CSV, MAT or state space."""
+    del debug
+    run = _open(experiment, run_dir, None, None)
+    node = choose_node(run, "fit", fit)
+    options = ExportOptions(format_, configuration, friction, output)
+    check_options(options, run.loaded, node.owner)
+    inputs = require_inputs(run, dataclasses.replace(node, plan=export_plan(run.loaded, node.owner)), [])
+    content, target = export(options, run.loaded, node.owner, inputs), options.target(run.folder, node.owner)
+    outcome = write_export(target, content, force=force)
+    shell = _shell(run, as_json=as_json)
+    problem = node.stage.problem(inputs["model"])
+    if as_json:
+        _print_json({"output": str(target), "format": format_, "outcome": outcome, "problem": problem})
+    else:
+        shell.say(f"{target}  {outcome}")
+    if problem:
+        shell.warn(problem)
+    return 0
 
 
 @app.command("status")

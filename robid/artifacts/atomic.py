@@ -42,7 +42,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def write_json(path: Path, content: object) -> None:
     """Writes a JSON file at once; numpy values become plain ones, numbers that are not finite become null."""
-    text = json.dumps(_plain(content), indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False)
     with replacing(path) as partial:
         partial.write_text(text + "\n", encoding="utf-8")
 
@@ -62,13 +62,14 @@ def read_json(path: Path, *, made_by: str = "robid run") -> Any:  # noqa: ANN401
         raise ArtifactError(f"The file is damaged: {error}.", where=str(path), remedy=f"delete it; {remedy}") from error
 
 
-def _plain(value: object) -> object:
+def plain(value: object) -> object:
+    """Turns numpy values into plain ones, and numbers that are not finite into None."""
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -60,6 +60,7 @@ class Motor:
         friction: Nominal friction.
         ripple_nm: Amplitude of the torque ripple [N m].
         ripple_order: Ripple periods per motor turn.
+        ripple_phase_rad: Phase `p` of the torque `ripple_nm sin(ripple_order q_m + p)` [rad].
     """
 
     inertia_kgm2: float
@@ -69,6 +70,7 @@ class Motor:
     friction: Friction = field(default_factory=Friction)
     ripple_nm: float = 0.0
     ripple_order: int = 6
+    ripple_phase_rad: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ class ElasticModel:
     Attributes:
         robot: What it was built from.
         mujoco: The compiled model.
+        spec: What was compiled.
         motor (n_joint,): Indices of the motor angles `q_m`.
         arm (n_joint,): Indices of the arm angles `q_a`.
         passive (n_passive,): Indices of arm angles and elastic angles `q_e`: all that gravity deflects.
@@ -30,6 +31,7 @@ class ElasticModel:
 
     robot: Robot
     mujoco: mujoco.MjModel
+    spec: mujoco.MjSpec
     motor: IntArray
     arm: IntArray
     passive: IntArray
@@ -153,7 +155,7 @@ def _add_torque(spec: mujoco.MjSpec, joint: Joint, *, friction: bool, ripple: bo
     actuator.set_to_motor()
     motor = joint.motor
     lugre = _lugre(motor) if friction and motor.friction.coulomb_nm > 0 else None
-    cogging = [motor.ripple_nm, motor.ripple_order, 0.0] if ripple and motor.ripple_nm > 0 else None
+    cogging = [motor.ripple_nm, motor.ripple_order, motor.ripple_phase_rad] if ripple and motor.ripple_nm > 0 else None
     if lugre or cogging:
         target = f"q_m_{joint.name}"
         _add_passive(spec, f"friction_{joint.name}", mujoco.mjtTrn.mjTRN_JOINT, target, lugre=lugre, cogging=cogging)
@@ -196,7 +198,7 @@ def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
         else:
             deflection[row, model.joint(f"q_e_{spring.name}").dofadr[0]] = 1.0
     passive = np.setdiff1d(np.arange(model.nv), motor)
-    return ElasticModel(robot, model, motor, arm, passive, deflection)
+    return ElasticModel(robot, model, spec, motor, arm, passive, deflection)
 
 
 def _quaternion(rotation: FloatArray) -> FloatArray:

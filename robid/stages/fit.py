@@ -60,6 +60,13 @@ def select(frf: Frf, configurations: Sequence[int] | None) -> Frf:
     return frf if configurations is None else frf.select(configurations)
 
 
+def with_torque_unit(unit: str, torque_unit: str) -> str:
+    """Writes a unit with what stands for N m where the torque constant is unknown."""
+    if torque_unit == "N m":
+        return unit
+    return unit.replace("kg m^2", "N m s^2/rad").replace("N m", torque_unit)
+
+
 def figures(solution: Solution) -> str:
     """Says how the fit ended, in a phrase."""
     best = int(np.sum(solution.start_minimum == 0))

@@ -12,7 +12,7 @@ from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.report.content import CostRow, FitContent, ParameterRow, ResonanceRow, StartRow
 from robid.settings.load import LoadedExperiment
-from robid.stages.fit import select
+from robid.stages.fit import select, with_torque_unit
 from robid.stages.slices import delay_s
 from robid.validation.elastic import Validation
 from robid.validation.resonances import ResonanceTable, tabulate_resonances
@@ -133,12 +133,8 @@ def _parameters(
 
 
 def _unit(unit: str, torque_unit: str) -> str:
-    """Writes a unit, none as such, with what stands for N m where the torque constant is unknown."""
-    if unit == "1":
-        return ""
-    if torque_unit == "N m":
-        return unit
-    return unit.replace("kg m^2", "N m s^2/rad").replace("N m", torque_unit)
+    """Writes a unit for the page, none as such."""
+    return "" if unit == "1" else with_torque_unit(unit, torque_unit)
 
 
 def _costs(campaign: str, indices: Sequence[int], cost: FloatArray, expected: FloatArray) -> tuple[CostRow, ...]:

@@ -196,3 +196,11 @@ def test_no_file_names_this_machine_or_a_registry():
     words = [f"/{name}/" for name in ("work", "tmp", "root", "home")] + ["py" + "pi", "index" + "-url"]
     assert len(texts) > 100
     assert [(str(path), word) for path, text in texts.items() for word in words if word in text] == []
+
+
+def test_only_make_bench_collects_the_bench():
+    names = [path.name for path in (ROOT / "tests/bench").glob("*.py")]
+    assert any(name.startswith("bench_") for name in names)
+    assert not any(name.startswith("test_") for name in names)
+    recipe = re.search(r"^bench:.*\n\t(.*)$", text_of(ROOT / "Makefile"), re.MULTILINE).group(1)
+    assert "python_files=bench_*.py" in recipe

@@ -1,0 +1,190 @@
+"""What an export holds: tables of parameters, arrays, state spaces, MJCF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import robid
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.fit.solution import Solution
+from robid.frf.frf import Frf
+from robid.robot.description import Robot
+from robid.robot.export import to_mjcf
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import ElasticModel, build_model
+from robid.robot.response import nominal_parameters
+from robid.robot.statespace import discretise, state_space
+from robid.settings.load import LoadedExperiment
+from robid.stages.export_files import Content
+from robid.stages.fit import with_torque_unit
+from robid.stages.slices import delay_s
+
+COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
+
+
+@dataclass(frozen=True)
+class FittedExport:
+    """A fit, its data, and what they stand for.
+
+    Attributes:
+        loaded: The experiment.
+        name: Name of the fit.
+        date: When it was made.
+        solution: What it found.
+        frf: The response that it was fitted to, in its configurations.
+        chosen: Index of each of them in the campaign.
+    """
+
+    loaded: LoadedExperiment
+    name: str
+    date: str
+    solution: Solution
+    frf: Frf
+    chosen: tuple[int, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """Returns the robot with the estimates in place."""
+        campaign = self.loaded.experiment.campaigns[self.loaded.experiment.fits[self.name].campaign]
+        return fitted_robot(self.loaded.robot.to_robot(campaign.payload_kg), self.solution)
+
+    @property
+    def delay_s(self) -> float:
+        """Returns the delay from commanded to applied torque [s]."""
+        fit = self.loaded.experiment.fits[self.name]
+        return fitted_delay_s(self.solution, delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign]))
+
+    @property
+    def units(self) -> list[str]:
+        """Returns the unit of each parameter."""
+        return [with_torque_unit(unit, self.frf.torque_unit) for unit in self.solution.units]
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """Returns where the numbers come from."""
+        return {
+            "robot": self.loaded.robot.name,
+            "experiment": self.loaded.experiment.name,
+            "fit": self.name,
+            "fitted_utc": self.date,
+            "status": self.solution.status,
+            "torque_unit": self.frf.torque_unit,
+            "robid_version": robid.__version__,
+        }
+
+
+def parameter_records(found: FittedExport) -> list[dict[str, object]]:
+    """Returns one mapping of `COLUMNS` for each parameter."""
+    solution = found.solution
+    columns = (
+        solution.names,
+        solution.kinds,
+        found.units,
+        *(getattr(solution, name).tolist() for name in COLUMNS[3:]),
+    )
+    return [dict(zip(COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def arrays(found: FittedExport, rows: list[int]) -> Content:
+    """Returns parameters with their covariance, and measured and modelled responses."""
+    solution = found.solution
+    root = np.sqrt(np.diag(solution.covariance))
+    relative = np.array(solution.kinds) == "friction"
+    deviation = solution.relative_std * np.where(relative, 1.0, np.abs(solution.estimate))
+    slope = np.divide(deviation, root, out=np.zeros_like(root), where=root > 0)
+    return {
+        **found.origin,
+        **{name: getattr(solution, name) for name in ("names", "kinds", *COLUMNS[3:])},
+        "units": found.units,
+        "covariance": solution.covariance * np.outer(slope, slope),
+        "confidence": solution.confidence,
+        "configuration": np.array(found.chosen)[rows],
+        "configurations_rad": solution.configurations[rows],
+        "frequency_hz": solution.frequency_hz,
+        "measured": solution.measured[rows],
+        "modelled": solution.modelled[rows],
+        "input_names": found.frf.input_names,
+        "output_names": found.frf.output_names,
+        "sampling_period_s": found.frf.sampling_period_s,
+        "torque_hold": found.frf.torque_hold,
+        "response_axes": "configuration, frequency, output, input",
+    }
+
+
+def state_spaces(found: FittedExport, rows: list[int]) -> Content:
+    """Returns the continuous and the sampled state space of each configuration, stacked along the first axis."""
+    robot, period = found.robot, found.frf.sampling_period_s
+    model = _build(found, friction=False)
+    rest = solve_statics(model, found.frf.configurations[rows])
+    linear = linearize(model, rest, found.frf.output_names)
+    delay = max(0.0, found.delay_s)
+    parameters = nominal_parameters(robot, linear, delay)
+    names = found.frf.input_names, tuple(spring.name for spring in robot.springs), found.frf.output_names
+    continuous = [state_space(linear, parameters, index, *names) for index in range(len(rows))]
+    sampled = [discretise(system, period, delay) for system in continuous]
+    stacks: Content = {}
+    for systems, suffix in ((continuous, ""), (sampled, "_sampled")):
+        stacks |= {f"{key}{suffix}": np.array([getattr(system, key) for system in systems]) for key in "ABCD"}
+        stacks |= {f"{key}{suffix}": getattr(systems[0], key) for key in ("states", "outputs")}
+    return {
+        **found.origin,
+        **stacks,
+        "inputs": continuous[0].inputs,
+        "sampling_period_s": period,
+        "delay_s": delay,
+        "configuration": np.array(found.chosen)[rows],
+        "configurations_rad": found.frf.configurations[rows],
+        "rest_torque": rest.motor_torque,
+        "rest_deflection_rad": rest.deflection,
+    }
+
+
+def mjcf(found: FittedExport, rows: list[int], *, friction: bool) -> str:
+    """Returns the MJCF of the fitted robot, one keyframe for each configuration."""
+    model = _build(found, friction=friction)
+    angles = found.frf.configurations[rows]
+    names = [f"configuration_{found.chosen[row]}" for row in rows]
+    return to_mjcf(model, solve_statics(model, angles), tuple(names), _header(found, names, angles, friction=friction))
+
+
+def _build(found: FittedExport, *, friction: bool) -> ElasticModel:
+    fit = found.loaded.experiment.fits[found.name]
+    source = found.loaded.experiment.campaigns[fit.campaign].source
+    steps = source.simulate.steps_per_sample if source is not None and source.simulate is not None else 1
+    step_s = found.frf.sampling_period_s / steps
+    try:
+        return build_model(found.robot, friction=friction, ripple=friction, timestep_s=step_s)
+    except ValueError as error:
+        raise DataError(
+            f"the fitted values make no mechanical model ({error})",
+            where=f"fits.{found.name}",
+            remedy="fix the link inertias in the fit, or export parameters only (json, csv, mat)",
+        ) from error
+
+
+def _header(found: FittedExport, names: list[str], angles: FloatArray, *, friction: bool) -> str:
+    solution, unit = found.solution, found.frf.torque_unit
+    weak = [name for name, known in zip(solution.names, solution.identifiable, strict=True) if not known]
+    shown = [np.array2string(row, precision=3, max_line_width=1000) for row in np.rad2deg(angles)]
+    return "\n".join(
+        [
+            f"{found.loaded.robot.name}: elastic model identified by robid {robid.__version__}",
+            f"experiment {found.loaded.experiment.name}, fit {found.name} of {found.date}, {solution.status}",
+            "",
+            f"Units: m, kg, s, rad; torque in {unit}. Controls are motor torques, motor side.",
+            *([] if unit == "N m" else [f"{unit} stands for N m: inertias, springs and dampers are ratios to K_t."]),
+            "q_m_<joint> motor angle (motor side), q_a_<joint> arm angle, q_e_<spring> elastic angle (arm side);",
+            "tendons are transmissions: arm turns of the motors less q_a.",
+            "Friction and ripple, where there are any: passive actuators friction_<joint>."
+            if friction
+            else "Friction and ripple are left out; viscous friction is damping of q_m.",
+            f"Not in here: the delay of {1e3 * found.delay_s:.4g} ms from commanded to applied torque.",
+            f"Not identifiable, do not rely on: {', '.join(weak)}" if weak else "All parameters are identifiable.",
+            "Keyframes, at rest under gravity with the holding torques; arm-side angles in deg:",
+            *(f"  {name}: {row}" for name, row in zip(names, shown, strict=True)),
+        ]
+    )

@@ -1,0 +1,55 @@
+"""Content of exported files as bytes that depend on nothing but the content."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from scipy.io import savemat
+
+from robid.artifacts.atomic import plain
+
+Content: TypeAlias = dict[str, Any]
+
+_MAT_TITLE = 116
+
+
+def encode_json(content: Content) -> bytes:
+    """Writes JSON; complex numbers are refused, numbers that are not finite become null."""
+    return (json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def encode_csv(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> bytes:
+    """Writes a table with its column names, numbers with all their digits."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerows([columns, *rows])
+    return text.getvalue().encode()
+
+
+def encode_mat(content: Content) -> bytes:
+    """Writes a MAT file of version 5; tuples and lists of text become cell columns."""
+    cells = {name: _cell(value) if isinstance(value, tuple | list) else value for name, value in content.items()}
+    file = io.BytesIO()
+    savemat(file, cells, oned_as="column")
+    # The title would hold the time and the platform.
+    title = "MATLAB 5.0 MAT-file, written by robid".ljust(_MAT_TITLE).encode()
+    return title + file.getvalue()[_MAT_TITLE:]
+
+
+def encode_npz(content: Content) -> bytes:
+    """Writes a NumPy archive without pickles."""
+    file = io.BytesIO()
+    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in content.items()}
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+def _cell(texts: Sequence[str]) -> np.ndarray[Any, Any]:
+    cells = np.empty((len(texts), 1), object)
+    cells[:, 0] = texts
+    return cells

@@ -1,0 +1,198 @@
+"""Exports of a finished run: each is read back and compared with what the run holds."""
+
+import csv
+import json
+import re
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.store import read_artifact, read_header
+from robid.stages.export_files import encode_mat
+from tolerances import MJCF
+
+FOLDER = "fits/elastic"
+COLUMNS = ["name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable"]
+
+
+def solution_of(done):
+    return model_from_artifact(read_artifact(done.runs / FOLDER / "model.h5", MODEL))
+
+
+def exported(done, form, *options):
+    answer = done.robid("export", "small.yaml", "--format", form, *options, "--json")
+    assert answer.code == 0, answer.err
+    assert answer.json["outcome"] == "made"
+    return done.folder / answer.json["output"]
+
+
+def wanted_rows(solution):
+    names = ("names", "kinds", "units", *COLUMNS[3:])
+    return list(zip(*(np.asarray(getattr(solution, name)).tolist() for name in names), strict=True))
+
+
+def test_json_is_read_back_equal(done):
+    content = json.loads(exported(done, "json").read_text())
+    solution = solution_of(done)
+    assert [tuple(row[name] for name in COLUMNS) for row in content["parameters"]] == wanted_rows(solution)
+    assert (content["fit"], content["experiment"], content["status"]) == ("elastic", "small", "converged")
+    assert content["fitted_utc"] == read_header(done.runs / FOLDER / "model.h5").provenance.finished_utc
+
+
+def test_csv_is_read_back_equal(done):
+    with exported(done, "csv").open(newline="") as file:
+        header, *rows = list(csv.reader(file))
+    assert header == COLUMNS
+    found = [(*row[:3], *map(float, row[3:8]), row[8] == "True") for row in rows]
+    assert found == wanted_rows(solution_of(done))
+
+
+def test_mat_is_read_back_equal(done):
+    content, solution = loadmat(exported(done, "mat"), squeeze_me=True), solution_of(done)
+    for name in (*COLUMNS[3:], "frequency_hz", "measured", "modelled", "confidence"):
+        np.testing.assert_array_equal(content[name], getattr(solution, name), err_msg=name)
+    assert tuple(content["names"]) == solution.names
+    assert tuple(content["units"]) == solution.units
+    np.testing.assert_array_equal(content["configurations_rad"], solution.configurations)
+    assert tuple(content["input_names"]) == ("turn", "lift")
+    deviation = np.sqrt(np.diag(content["covariance"]))
+    size = np.where(np.array(solution.kinds) == "friction", 1.0, np.abs(solution.estimate))
+    np.testing.assert_allclose(deviation, solution.relative_std * size, rtol=1e-12)
+    correlation = content["covariance"] / np.outer(deviation, deviation)
+    root = np.sqrt(np.diag(solution.covariance))
+    np.testing.assert_allclose(correlation, solution.covariance / np.outer(root, root), rtol=1e-9, atol=1e-12)
+
+
+def test_mat_of_one_configuration(done):
+    content = loadmat(exported(done, "mat", "--configuration", "1"))
+    assert content["measured"].shape[0] == 1
+    assert content["configuration"].item() == 1
+    np.testing.assert_array_equal(content["modelled"], solution_of(done).modelled[1:])
+
+
+def test_mjcf_has_the_fitted_response(done):
+    solution = solution_of(done)
+    path = exported(done, "mjcf", "--no-friction")
+    frequency = 2 * np.pi * solution.frequency_hz
+    # What is compared is continuous: hold, delay and aliases are taken out by the state space of the same fit.
+    state = loadmat(exported(done, "statespace"), squeeze_me=True)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_EULER, 1e-5
+    data, n = mujoco.MjData(model), model.nv
+    motors = [model.joint(f"q_m_{name}").dofadr[0] for name in ("turn", "lift")]
+    for index in range(2):
+        mujoco.mj_resetDataKeyframe(model, data, model.key(f"configuration_{index}").id)
+        A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, model.nu))
+        mujoco.mjd_transitionFD(model, data, 1e-4, True, A, B, None, None)
+        for omega in frequency:
+            point = np.exp(1j * omega * 1e-5)
+            found = -(omega**2) * np.linalg.solve(point * np.eye(2 * n) - A, B)[motors]
+            inner = np.linalg.solve(1j * omega * np.eye(2 * n) - state["A"][index], state["B"][index])
+            wanted = (state["C"][index] @ inner + state["D"][index])[-2:]
+            large = np.abs(wanted) > 1e-9 * np.abs(wanted).max()
+            assert np.abs(found / wanted - 1)[large].max() < MJCF
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".json", ".npz"])
+def test_sampled_state_space_has_the_fitted_response(done, suffix):
+    path, solution = exported(done, "statespace", "--output", f"linear{suffix}"), solution_of(done)
+    if suffix == ".mat":
+        content = loadmat(path, squeeze_me=True)
+    elif suffix == ".npz":
+        content = dict(np.load(path))
+    else:
+        content = {name: np.array(value) for name, value in json.loads(path.read_text()).items()}
+    frf = frf_from_artifact(read_artifact(done.runs / "estimation" / "frf.h5", FRF))
+    assert content["sampling_period_s"] == frf.sampling_period_s
+    assert content["delay_s"] == dict(zip(solution.names, solution.estimate, strict=True))["delay"]
+    assert content["A_sampled"].shape[1] == len(content["states_sampled"]) > len(content["states"])
+    for index, wanted in enumerate(solution.modelled):
+        found = []
+        for frequency in solution.frequency_hz:
+            omega = 2 * np.pi * frequency
+            point = np.exp(1j * omega * frf.sampling_period_s) * np.eye(content["A_sampled"].shape[1])
+            inner = np.linalg.solve(point - content["A_sampled"][index], content["B_sampled"][index])
+            found.append(-(omega**2) * (content["C_sampled"][index] @ inner)[:2])
+        # The fit sums two aliases on each side, and its statics lag the last step of the springs.
+        assert np.abs(np.array(found) - wanted).max() < 1e-4 * np.abs(wanted).max()
+
+
+def test_mjcf_says_what_it_is(done):
+    text = exported(done, "mjcf", "--configuration", "1").read_text()
+    root = ElementTree.fromstring(text)
+    assert [key.get("name") for key in root.iter("key")] == ["configuration_1"]
+    assert {"friction_turn", "friction_lift"} <= {element.get("name") for element in root.iter("general")}
+    comment = re.search(r"<!--(.*?)-->", text, re.DOTALL).group(1)
+    date = read_header(done.runs / FOLDER / "model.h5").provenance.finished_utc
+    for part in ("two-joint arm", "experiment small, fit elastic", date, "torque in N m", "delay of 1 ms", "turn.lag"):
+        assert part in comment
+    values = dict(zip(solution_of(done).names, solution_of(done).estimate, strict=True))
+    tendon = next(element for element in root.iter("fixed") if element.get("name") == "gear_lift")
+    assert float(tendon.get("stiffness")) == pytest.approx(values["gear_lift.stiffness"], rel=1e-11)
+    assert float(tendon.get("damping")) == pytest.approx(values["gear_lift.damping"], rel=1e-11)
+
+
+def test_the_same_export_is_left_alone_and_another_needs_force(done):
+    path = exported(done, "mat")
+    assert path == done.runs / FOLDER / "export" / "model.mat"
+    before = path.read_bytes()
+    assert done.robid("export", "small.yaml", "--format", "mat", "--json").json["outcome"] == "fresh"
+    path.write_bytes(before + b"edited")
+    answer = done.robid("export", "small.yaml", "--format", "mat")
+    assert answer.code == 3
+    assert "--force" in answer.flat
+    assert path.read_bytes() == before + b"edited"
+    assert done.robid("export", "small.yaml", "--format", "mat", "--force").code == 0
+    assert path.read_bytes() == before
+
+
+def test_mat_files_do_not_tell_the_time_or_the_platform():
+    assert encode_mat({"x": np.eye(2)})[:116].rstrip() == b"MATLAB 5.0 MAT-file, written by robid"
+
+
+def test_what_does_not_go_together_is_said_at_once(done):
+    answer = done.robid(
+        "export", "small.yaml", "--format", "csv", "--output", "x.mat", "--configuration", "0", "--friction"
+    )
+    assert answer.code == 2
+    for part in ("must end with .csv", "`--friction`", "no `--configuration`"):
+        assert part in answer.flat
+    answer = done.robid("export", "small.yaml", "--format", "mjcf", "--configuration", "2")
+    assert answer.code == 2
+    assert "no configuration 2 (it has 0, 1)" in answer.flat
+    assert done.robid("export", "small.yaml", "--format", "step").code == 2
+    answer = done.robid("export", "small.yaml", "--format", "csv", "--fit", "none")
+    assert (answer.code, "has no fit `none`" in answer.flat) == (2, True)
+
+
+def test_a_missing_or_stale_model_names_the_command(shop, done):
+    del done
+    shop.change("starts: 2", "starts: 3")
+    answer = shop.robid("export", "small.yaml", "--format", "csv")
+    assert answer.code == 3
+    assert "robid fit small.yaml --fit elastic" in answer.flat
+
+
+def test_configurations_keep_the_number_of_their_campaign(done):
+    done.change("from: estimation, validate_on", "from: estimation, configurations: [1], validate_on")
+    assert done.robid("fit", "small.yaml", "--force").code in (0, 5)
+    text = exported(done, "mjcf").read_text()
+    assert "configuration_1" in text
+    assert "configuration_0" not in text
+    answer = done.robid("export", "small.yaml", "--format", "mat", "--configuration", "0")
+    assert (answer.code, "has no configuration 0 (it has 1)" in answer.flat) == (2, True)
+
+
+def test_values_that_make_no_mechanical_model(done, monkeypatch):
+    def refuse(*_args, **_kwargs):
+        raise ValueError("inertia must satisfy A + B >= C")
+
+    monkeypatch.setattr("robid.stages.export_content.build_model", refuse)
+    answer = done.robid("export", "small.yaml", "--format", "mjcf")
+    assert answer.code == 4
+    assert "A + B >= C" in answer.flat
