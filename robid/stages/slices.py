@@ -28,7 +28,13 @@ _FRICTION: dict[str, Part] = {
     "presliding_rad": "friction",
     "relative_std": "friction_std",
 }
-_JOINT: dict[str, Part] = {"dh": "mechanics", "link": "mechanics", "limits_deg": "range"}
+_JOINT: dict[str, Part] = {
+    "dh": "mechanics",
+    "frame": "mechanics",
+    "limits_deg": "range",
+    "link": "mechanics",
+    "gear": "mechanics",
+}
 _ROBOT: dict[str, Part] = {
     "gravity_m_s2": "mechanics",
     "base_rpy_deg": "mechanics",

@@ -9,7 +9,9 @@ from scipy.spatial.transform import Rotation
 from robid.errors import SettingsError
 from robid.robot.description import Friction
 from robid.settings.load import load_robot
-from robid.settings.robot import Body, Dh, FrictionSection, InertiaTensor, RobotFile
+from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import Body, Dh, FrictionSection, InertiaTensor
+from robid.settings.robot_sections import moved as _moved
 from tolerances import IDENTITY
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -113,9 +115,9 @@ def test_moving_an_inertial_keeps_its_invariants():
         ).inertial()
         np.testing.assert_array_equal(body.inertia_kgm2, tensor)
         dh = Dh(d_m=rng.normal(), a_m=rng.normal(), alpha_deg=rng.uniform(-180, 180), offset_deg=rng.uniform(-180, 180))
-        moved = dh.into_joint_frame(body)
+        moved = _moved(body, *dh.link_frame())
         np.testing.assert_allclose(np.linalg.eigvalsh(moved.inertia_kgm2), np.linalg.eigvalsh(tensor), rtol=IDENTITY)
-        position, _ = dh.after_joint()
+        position, _ = dh.link_frame()
         np.testing.assert_allclose(np.linalg.norm(moved.com_m - position), np.linalg.norm(body.com_m), rtol=IDENTITY)
         assert moved.mass_kg == 3
 
@@ -204,7 +206,7 @@ def test_an_assumed_name_must_exist_in_its_section(tmp_path):
         (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(xy=2), "joints[0].link.inertia_kgm2", "definite"),
         (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(zz=3), "joints[0].link.inertia_kgm2", "no body has"),
         (lambda d: d["payload"]["inertia_kgm2"].update(zz=0), "payload.inertia_kgm2", "positive definite"),
-        (lambda d: d["joints"][0]["motor"].update(gear_ratio=0), "joints[0].motor.gear_ratio", "greater than"),
+        (lambda d: d["joints"][0]["motor"].update(gear_ratio=0), "joints[0].motor.gear_ratio", "from 1 to 2000"),
         (lambda d: d["springs"][0].update(axis=[0, 0, 1]), "springs[0].axis", "leave `axis` out"),
         (lambda d: d["springs"][0].update(stiffness_nm_rad=0), "springs[0].stiffness_nm_rad", "greater than 0"),
         (lambda d: d["springs"][2].pop("axis"), "springs[2].axis", "is missing"),
