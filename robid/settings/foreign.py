@@ -15,7 +15,7 @@ from robid.robot.foreign import ForeignJoint, ForeignModel, extract_chain, frame
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_sections import Body, Frame, InertiaTensor, JointSection, MotorSection, moved
+from robid.settings.robot_sections import Body, Frame, InertiaTensor, JointSection, MotorSection, SpringSection, moved
 from robid.settings.yaml import Document, FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
@@ -105,24 +105,33 @@ def _merge(
 ) -> RobotFile:
     joints = tuple(_joint(section, found, model) for section, found in zip(robot.joints, chain, strict=True))
     bodies = {found.name: (found.body_position_m, found.body_rotation) for found in chain}
+    last_position, last_rotation = bodies[chain[-1].name]
+    held, turned = last_position + last_rotation @ flange[0], last_rotation @ flange[1]
     springs = []
     for spring in robot.springs:
         update: dict[str, Any] = {}
-        position, rotation = bodies.get(spring.joint, flange)
+        position, rotation = _frame_of(spring, bodies, (held, turned))
         if spring.axis is not None:
             update["axis"] = tuple((rotation @ spring.axis).tolist())
-        if spring.point_m is not None:
-            update["point_m"] = tuple((position + rotation @ spring.point_m).tolist())
+        if spring.point_m is not None or spring.place == "payload":
+            update["point_m"] = tuple((position + rotation @ (spring.point_m or (0.0, 0.0, 0.0))).tolist())
         if spring.outboard is not None:
             update["outboard"] = _body(moved(spring.outboard.inertial(), position, rotation), spring.outboard)
         springs.append(spring.model_copy(update=update))
     payload = robot.payload
     if payload is not None:
-        position, rotation = bodies[chain[-1].name]
-        placed = moved(moved(payload.inertial(), *flange), position, rotation)
-        payload = _body(placed, payload)
+        payload = _body(moved(payload.inertial(), held, turned), payload)
     update = {"joints": joints, "springs": tuple(springs), "payload": payload, "notes": (*robot.notes, *model.notes)}
     return robot.model_copy(update=update)
+
+
+def _frame_of(
+    spring: SpringSection, bodies: dict[str, tuple[FloatArray, FloatArray]], flange: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Returns the frame that a spring is given in, in its joint's frame; the base's is the world's own."""
+    if spring.place == "payload":
+        return flange
+    return bodies.get(spring.joint or "", (np.zeros(3), np.eye(3)))
 
 
 def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> JointSection:

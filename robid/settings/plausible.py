@@ -8,12 +8,15 @@ import numpy as np
 
 from robid.robot.inertia import stretched_inertia
 from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import JointSection
 from robid.settings.yaml import FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
 _LARGEST_RATIO = 2000.0
-_RUN_UP_S = (2e-4, 10.0)
+_LONGEST_RUN_UP_S = 10.0
+_SHORTEST_RUN_UP_S = 2e-4
 _SMALLEST_SHARE = 2e-3
+_QUICK_SHARE = 2e-2
 _LARGEST_SHARE = 30.0
 _MASS_TOLERANCE = 0.01
 
@@ -21,9 +24,14 @@ _MASS_TOLERANCE = 0.01
 def implausible(robot: RobotFile) -> _Found:
     """Yields gear ratios, motor inertias and a total mass that cannot be meant, with the reason."""
     yield from _ratios(robot)
-    yield from _run_up(robot)
-    if all((joint.dh or joint.frame) and joint.link and joint.link.mass_kg > 0 for joint in robot.joints):
-        yield from _reflected(robot)
+    is_known = all((joint.dh or joint.frame) and joint.link and joint.link.mass_kg > 0 for joint in robot.joints)
+    moved = stretched_inertia([place for place, _ in robot.joint_frames()], robot.links()) if is_known else None
+    for index, joint in enumerate(robot.joints):
+        reason = _inertia(joint, None if moved is None else (float(moved[index]), float(moved.max())))
+        if reason:
+            value = f"{joint.motor.inertia_kgm2:g} kg m^2"
+            yield ("joints", index, "motor", "inertia_kgm2"), f"{value} is implausible: {reason}"
+    if is_known:
         yield from _mass(robot)
 
 
@@ -40,40 +48,32 @@ def _ratios(robot: RobotFile) -> _Found:
         yield ("joints", index, "motor", "gear_ratio"), reason
 
 
-def _run_up(robot: RobotFile) -> _Found:
-    """A motor alone, at full torque, reaches its speed within milliseconds to seconds."""
-    for index, joint in enumerate(robot.joints):
-        motor = joint.motor
-        if motor.max_speed_rad_s is None or motor.max_torque_nm is None:
-            continue
-        time_s = motor.inertia_kgm2 * motor.max_speed_rad_s / motor.max_torque_nm
-        if not _RUN_UP_S[0] <= time_s <= _RUN_UP_S[1]:
-            message = (
-                f"{motor.inertia_kgm2:g} kg m^2 is implausible: at {motor.max_torque_nm:.3g} N m the rotor alone would "
-                f"take {time_s:.2g} s to {motor.max_speed_rad_s:.3g} rad/s; check the units (g cm^2 is 1e-7 kg m^2)"
-            )
-            yield ("joints", index, "motor", "inertia_kgm2"), message
+def _inertia(joint: JointSection, moved: tuple[float, float] | None) -> str:
+    """Says why a rotor's inertia cannot be meant.
 
-
-def _reflected(robot: RobotFile) -> _Found:
-    """The rotor behind its gear and the arm that it moves are of comparable inertia."""
-    moved = stretched_inertia([position for position, _ in robot.joint_frames()], robot.links())
-    for index, joint in enumerate(robot.joints):
-        motor = joint.motor
-        reflected = motor.inertia_kgm2 * motor.gear_ratio**2
-        if not 1 <= motor.gear_ratio <= _LARGEST_RATIO:
-            continue
-        if reflected < _SMALLEST_SHARE * moved[index]:
-            compared = f"{_rounded(moved[index] / reflected)} times less than what `{joint.name}` moves, stretched out"
-        elif reflected > _LARGEST_SHARE * moved.max():
-            compared = f"{_rounded(reflected / moved.max())} times that of the whole arm, stretched out"
-        else:
-            continue
-        message = (
-            f"{motor.inertia_kgm2:g} kg m^2 is implausible: behind a ratio of {motor.gear_ratio:g} it is "
-            f"{reflected:.3g} kg m^2 at the arm, {compared}"
+    Args:
+        joint: The joint.
+        moved: Largest inertia that the joint meets, and the whole arm's [kg m^2]; None where they are unknown.
+    """
+    motor = joint.motor
+    speed, torque = motor.max_speed_rad_s, motor.max_torque_nm
+    run_up = None if speed is None or torque is None else motor.inertia_kgm2 * speed / torque
+    if run_up is not None and run_up > _LONGEST_RUN_UP_S:
+        return (
+            f"at {torque:.3g} N m the rotor alone would take {run_up:.2g} s to {speed:.3g} rad/s; check the units "
+            "(1 kg cm^2 is 1e-4 kg m^2)"
         )
-        yield ("joints", index, "motor", "inertia_kgm2"), message
+    if moved is None or not 1 <= motor.gear_ratio <= _LARGEST_RATIO:
+        return ""
+    reflected, (own, arm) = motor.inertia_kgm2 * motor.gear_ratio**2, moved
+    text = f"behind a ratio of {motor.gear_ratio:g} it is {reflected:.3g} kg m^2 at the arm"
+    is_quick = run_up is not None and run_up < _SHORTEST_RUN_UP_S
+    if reflected < (_QUICK_SHARE if is_quick else _SMALLEST_SHARE) * own:
+        text = f"{text}, {_rounded(own / reflected)} times less than what `{joint.name}` moves, stretched out"
+        return f"{text}; the rotor alone would take {run_up:.2g} s to full speed" if is_quick else text
+    if reflected > _LARGEST_SHARE * arm:
+        return f"{text}, {_rounded(reflected / arm)} times that of the whole arm, stretched out"
+    return ""
 
 
 def _rounded(value: float) -> str:

@@ -50,6 +50,9 @@ class RobotFile(Assumed):
     joints: tuple[JointSection, ...] = Field(description="The joints, base to flange.", min_length=1)
     springs: tuple[SpringSection, ...] = Field(default=(), description="The spring-damper pairs.")
     payload: Body | None = Field(default=None, description="The payload, in the last link's frame.")
+    base: Body | None = Field(
+        default=None, description="What base springs carry beneath the first joint, in the world frame."
+    )
 
     @property
     def all_springs(self) -> tuple[SpringSection, ...]:
@@ -103,6 +106,7 @@ class RobotFile(Assumed):
             joints=self._joints(),
             springs=tuple(spring.spring(self.joints) for spring in self.all_springs),
             payload=self._payload(payload_kg),
+            base=None if self.base is None else self.base.inertial(),
             rotor=self.rotor,
             assumed=assumed_names(self),
             notes=self.notes,
@@ -135,6 +139,7 @@ class RobotFile(Assumed):
                 lower_rad=float(lower),
                 upper_rad=float(upper),
                 motor=section.motor.motor(),
+                couplings=dict(section.couplings),
             )
             joints.append(joint)
         return tuple(joints)

@@ -29,7 +29,7 @@ def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str
         robot: The file, completed from its model where it names one that is there.
         immobile: Joints of the model that do not move, with the reason.
     """
-    checks = (_names, _missing, _joints, _splits, _payload, _assumed)
+    checks = (_names, _missing, _joints, _couplings, _splits, _payload, _base, _assumed)
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
     found += implausible(robot)
     return [problem_at(document, field, message) for field, message in found]
@@ -122,7 +122,14 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[Fi
     joints = [joint.name for joint in robot.joints]
     for index, spring in enumerate(robot.springs):
         field = ("springs", index)
-        if spring.joint in immobile:
+        ends = spring.place in ("base", "payload")
+        if ends and spring.joint is not None:
+            yield (*field, "joint"), f"a {spring.place} spring belongs to no joint: leave `joint` out"
+        elif ends:
+            pass
+        elif spring.joint is None:
+            yield (*field, "joint"), f"is missing: a {spring.place} spring belongs to a joint"
+        elif spring.joint in immobile:
             message = f"joint `{spring.joint}` {immobile[spring.joint]}: a spring there needs a `split` of the link"
             yield (*field, "joint"), message
         elif spring.joint not in joints:
@@ -137,9 +144,13 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[Fi
         elif spring.place == "bearing" and np.hypot(*spring.axis[:2]) < _PARALLEL * np.linalg.norm(spring.axis):
             yield (*field, "axis"), "lies along the joint axis z: that is what the transmission is for"
         for key in ("point_m", "outboard"):
+            if ends and key == "point_m":
+                continue
             if (spring.place == "split") != (getattr(spring, key) is not None):
                 told = "is missing: a split spring needs it" if spring.place == "split" else "is for split springs only"
                 yield (*field, key), told
+        if spring.place == "payload" and (robot.payload is None or robot.payload.mass_kg == 0):
+            yield (*field, "place"), "a payload spring needs a `payload` with mass"
 
 
 def _splits(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
@@ -164,6 +175,26 @@ def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inert
     wrong = _unphysical(remove(whole, outboard.inertial()))
     if wrong and not _unphysical(whole) and not _unphysical(outboard.inertial()):
         yield (*field, "inertia_kgm2"), f"what is left of the link of `{spring.joint}` without it: {wrong}"
+
+
+def _couplings(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    joints = [joint.name for joint in robot.joints]
+    for index, joint in enumerate(robot.joints):
+        for name, turn in joint.couplings.items():
+            field = ("joints", index, "couplings", name)
+            if name == joint.name:
+                yield field, "is the joint's own motor: that is what `gear_ratio` is for"
+            elif name not in joints:
+                yield field, f"there is no joint `{name}`; {suggest(name, joints)}"
+            if not 0 < abs(turn) <= 1:
+                yield field, f"{turn:g} is implausible: arm turns per motor turn lie within 1, as behind any gear"
+
+
+def _base(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    if robot.base is not None:
+        yield from _body(("base",), robot.base)
+        if not any(spring.place == "base" for spring in robot.springs):
+            yield ("base",), "moves only on springs with `place: base`, and there is none"
 
 
 def _payload(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:

@@ -150,6 +150,10 @@ class JointSection(Assumed):
     limits_deg: tuple[float, float] | None = Field(
         default=None, description="Lower and upper joint limit; those of `model` when not given [deg]."
     )
+    couplings: dict[Name, float] = Field(
+        default_factory=dict,
+        description="Arm turns of this joint per turn of another joint's motor, by that joint's name.",
+    )
     link: Body | None = Field(default=None, description="The link, in its frame; `model` brings it.")
     motor: MotorSection = Field(description="The motor and its gear.")
     gear: GearSection | None = Field(default=None, description="The transmission; or an entry among `springs`.")
@@ -168,14 +172,18 @@ class SpringSection(Assumed):
     """A torsional spring-damper pair, arm side."""
 
     name: Name = Field(description="Name of the spring.")
-    joint: Name = Field(description="Name of the joint it belongs to.")
-    place: Literal["transmission", "bearing", "split"] = Field(
-        description="Between motor and arm, about a further axis of the joint, or inside the joint's link."
+    joint: Name | None = Field(
+        default=None, description="Name of the joint it belongs to; springs of the base and the payload have none."
+    )
+    place: Literal["transmission", "bearing", "split", "base", "payload"] = Field(
+        description="Between motor and arm, about a further axis of the joint, inside the joint's link, beneath the "
+        "first joint, or between the last link and the payload."
     )
     axis: Vector | None = Field(
         default=None,
         description="Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis), it does not turn "
-        "with the joint. Split: in the link's frame. A transmission has none.",
+        "with the joint. Split: in the link's frame. Payload: in the payload's. Base: in the world frame. "
+        "A transmission has none.",
     )
     stiffness_nm_rad: float = Field(description="Stiffness [N m/rad].", gt=0)
     damping_nms_rad: float = Field(description="Damping [N m s/rad].", ge=0)
@@ -183,7 +191,9 @@ class SpringSection(Assumed):
         default=0.0, description="Coefficient of the cubic, stiffening part [N m/rad^3].", ge=0
     )
     point_m: Vector | None = Field(
-        default=None, description="Split only: where the link is split, in the link's frame [m]."
+        default=None,
+        description="Where the link is split, or the payload or the base is hinged (their frame's origin when not "
+        "given), in the same frame as the axis [m].",
     )
     outboard: Body | None = Field(
         default=None, description="Split only: the part of the link beyond the split, in the link's frame."
@@ -191,10 +201,13 @@ class SpringSection(Assumed):
 
     def spring(self, joints: tuple[JointSection, ...]) -> Spring:
         """Returns the plain description, in the joint frame."""
-        index = [joint.name for joint in joints].index(self.joint)
+        ends = {"base": 0, "payload": len(joints) - 1}
+        index = ends[self.place] if self.place in ends else [joint.name for joint in joints].index(given(self.joint))
         position, rotation = joints[index].geometry.link_frame()
-        axis = np.array(self.axis or (0.0, 0.0, 1.0))
-        if self.place == "split":
+        if self.place == "base":
+            position, rotation = np.zeros(3), np.eye(3)
+        axis, point = np.array(self.axis or (0.0, 0.0, 1.0)), np.array(self.point_m or (0.0, 0.0, 0.0))
+        if self.place in ("split", "payload"):
             axis = rotation @ axis
         return Spring(
             name=self.name,
@@ -204,7 +217,7 @@ class SpringSection(Assumed):
             stiffness_nm_rad=self.stiffness_nm_rad,
             damping_nms_rad=self.damping_nms_rad,
             cubic_nm_rad3=self.cubic_nm_rad3,
-            point_m=np.zeros(3) if self.point_m is None else position + rotation @ np.array(self.point_m),
+            point_m=position + rotation @ point if self.place in ("split", "base", "payload") else np.zeros(3),
             outboard=None if self.outboard is None else joints[index].into_joint_frame(self.outboard.inertial()),
         )
 

@@ -34,6 +34,7 @@ _JOINT: dict[str, Part] = {
     "limits_deg": "range",
     "link": "mechanics",
     "gear": "mechanics",
+    "couplings": "mechanics",
 }
 _ROBOT: dict[str, Part] = {
     "gravity_m_s2": "mechanics",
@@ -41,6 +42,7 @@ _ROBOT: dict[str, Part] = {
     "rotor": "mechanics",
     "springs": "mechanics",
     "payload": "mechanics",
+    "base": "mechanics",
     "controller": "controller",
 }
 

@@ -135,6 +135,24 @@ def test_split_is_moved_into_the_joint_frame_and_bearing_axis_stays():
     assert split.joint == bearing.joint == 1
 
 
+def test_springs_of_base_and_payload_and_couplings_arrive():
+    data = _robot_data() | {"base": {"mass_kg": 20, "com_m": [0, 0, 0.1], "inertia_kgm2": {"xx": 1, "yy": 1, "zz": 1}}}
+    spring = {"axis": [0, 0, 2], "stiffness_nm_rad": 1e4, "damping_nms_rad": 5}
+    data["springs"].append({**spring, "name": "rock", "place": "base", "point_m": [0, 0, -0.2]})
+    data["springs"].append({**spring, "name": "sway", "place": "payload", "point_m": [0, 0, 0.1]})
+    data["joints"][1]["couplings"] = {"one": 0.01}
+    data["base_rpy_deg"] = [90, 0, 0]
+    robot = RobotFile.model_validate(data).to_robot()
+    *_, rock, sway = robot.springs
+    np.testing.assert_array_equal(rock.axis, [0, 0, 1])
+    np.testing.assert_array_equal(rock.point_m, [0, 0, -0.2])
+    # alpha = 90 deg turns the end frame's z into the joint frame's -y.
+    np.testing.assert_allclose(sway.axis, [0, -1, 0], rtol=0, atol=IDENTITY)
+    np.testing.assert_allclose(sway.point_m, [0.2, -0.1, 0.3], rtol=0, atol=IDENTITY)
+    assert (rock.joint, sway.joint, robot.base.mass_kg) == (0, 1, 20)
+    np.testing.assert_allclose(robot.arm_per_motor, [[0.01, 0], [0.01, 0.01]])
+
+
 def test_payload_mass_scales_mass_and_inertia_alone():
     file = RobotFile.model_validate(_robot_data())
     nominal, heavy, none = file.to_robot().payload, file.to_robot(10).payload, file.to_robot(0).payload
@@ -201,6 +219,17 @@ def test_an_assumed_name_must_exist_in_its_section(tmp_path):
         (lambda d: d["springs"].pop(1), "joints[1].name", "exactly one transmission spring, but has none"),
         (lambda d: d["springs"][1].update(joint="one"), "joints[0].name", "but has 2 (g1, g2)"),
         (lambda d: d["springs"][2].update(joint="twoo"), "springs[2].joint", "did you mean `two`?"),
+        (lambda d: d["springs"][2].pop("joint"), "springs[2].joint", "a split spring belongs to a joint"),
+        (lambda d: d["springs"][2].update(place="base", outboard=None), "springs[2].joint", "belongs to no joint"),
+        (
+            lambda d: (d.pop("payload"), d["springs"][2].update(place="payload")),
+            "springs[2].place",
+            "needs a `payload`",
+        ),
+        (lambda d: d.update(base=d["payload"]), "base", "moves only on springs with `place: base`"),
+        (lambda d: d["joints"][0].update(couplings={"twoo": 0.01}), "joints[0].couplings.twoo", "did you mean `two`"),
+        (lambda d: d["joints"][0].update(couplings={"one": 0.01}), "joints[0].couplings.one", "the joint's own motor"),
+        (lambda d: d["joints"][0].update(couplings={"two": 57}), "joints[0].couplings.two", "57 is implausible"),
         (lambda d: d["joints"][0].update(limits_deg=[5, 5]), "joints[0].limits_deg", "not below"),
         (lambda d: d["joints"][0]["link"].update(mass_kg=0), "joints[0].link.mass_kg", "above 0"),
         (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(xy=2), "joints[0].link.inertia_kgm2", "definite"),
