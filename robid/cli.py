@@ -109,7 +109,10 @@ def _open(path: Path, folder: Path | None, backend: Literal["serial", "processes
 
 def _shell(run: Run, *, as_json: bool) -> Shell:
     quiet = as_json or run.loaded.experiment.execution.log_level == "warning"
-    return Shell(make_console(stderr=False), make_console(stderr=True), quiet)
+    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet)
+    for note in run.loaded.robot.model_notes:
+        shell.note(run.loaded.robot.name, note)
+    return shell
 
 
 def _add_stage(stage: Stage) -> None:

@@ -49,6 +49,21 @@ def two_joint_robot(rotor="spong"):
     return Robot("two joints", np.array([0.0, 0.0, -9.81]), joints, springs, payload, rotor)
 
 
+def springs_everywhere():
+    """Two joints with a flexible base and payload, two hinges each, and coupled motors."""
+    robot = two_joint_robot()
+    lean, turn = np.array([0.6, 0.8, 0.0]), np.array([0.0, 0.0, 1.0])
+    springs = (
+        Spring("rock", 0, "base", lean, 4e4, 40.0, 0.0, np.array([0.1, 0.0, -0.2])),
+        Spring("yaw", 0, "base", turn, 5e4, 40.0, 0.0, np.array([0.0, 0.1, 0.1])),
+        Spring("sway", 1, "payload", lean, 2e3, 3.0, 0.0, np.array([0.55, 0.0, 0.1])),
+        Spring("twist", 1, "payload", turn, 1e3, 2.0, 0.0, np.array([0.55, 0.0, 0.1])),
+    )
+    elbow = replace(robot.joints[1], couplings={"shoulder": 0.002})
+    base = Inertial(30.0, np.array([0.0, 0.05, 0.1]), np.diag([0.8, 0.9, 1.0]))
+    return replace(robot, springs=(*robot.springs, *springs), joints=(robot.joints[0], elbow), base=base)
+
+
 def exact_frf(
     robot,
     configurations,

@@ -239,7 +239,7 @@ def _reach(
     drive = np.moveaxis(reference_gain * excitation.spectrum, (0, 1, 2, 3), (2, 3, 0, 1))
     torque = np.linalg.solve(loop, drive.reshape(*drive.shape[:2], -1))
     angle = plant @ torque
-    stacked = np.stack([1j * omega[:, None, None] * angle, torque, angle / robot.gear_ratio[:, None]])
+    stacked = np.stack([1j * omega[:, None, None] * angle, torque, robot.arm_per_motor @ angle])
     signal = time_signal(np.moveaxis(stacked, -1, 1), excitation.excited_lines, excitation.reference.shape[2])
     signal[1] += static_torque
     return np.stack([signal.min(axis=(1, 2)), signal.max(axis=(1, 2)), np.sqrt(np.mean(signal**2, axis=(1, 2)))])

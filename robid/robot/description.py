@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 
-SpringPlace = Literal["transmission", "bearing", "split"]
+SpringPlace = Literal["transmission", "bearing", "split", "base", "payload"]
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ class Joint:
         lower_rad: Lower joint limit [rad].
         upper_rad: Upper joint limit [rad].
         motor: The motor.
+        couplings: Arm turns of this joint per turn of another joint's motor, by that joint's name.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Joint:
     lower_rad: float
     upper_rad: float
     motor: Motor
+    couplings: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -102,15 +105,17 @@ class Spring:
 
     Attributes:
         name: Name of the spring.
-        joint: Index of the joint it belongs to.
+        joint: Index of the joint it belongs to; the first for the base, the last for the payload.
         place: `transmission` between motor and arm, `bearing` about a further axis of the joint's
-            parent frame, `split` inside the joint's link.
+            parent frame, `split` inside the joint's link, `base` beneath the first joint, `payload` between
+            the last link and the payload.
         axis (3,): Unit axis: bearing, in the parent's frame turned by the joint's fixed rotation;
-            split, in the joint frame.
+            split and payload, in the joint frame; base, in the world frame.
         stiffness_nm_rad: Stiffness [N m/rad].
         damping_nms_rad: Damping [N m s/rad].
         cubic_nm_rad3: Cubic coefficient of a symmetrically stiffening spring [N m/rad^3].
-        point_m (3,): Split only: where the link is split, in the joint frame [m].
+        point_m (3,): Where the link is split or the payload hinged, in the joint frame; where the base is
+            hinged, in the world frame [m].
         outboard: Split only: mass properties of the part beyond the split, in the joint frame.
     """
 
@@ -138,6 +143,7 @@ class Robot:
         rotor: `spong` neglects the rotors' motion with the links, `on_link` does not.
         assumed: Dotted names of the values that no source gives.
         notes: What the robot file wants the reader to know.
+        base: Mass properties of what base springs carry beneath the first joint, in the world frame.
     """
 
     name: str
@@ -148,11 +154,27 @@ class Robot:
     rotor: Literal["spong", "on_link"] = "spong"
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    base: Inertial | None = None
 
     @property
     def gear_ratio(self) -> FloatArray:
         """Gear ratios (n_joint,), motor turns per arm turn."""
         return np.array([joint.motor.gear_ratio for joint in self.joints])
+
+    @property
+    def arm_per_motor(self) -> FloatArray:
+        """Arm turns (n_joint, n_joint) per motor turn: inverse gear ratios, and couplings off the diagonal."""
+        names = [joint.name for joint in self.joints]
+        turns = np.diag(1 / self.gear_ratio)
+        for row, joint in enumerate(self.joints):
+            for name, turn in joint.couplings.items():
+                turns[row, names.index(name)] = turn
+        return turns
+
+    @property
+    def motor_per_arm(self) -> FloatArray:
+        """Motor turns (n_joint, n_joint) per arm turn."""
+        return np.asarray(np.linalg.inv(self.arm_per_motor))
 
     @property
     def motor_inertia_kgm2(self) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robid.arrays import FloatArray
@@ -38,3 +40,22 @@ def _from_moments(mass: float, first_moment: FloatArray, inertia: FloatArray) ->
 
 def _steiner(offset: FloatArray) -> FloatArray:
     return np.asarray(offset @ offset * np.eye(3) - np.outer(offset, offset))
+
+
+def stretched_inertia(offsets: Sequence[FloatArray], links: Sequence[Inertial]) -> FloatArray:
+    """Returns the largest inertia (n_joint,) that each joint can meet in what it moves [kg m^2].
+
+    Every offset is taken at its full length away from the axis, and every link about its largest principal axis.
+
+    Args:
+        offsets: Origin (3,) of each joint frame in the previous one [m].
+        links: Mass properties of each link in its joint frame.
+    """
+    largest = np.zeros(len(links))
+    for first in range(len(links)):
+        reach = 0.0
+        for index in range(first, len(links)):
+            reach += float(np.linalg.norm(offsets[index])) if index > first else 0.0
+            distance = reach + float(np.linalg.norm(links[index].com_m))
+            largest[first] += np.linalg.eigvalsh(links[index].inertia_kgm2)[-1] + links[index].mass_kg * distance**2
+    return largest

@@ -123,7 +123,7 @@ def _settle(
     model: ElasticModel, data: mujoco.MjData, linear: FloatArray, cubic: FloatArray, configuration: FloatArray
 ) -> FloatArray:
     position = np.zeros(model.mujoco.nv)
-    position[model.motor] = model.robot.gear_ratio * configuration
+    position[model.motor] = model.robot.motor_per_arm @ configuration
     position[model.arm] = configuration
     free = model.passive
     for _ in range(_NEWTON_STEPS):

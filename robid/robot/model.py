@@ -1,4 +1,4 @@
-"""The elastic robot in MuJoCo: motors, transmissions, bearings and split links."""
+"""The elastic robot in MuJoCo: motors, transmissions, bearings, split links, flexible base and payload."""
 
 from __future__ import annotations
 
@@ -69,8 +69,7 @@ def build_model(
     spec.option.gravity = robot.gravity_m_s2
     flags = mujoco.mjtDisableBit
     spec.option.disableflags = int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_AUTORESET)
-    parent = spec.worldbody
-    offset: FloatArray = np.zeros(3)
+    parent, offset = _add_base(spec.worldbody, robot)
     for index, joint in enumerate(robot.joints):
         is_last = index == len(robot.joints) - 1
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
@@ -78,10 +77,42 @@ def build_model(
         parent, offset = _add_link(parent, joint, index, offset, robot, is_last=is_last)
     for spring in robot.springs:
         if spring.place == "transmission":
-            _add_transmission(spec, robot.joints[spring.joint], spring, backlash_rad, hysteresis_nm)
+            _add_transmission(spec, robot, spring, backlash_rad, hysteresis_nm)
     for joint in robot.joints:
         _add_torque(spec, joint, friction=friction, ripple=ripple)
     return _compile(spec, robot)
+
+
+def _add_base(world: mujoco.MjsBody, robot: Robot) -> tuple[mujoco.MjsBody, FloatArray]:
+    """Adds what base springs carry beneath the first joint; returns it with its origin."""
+    origin: FloatArray = np.zeros(3)
+    parent, springs = world, _at(robot, "base")
+    for index, spring in enumerate(springs):
+        parent = _add_hinged(parent, spring, spring.point_m - origin)
+        origin = spring.point_m
+        if index == len(springs) - 1 and robot.base is not None:
+            _set_inertial(parent, robot.base, origin)
+    return parent, origin
+
+
+def _add_payload(parent: mujoco.MjsBody, robot: Robot, origin: FloatArray) -> None:
+    """Hangs the payload on its springs, the first one nearest to the arm."""
+    for spring in _at(robot, "payload"):
+        parent = _add_hinged(parent, spring, spring.point_m - origin)
+        origin = spring.point_m
+    _set_inertial(parent, robot.payload, origin)
+
+
+def _at(robot: Robot, place: str) -> list[Spring]:
+    return [spring for spring in robot.springs if spring.place == place]
+
+
+def _add_hinged(parent: mujoco.MjsBody, spring: Spring, offset: FloatArray) -> mujoco.MjsBody:
+    """Adds a body of no weight on an elastic hinge."""
+    body = parent.add_body(name=f"{spring.place}_{spring.name}", pos=offset)
+    _add_elastic_hinge(body, spring)
+    _set_inertial(body, Inertial(_MASSLESS_KG, np.zeros(3), _MASSLESS_KG * np.eye(3)), np.zeros(3))
+    return body
 
 
 def _add_motor(parent: mujoco.MjsBody, joint: Joint, offset: FloatArray, rotor: str) -> None:
@@ -114,9 +145,12 @@ def _add_link(
             body = body.add_body(name=f"{joint.name}_{spring.name}", pos=spring.point_m - origin)
             _add_elastic_hinge(body, spring)
             whole, origin = spring.outboard, spring.point_m
-    if is_last and robot.payload.mass_kg > 0:
+    hangs = bool(_at(robot, "payload"))
+    if is_last and robot.payload.mass_kg > 0 and not hangs:
         whole = combine(whole, robot.payload)
     _set_inertial(body, whole, origin)
+    if is_last and hangs:
+        _add_payload(body, robot, origin)
     return body, origin
 
 
@@ -135,10 +169,13 @@ def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) 
 
 
 def _add_transmission(
-    spec: mujoco.MjSpec, joint: Joint, spring: Spring, backlash_rad: float, hysteresis_nm: float
+    spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlash_rad: float, hysteresis_nm: float
 ) -> None:
+    joint = robot.joints[spring.joint]
     tendon = spec.add_tendon(name=spring.name)
-    tendon.wrap_joint(f"q_m_{joint.name}", 1.0 / joint.motor.gear_ratio)
+    for motor, turn in zip(robot.joints, robot.arm_per_motor[spring.joint].tolist(), strict=True):
+        if turn != 0:
+            tendon.wrap_joint(f"q_m_{motor.name}", turn)
     tendon.wrap_joint(f"q_a_{joint.name}", -1.0)
     tendon.stiffness = np.array([spring.stiffness_nm_rad, 0.0, spring.cubic_nm_rad3])
     tendon.damping = np.array([spring.damping_nms_rad, 0.0, 0.0])
@@ -193,7 +230,7 @@ def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
     deflection = np.zeros((len(robot.springs), model.nv))
     for row, spring in enumerate(robot.springs):
         if spring.place == "transmission":
-            deflection[row, motor[spring.joint]] = 1.0 / robot.joints[spring.joint].motor.gear_ratio
+            deflection[row, motor] = robot.arm_per_motor[spring.joint]
             deflection[row, arm[spring.joint]] = -1.0
         else:
             deflection[row, model.joint(f"q_e_{spring.name}").dofadr[0]] = 1.0

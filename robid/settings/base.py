@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, StringConstraints
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
+DATA_VARIABLE = "${ROBID_DATA}"
+DATA_DEFAULT = "../shared/data"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
 Vector = tuple[float, float, float]
 
@@ -15,3 +19,15 @@ class Section(BaseModel):
     """A section of a settings file; it reaches into nested standard-library dataclasses too."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def data_path(name: str, folder: Path) -> Path:
+    """Returns the path of a file that lies in the data folder or beside a settings file.
+
+    Args:
+        name: As written; `${ROBID_DATA}` at its start stands for the data folder.
+        folder: Folder of the settings file, for other paths.
+    """
+    if name.startswith(DATA_VARIABLE):
+        return Path(os.environ.get("ROBID_DATA", DATA_DEFAULT)) / name.removeprefix(DATA_VARIABLE).lstrip("/")
+    return folder / name

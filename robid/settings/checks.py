@@ -10,7 +10,8 @@ import numpy as np
 
 from robid.design.lines import choose_lines
 from robid.errors import SettingsError
-from robid.settings.experiment import DATA_VARIABLE, Acquire, Campaign, Configurations, Experiment, Fit
+from robid.settings.base import DATA_VARIABLE
+from robid.settings.experiment import Acquire, Campaign, Configurations, Experiment, Fit
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import Document, FieldPath
@@ -50,7 +51,7 @@ def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
 
 def parameter_names(robot: RobotFile, kinds: Iterable[str]) -> list[str]:
     """Returns the name of every parameter of these kinds that an elastic fit of this robot has."""
-    springs, joints = [spring.name for spring in robot.springs], [joint.name for joint in robot.joints]
+    springs, joints = [spring.name for spring in robot.all_springs], [joint.name for joint in robot.joints]
     names = []
     for kind in kinds:
         owners = springs if kind in ("stiffness", "damping") else joints
@@ -194,6 +195,8 @@ def _reachable(field: FieldPath, chosen: Configurations, robot: RobotFile) -> _F
                 yield from _within((*field, "grid_deg", joint, index), robot, joint, angle)
     if chosen.random is not None:
         for section in robot.joints:
+            if section.limits_deg is None:
+                continue
             lower, upper = section.limits_deg
             if upper - lower < 2 * chosen.random.margin_deg:
                 message = f"leaves nothing of the range of joint `{section.name}`, {lower:g} to {upper:g} deg"
@@ -202,6 +205,8 @@ def _reachable(field: FieldPath, chosen: Configurations, robot: RobotFile) -> _F
 
 def _within(field: FieldPath, robot: RobotFile, joint: int, angle: float) -> _Found:
     section = robot.joints[joint]
+    if section.limits_deg is None:
+        return
     lower, upper = section.limits_deg
     if not lower - _LIMIT_TOLERANCE_DEG <= angle <= upper + _LIMIT_TOLERANCE_DEG:
         message = f"{angle:g} deg is unreachable: joint `{section.name}` moves from {lower:g} to {upper:g} deg"
@@ -238,7 +243,7 @@ def _fit_of_robot(experiment: Experiment, name: str, fit: Fit, robot: RobotFile)
         if parameter not in known:
             message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"
             yield (*field, "fixed", index), message
-    for spring in robot.springs:
+    for spring in robot.all_springs:
         parameter = f"{spring.name}.damping"
         if spring.damping_nms_rad == 0 and parameter in known and parameter not in fit.fixed:
             message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias, TypeVar
 
@@ -15,11 +14,9 @@ from robid.arrays import FloatArray
 from robid.design.options import DesignOptions, ExcitationOptions
 from robid.fit.options import ElasticOptions
 from robid.frf.options import EstimateOptions
-from robid.settings.base import Name, Section
+from robid.settings.base import Name, Section, data_path
 from robid.simulate.options import SimulateOptions
 
-DATA_VARIABLE = "${ROBID_DATA}"
-DATA_DEFAULT = "../shared/data"
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(min_length=1)], ...], Field(min_length=1)]
 _Options = TypeVar("_Options")
 _ONE_KEY = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
@@ -149,10 +146,7 @@ class Acquire(Section):
         Args:
             folder: Folder of the experiment file, for a path that does not start with `${ROBID_DATA}`.
         """
-        if self.file.startswith(DATA_VARIABLE):
-            inside = self.file.removeprefix(DATA_VARIABLE).lstrip("/")
-            return Path(os.environ.get("ROBID_DATA", DATA_DEFAULT)) / inside
-        return folder / self.file
+        return data_path(self.file, folder)
 
 
 class Source(OneKey):

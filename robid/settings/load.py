@@ -8,6 +8,7 @@ from pathlib import Path
 from robid.errors import SettingsError
 from robid.settings.checks import check_experiment
 from robid.settings.experiment import Experiment
+from robid.settings.foreign import complete
 from robid.settings.problems import Problem, problem_at, raise_problems, validate
 from robid.settings.robot import RobotFile
 from robid.settings.robot_checks import check_robot
@@ -75,4 +76,7 @@ def _named_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
 
 def _checked_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
     robot, problems = validate(RobotFile, document)
-    return robot, problems if robot is None else check_robot(document, robot)
+    if robot is None:
+        return None, problems
+    completed = complete(document, robot)
+    return completed.robot, [*completed.problems, *check_robot(document, completed.robot, completed.immobile)]

@@ -1,8 +1,9 @@
-"""Models of the robot file and its way into a plain description."""
+"""The model of the robot file and its way into a plain description."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -10,162 +11,12 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from robid.arrays import FloatArray
-from robid.errors import SettingsError
-from robid.robot.description import Friction, Inertial, Joint, Motor, Robot, Spring
-from robid.settings.base import Name, Section, Vector
+from robid.errors import DataError, SettingsError
+from robid.robot.description import Inertial, Joint, Robot
+from robid.settings.base import DATA_VARIABLE, Vector, data_path
+from robid.settings.robot_sections import Assumed, Body, GearSection, JointSection, SpringSection, given
 from robid.settings.yaml import FieldPath
 from robid.simulate.options import Controller
-
-
-class Assumed(Section):
-    """A section some of whose values no source gives."""
-
-    assumed: tuple[str, ...] = Field(
-        default=(), description="Dotted names, within this section, of the values that no source gives."
-    )
-
-
-class InertiaTensor(Section):
-    """Inertia about the centre of mass; xy, yz, xz are the entries of the matrix as they stand in it."""
-
-    xx: float = Field(description="Entry (x, x) of the matrix [kg m^2].")
-    yy: float = Field(description="Entry (y, y) of the matrix [kg m^2].")
-    zz: float = Field(description="Entry (z, z) of the matrix [kg m^2].")
-    xy: float = Field(default=0.0, description="Entry (x, y) of the matrix, minus the integral of x y dm [kg m^2].")
-    yz: float = Field(default=0.0, description="Entry (y, z) of the matrix, minus the integral of y z dm [kg m^2].")
-    xz: float = Field(default=0.0, description="Entry (x, z) of the matrix, minus the integral of x z dm [kg m^2].")
-
-    def matrix(self) -> FloatArray:
-        """Returns the tensor (3, 3) [kg m^2]."""
-        return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
-
-
-class Body(Assumed):
-    """Mass properties of a rigid body, in the DH frame at the end of its link."""
-
-    mass_kg: float = Field(description="Mass [kg].", ge=0)
-    com_m: Vector = Field(description="Centre of mass [m].")
-    inertia_kgm2: InertiaTensor = Field(description="Inertia about the centre of mass, along the frame's axes.")
-
-    def inertial(self) -> Inertial:
-        """Returns the mass properties in the frame they are given in."""
-        return Inertial(self.mass_kg, np.array(self.com_m), self.inertia_kgm2.matrix())
-
-
-class FrictionSection(Assumed):
-    """LuGre friction of a motor, motor side."""
-
-    viscous_nms_rad: float = Field(default=0.0, description="Viscous coefficient [N m s/rad].", ge=0)
-    coulomb_nm: float = Field(default=0.0, description="Coulomb level [N m].", ge=0)
-    static_nm: float = Field(default=0.0, description="Breakaway level [N m].", ge=0)
-    stribeck_rad_s: float = Field(default=1.0, description="Stribeck speed [rad/s].", gt=0)
-    presliding_rad: float = Field(default=0.02, description="Bristle deflection at the Coulomb level [rad].", gt=0)
-    relative_std: float = Field(
-        default=0.1, description="Standard deviation of the relative error of the coefficients.", ge=0
-    )
-
-    def friction(self) -> Friction:
-        """Returns the plain description."""
-        return Friction(**self.model_dump(exclude={"assumed"}))
-
-
-class MotorSection(Assumed):
-    """A motor and its gear, motor side."""
-
-    inertia_kgm2: float = Field(description="Rotor inertia [kg m^2].", gt=0)
-    gear_ratio: float = Field(description="Motor turns per arm turn.", gt=1e-9)
-    max_speed_rad_s: float = Field(description="Speed limit [rad/s].", gt=0)
-    max_torque_nm: float = Field(description="Torque limit [N m].", gt=0)
-    friction: FrictionSection = Field(default_factory=FrictionSection, description="Nominal friction.")
-    ripple_nm: float = Field(default=0.0, description="Amplitude of the torque ripple [N m].", ge=0)
-    ripple_order: int = Field(default=6, description="Ripple periods per motor turn.", ge=1)
-
-    def motor(self) -> Motor:
-        """Returns the plain description."""
-        values = self.model_dump(exclude={"assumed", "friction"})
-        return Motor(friction=self.friction.friction(), **values)
-
-
-class Dh(Assumed):
-    """Standard Denavit-Hartenberg parameters: Rz(q + offset) Tz(d) Tx(a) Rx(alpha)."""
-
-    d_m: float = Field(default=0.0, description="Translation along the joint axis [m].")
-    a_m: float = Field(default=0.0, description="Translation along the turned x axis [m].")
-    alpha_deg: float = Field(default=0.0, description="Turn about the turned x axis [deg].")
-    offset_deg: float = Field(default=0.0, description="Joint angle of the DH frame at zero robot angle [deg].")
-
-    def after_joint(self) -> tuple[FloatArray, FloatArray]:
-        """Returns position (3,) [m] and orientation (3, 3) of the DH frame at the link's end in the joint frame."""
-        return np.array([self.a_m, 0.0, self.d_m]), Rotation.from_euler("x", self.alpha_deg, degrees=True).as_matrix()
-
-    def offset(self) -> FloatArray:
-        """Returns the turn (3, 3) about the joint axis at zero robot angle."""
-        return np.asarray(Rotation.from_euler("z", self.offset_deg, degrees=True).as_matrix())
-
-    def into_joint_frame(self, body: Inertial) -> Inertial:
-        """Moves mass properties from the DH frame at the link's end into the joint frame."""
-        position, rotation = self.after_joint()
-        inertia = rotation @ body.inertia_kgm2 @ rotation.T
-        return Inertial(body.mass_kg, position + rotation @ body.com_m, inertia)
-
-
-class JointSection(Assumed):
-    """A revolute joint, its motor, and the link that it moves."""
-
-    name: Name = Field(description="Name of the joint.")
-    dh: Dh = Field(description="From this joint's frame to the next one.")
-    limits_deg: tuple[float, float] = Field(description="Lower and upper joint limit [deg].")
-    link: Body = Field(description="The link, in the DH frame at its end.")
-    motor: MotorSection = Field(description="The motor and its gear.")
-
-
-class SpringSection(Assumed):
-    """A torsional spring-damper pair, arm side."""
-
-    name: Name = Field(description="Name of the spring.")
-    joint: Name = Field(description="Name of the joint it belongs to.")
-    place: Literal["transmission", "bearing", "split"] = Field(
-        description="Between motor and arm, about a further axis of the joint, or inside the joint's link."
-    )
-    axis: Vector | None = Field(
-        default=None,
-        description="Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis), it does not turn "
-        "with the joint. Split: in the DH frame at the link's end. A transmission has none.",
-    )
-    stiffness_nm_rad: float = Field(description="Stiffness [N m/rad].", gt=0)
-    damping_nms_rad: float = Field(description="Damping [N m s/rad].", ge=0)
-    cubic_nm_rad3: float = Field(
-        default=0.0, description="Coefficient of the cubic, stiffening part [N m/rad^3].", ge=0
-    )
-    point_m: Vector | None = Field(
-        default=None, description="Split only: where the link is split, in the DH frame at the link's end [m]."
-    )
-    outboard: Body | None = Field(
-        default=None, description="Split only: the part of the link beyond the split, in the DH frame at its end."
-    )
-
-    def spring(self, names: list[str], dh: Dh) -> Spring:
-        """Returns the plain description, in the joint frame.
-
-        Args:
-            names: Names of all joints.
-            dh: Denavit-Hartenberg parameters of the spring's joint.
-        """
-        position, rotation = dh.after_joint()
-        axis = np.array(self.axis or (0.0, 0.0, 1.0))
-        if self.place == "split":
-            axis = rotation @ axis
-        return Spring(
-            name=self.name,
-            joint=names.index(self.joint),
-            place=self.place,
-            axis=axis / np.linalg.norm(axis),
-            stiffness_nm_rad=self.stiffness_nm_rad,
-            damping_nms_rad=self.damping_nms_rad,
-            cubic_nm_rad3=self.cubic_nm_rad3,
-            point_m=np.zeros(3) if self.point_m is None else position + rotation @ np.array(self.point_m),
-            outboard=None if self.outboard is None else dh.into_joint_frame(self.outboard.inertial()),
-        )
 
 
 class RobotFile(Assumed):
@@ -182,9 +33,55 @@ class RobotFile(Assumed):
         default="spong", description="Whether the rotors' motion with the links is neglected or not."
     )
     controller: Controller | None = Field(default=None, description="The controller of a simulated robot.")
+    model: str | None = Field(
+        default=None,
+        description="A rigid MJCF or URDF that brings frames, links and limits; `${ROBID_DATA}` stands for the data "
+        "folder, other paths start at this file.",
+    )
+    locked_deg: dict[str, float] = Field(
+        default_factory=dict, description="Joints of `model` that do not move, with their angles [deg]."
+    )
+    flange: str | None = Field(
+        default=None, description="Body or site of `model` in whose frame the payload is given; else the last link."
+    )
+    total_mass_kg: float | None = Field(
+        default=None, description="Mass of all links that move, payload excluded: stated to be checked [kg].", gt=0
+    )
     joints: tuple[JointSection, ...] = Field(description="The joints, base to flange.", min_length=1)
-    springs: tuple[SpringSection, ...] = Field(description="The spring-damper pairs.", min_length=1)
-    payload: Body | None = Field(default=None, description="The payload, in the DH frame at the last link's end.")
+    springs: tuple[SpringSection, ...] = Field(default=(), description="The spring-damper pairs.")
+    payload: Body | None = Field(default=None, description="The payload, in the last link's frame.")
+    base: Body | None = Field(
+        default=None, description="What base springs carry beneath the first joint, in the world frame."
+    )
+
+    @property
+    def all_springs(self) -> tuple[SpringSection, ...]:
+        """The gears of the joints, then the springs of their own."""
+        gears = (
+            SpringSection(name=f"gear_{joint.name}", joint=joint.name, place="transmission", **joint.gear.model_dump())
+            for joint in self.joints
+            if joint.gear is not None
+        )
+        return (*gears, *self.springs)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every joint knows its frame, link and limits: not before a `model` is read."""
+        return all(
+            (joint.dh or joint.frame) and joint.link and joint.limits_deg
+            and joint.motor.max_speed_rad_s and joint.motor.max_torque_nm
+            for joint in self.joints
+        )  # fmt: skip
+
+    @property
+    def model_notes(self) -> tuple[str, ...]:
+        """The notes that the model brought: what of it could not stay."""
+        name = "" if self.model is None else Path(self.model).name
+        return tuple(note for note in self.notes if name and note.startswith(f"{name}: "))
+
+    def model_path(self, folder: Path) -> Path | None:
+        """Returns the path of `model`; `folder` is that of the robot file."""
+        return None if self.model is None else data_path(self.model, folder)
 
     def to_robot(self, payload_kg: float | None = None) -> Robot:
         """Returns the plain description.
@@ -195,37 +92,56 @@ class RobotFile(Assumed):
 
         Raises:
             SettingsError: If a payload is asked for and the file has none to scale.
+            DataError: If its `model` was not there to be read.
         """
-        names = [joint.name for joint in self.joints]
-        springs = tuple(spring.spring(names, self.joints[names.index(spring.joint)].dh) for spring in self.springs)
+        if not self.is_complete and self.model is not None:
+            raise DataError(
+                "the robot's model is not there",
+                where=self.model,
+                remedy=f"set ROBID_DATA to the folder that `{DATA_VARIABLE}` stands for",
+            )
         return Robot(
             name=self.name,
             gravity_m_s2=np.array(self.gravity_m_s2),
             joints=self._joints(),
-            springs=springs,
+            springs=tuple(spring.spring(self.joints) for spring in self.all_springs),
             payload=self._payload(payload_kg),
+            base=None if self.base is None else self.base.inertial(),
             rotor=self.rotor,
             assumed=assumed_names(self),
             notes=self.notes,
         )
 
-    def _joints(self) -> tuple[Joint, ...]:
-        joints = []
+    def joint_frames(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Returns position (3,) [m] and orientation (3, 3) of each joint frame in the previous one."""
+        frames = []
         position: FloatArray = np.zeros(3)
         rotation = Rotation.from_euler("xyz", self.base_rpy_deg, degrees=True).as_matrix()
         for section in self.joints:
-            lower, upper = np.deg2rad(section.limits_deg)
+            offset, turn = section.geometry.joint_frame()
+            frames.append((position + rotation @ offset, rotation @ turn))
+            position, rotation = section.geometry.link_frame()
+        return frames
+
+    def links(self) -> list[Inertial]:
+        """Returns each link's mass properties in its joint frame."""
+        return [section.into_joint_frame(given(section.link).inertial()) for section in self.joints]
+
+    def _joints(self) -> tuple[Joint, ...]:
+        joints = []
+        for section, (position, rotation), link in zip(self.joints, self.joint_frames(), self.links(), strict=True):
+            lower, upper = np.deg2rad(given(section.limits_deg))
             joint = Joint(
                 name=section.name,
                 position_m=position,
-                rotation=rotation @ section.dh.offset(),
-                link=section.dh.into_joint_frame(section.link.inertial()),
+                rotation=rotation,
+                link=link,
                 lower_rad=float(lower),
                 upper_rad=float(upper),
                 motor=section.motor.motor(),
+                couplings=dict(section.couplings),
             )
             joints.append(joint)
-            position, rotation = section.dh.after_joint()
         return tuple(joints)
 
     def _payload(self, payload_kg: float | None) -> Inertial:
@@ -240,7 +156,7 @@ class RobotFile(Assumed):
         body = self.payload.inertial()
         scale = 1.0 if payload_kg is None else payload_kg / body.mass_kg
         scaled = Inertial(scale * body.mass_kg, body.com_m, scale * body.inertia_kgm2)
-        return self.joints[-1].dh.into_joint_frame(scaled)
+        return self.joints[-1].into_joint_frame(scaled)
 
 
 def assumed_names(robot: RobotFile) -> tuple[str, ...]:
@@ -256,7 +172,9 @@ def assumed_sections(
     yield prefix, field, section
     for key in type(section).model_fields:
         value = getattr(section, key)
-        if isinstance(value, Assumed):
+        if isinstance(value, GearSection) and isinstance(section, JointSection):
+            yield from assumed_sections(value, f"gear_{section.name}.", (*field, key))
+        elif isinstance(value, Assumed):
             yield from assumed_sections(value, f"{prefix}{key}.", (*field, key))
         elif isinstance(value, tuple):
             for index, item in enumerate(value):

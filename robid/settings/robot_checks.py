@@ -4,44 +4,96 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from pydantic import BaseModel
 
 from robid.robot.description import Inertial
 from robid.robot.inertia import remove
+from robid.settings.plausible import implausible
 from robid.settings.problems import Problem, problem_at, suggest
-from robid.settings.robot import Body, RobotFile, SpringSection, assumed_sections
+from robid.settings.robot import RobotFile, assumed_sections
+from robid.settings.robot_sections import Body, JointSection, SpringSection
 from robid.settings.yaml import Document, FieldPath
 
 _ROUNDING = 1e-9
 _PARALLEL = 1e-6
 
 
-def check_robot(document: Document, robot: RobotFile) -> list[Problem]:
-    """Returns everything that is wrong with a robot file whose fields have the right types."""
-    checks = (_names, _joints, _springs, _splits, _payload, _assumed)
-    return [problem_at(document, field, message) for check in checks for field, message in check(robot)]
+def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str] | None = None) -> list[Problem]:
+    """Returns everything that is wrong with a robot file whose fields have the right types.
+
+    Args:
+        document: Where it was read from.
+        robot: The file, completed from its model where it names one that is there.
+        immobile: Joints of the model that do not move, with the reason.
+    """
+    checks = (_names, _missing, _joints, _couplings, _splits, _payload, _base, _assumed)
+    found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
+    found += implausible(robot)
+    return [problem_at(document, field, message) for field, message in found]
+
+
+def spring_field(robot: RobotFile, index: int) -> FieldPath:
+    """Returns where the spring of this index among all of them is written."""
+    geared = [position for position, joint in enumerate(robot.joints) if joint.gear is not None]
+    return ("joints", geared[index], "gear") if index < len(geared) else ("springs", index - len(geared))
 
 
 def _names(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     named: list[tuple[FieldPath, str]] = [(("joints", i, "name"), joint.name) for i, joint in enumerate(robot.joints)]
-    named += [(("springs", i, "name"), spring.name) for i, spring in enumerate(robot.springs)]
+    named += [((*spring_field(robot, i), "name"), spring.name) for i, spring in enumerate(robot.all_springs)]
     count = Counter(name for _, name in named)
     for field, name in named:
         if count[name] > 1:
             yield field, f"`{name}` names more than one joint or spring"
 
 
+def _missing(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    """What a file must say itself: all without a model, and what a model that was read does not say."""
+    was_read = robot.model is None or robot.joints[0].frame is not None
+    for index, joint in enumerate(robot.joints):
+        field = ("joints", index)
+        if robot.model is None:
+            yield from _missing_geometry(field, joint)
+        if was_read and joint.limits_deg is None:
+            yield (*field, "limits_deg"), _is_missing(robot)
+        for key in ("max_speed_rad_s", "max_torque_nm"):
+            if was_read and getattr(joint.motor, key) is None and joint.motor.gear_ratio > 0:
+                yield (*field, "motor", key), _is_missing(robot)
+    if robot.model is None:
+        for key in ("locked_deg", "flange"):
+            if getattr(robot, key):
+                yield (key,), "belongs to a `model`, and there is none"
+
+
+def _is_missing(robot: RobotFile) -> str:
+    return "is missing" if robot.model is None else "is missing: the model does not say it either"
+
+
+def _missing_geometry(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
+    if joint.dh is not None and joint.frame is not None:
+        yield (*field, "frame"), "stands in place of `dh`: leave one of them out"
+    if joint.dh is None and joint.frame is None:
+        yield (*field, "dh"), "is missing (or `frame`, or a `model` for the whole robot)"
+    if joint.link is None:
+        yield (*field, "link"), "is missing"
+    if joint.frame is not None:
+        rotation = np.array(joint.frame.rotation)
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _PARALLEL or np.linalg.det(rotation) < 0:
+            yield (*field, "frame", "rotation"), "is not a rotation: rows must be right-handed unit axes"
+
+
 def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     for index, joint in enumerate(robot.joints):
         field = ("joints", index)
-        lower, upper = joint.limits_deg
+        lower, upper = joint.limits_deg or (0.0, 1.0)
         if lower >= upper:
             yield (*field, "limits_deg"), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
-        yield from _body((*field, "link"), joint.link)
-        transmissions = [s.name for s in robot.springs if s.joint == joint.name and s.place == "transmission"]
+        if joint.link is not None:
+            yield from _body((*field, "link"), joint.link)
+        transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
         if len(transmissions) != 1:
             found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"
             yield (*field, "name"), f"joint `{joint.name}` needs exactly one transmission spring, but has {found}"
@@ -66,11 +118,21 @@ def _unphysical(body: Inertial) -> str:
     return ""
 
 
-def _springs(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[FieldPath, str]]:
     joints = [joint.name for joint in robot.joints]
     for index, spring in enumerate(robot.springs):
         field = ("springs", index)
-        if spring.joint not in joints:
+        ends = spring.place in ("base", "payload")
+        if ends and spring.joint is not None:
+            yield (*field, "joint"), f"a {spring.place} spring belongs to no joint: leave `joint` out"
+        elif ends:
+            pass
+        elif spring.joint is None:
+            yield (*field, "joint"), f"is missing: a {spring.place} spring belongs to a joint"
+        elif spring.joint in immobile:
+            message = f"joint `{spring.joint}` {immobile[spring.joint]}: a spring there needs a `split` of the link"
+            yield (*field, "joint"), message
+        elif spring.joint not in joints:
             yield (*field, "joint"), f"there is no joint `{spring.joint}`; {suggest(spring.joint, joints)}"
         if spring.place == "transmission":
             if spring.axis is not None:
@@ -82,14 +144,20 @@ def _springs(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
         elif spring.place == "bearing" and np.hypot(*spring.axis[:2]) < _PARALLEL * np.linalg.norm(spring.axis):
             yield (*field, "axis"), "lies along the joint axis z: that is what the transmission is for"
         for key in ("point_m", "outboard"):
+            if ends and key == "point_m":
+                continue
             if (spring.place == "split") != (getattr(spring, key) is not None):
                 told = "is missing: a split spring needs it" if spring.place == "split" else "is for split springs only"
                 yield (*field, key), told
+        if spring.place == "payload" and (robot.payload is None or robot.payload.mass_kg == 0):
+            yield (*field, "place"), "a payload spring needs a `payload` with mass"
 
 
 def _splits(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     """Goes through the splits of each link from its joint outwards; each takes a part of what is left."""
     for joint in robot.joints:
+        if joint.link is None:
+            continue
         whole = joint.link.inertial()
         for index, spring in enumerate(robot.springs):
             if spring.joint == joint.name and spring.place == "split" and spring.outboard is not None:
@@ -107,6 +175,26 @@ def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inert
     wrong = _unphysical(remove(whole, outboard.inertial()))
     if wrong and not _unphysical(whole) and not _unphysical(outboard.inertial()):
         yield (*field, "inertia_kgm2"), f"what is left of the link of `{spring.joint}` without it: {wrong}"
+
+
+def _couplings(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    joints = [joint.name for joint in robot.joints]
+    for index, joint in enumerate(robot.joints):
+        for name, turn in joint.couplings.items():
+            field = ("joints", index, "couplings", name)
+            if name == joint.name:
+                yield field, "is the joint's own motor: that is what `gear_ratio` is for"
+            elif name not in joints:
+                yield field, f"there is no joint `{name}`; {suggest(name, joints)}"
+            if not 0 < abs(turn) <= 1:
+                yield field, f"{turn:g} is implausible: arm turns per motor turn lie within 1, as behind any gear"
+
+
+def _base(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    if robot.base is not None:
+        yield from _body(("base",), robot.base)
+        if not any(spring.place == "base" for spring in robot.springs):
+            yield ("base",), "moves only on springs with `place: base`, and there is none"
 
 
 def _payload(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:

@@ -77,7 +77,7 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
             _refuse_explosion(batch, configuration, index, period)
-    offset = model.robot.gear_ratio * configuration
+    offset = model.robot.motor_per_arm @ configuration
     shape = (experiment.periods, n_sample, n_real, n_exp, n_motor)
     names = tuple(joint.name for joint in experiment.robot.joints)
     return Record(

@@ -28,13 +28,21 @@ _FRICTION: dict[str, Part] = {
     "presliding_rad": "friction",
     "relative_std": "friction_std",
 }
-_JOINT: dict[str, Part] = {"dh": "mechanics", "link": "mechanics", "limits_deg": "range"}
+_JOINT: dict[str, Part] = {
+    "dh": "mechanics",
+    "frame": "mechanics",
+    "limits_deg": "range",
+    "link": "mechanics",
+    "gear": "mechanics",
+    "couplings": "mechanics",
+}
 _ROBOT: dict[str, Part] = {
     "gravity_m_s2": "mechanics",
     "base_rpy_deg": "mechanics",
     "rotor": "mechanics",
     "springs": "mechanics",
     "payload": "mechanics",
+    "base": "mechanics",
     "controller": "controller",
 }
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot, with_spring_factors
+from exact_systems import springs_everywhere, two_joint_robot, with_spring_factors
 from robid.robot.description import Inertial
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -15,6 +15,7 @@ from robid.settings.load import load_robot
 
 pin = pytest.importorskip("pinocchio", reason="Pinocchio (`pin`) is not installed")
 
+MASSLESS = Inertial(1e-6, np.zeros(3), 1e-6 * np.eye(3))
 ROBOT_FILE = Path(__file__).parents[2] / "configs" / "robots" / "kr300.yaml"
 
 
@@ -36,6 +37,15 @@ def pinocchio_arm(robot):
         names.append(name)
         return model.addJoint(parent, kind, placement, name)
 
+    beneath = [spring for spring in robot.springs if spring.place == "base"]
+    for spring in beneath:
+        place = pin.SE3(np.eye(3), spring.point_m - offset)
+        parent = add(pin.JointModelRevoluteUnaligned(spring.axis), place, f"q_e_{spring.name}")
+        offset = spring.point_m
+        if spring is not beneath[-1] or robot.base is None:
+            add_inertia(model, parent, MASSLESS, np.zeros(3))
+        else:
+            add_inertia(model, parent, robot.base, offset)
     for index, joint in enumerate(robot.joints):
         placement = pin.SE3(joint.rotation, joint.position_m - offset)
         if robot.rotor == "on_link":
@@ -56,6 +66,13 @@ def pinocchio_arm(robot):
                 parent = add(pin.JointModelRevoluteUnaligned(spring.axis), place, f"q_e_{spring.name}")
                 offset = spring.point_m
                 add_inertia(model, parent, spring.outboard, offset)
+    hung = [spring for spring in robot.springs if spring.place == "payload"]
+    for spring in hung:
+        place = pin.SE3(np.eye(3), spring.point_m - offset)
+        parent = add(pin.JointModelRevoluteUnaligned(spring.axis), place, f"q_e_{spring.name}")
+        if spring is not hung[-1]:
+            add_inertia(model, parent, MASSLESS, np.zeros(3))
+        offset = spring.point_m
     if robot.payload.mass_kg > 0:
         add_inertia(model, parent, robot.payload, offset)
     return model, names
@@ -66,7 +83,7 @@ def kr300():
 
 
 @pytest.mark.parametrize("rotor", ["spong", "on_link"])
-@pytest.mark.parametrize("build", [kr300, two_joint_robot])
+@pytest.mark.parametrize("build", [kr300, two_joint_robot, springs_everywhere])
 def test_inertia_and_gravity_at_any_position(build, rotor):
     robot = replace(build(), rotor=rotor)
     elastic = build_model(robot)
@@ -109,7 +126,7 @@ def test_inertia_of_the_arm_with_locked_springs_in_spring_coordinates():
     assert elastic.mujoco.nv == linear.mass.shape[-1]
 
 
-@pytest.mark.parametrize("build", [kr300, two_joint_robot])
+@pytest.mark.parametrize("build", [kr300, two_joint_robot, springs_everywhere])
 def test_gravity_gradient_in_spring_coordinates(build):
     robot = build()
     elastic = build_model(robot)

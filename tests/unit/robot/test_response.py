@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot, two_mass_robot
+from exact_systems import springs_everywhere, two_joint_robot, two_mass_robot
 from robid.robot.description import Inertial
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -17,6 +17,7 @@ KINDS = tuple(field.name for field in fields(ElasticParameters))
 CASES = {
     "two joints": (two_joint_robot(), np.array([[-0.3, 0.5], [0.9, 1.2]]), None),
     "rotors on the links": (two_joint_robot("on_link"), np.array([[-0.3, 0.5]]), None),
+    "springs everywhere": (springs_everywhere(), np.array([[-0.3, 0.5]]), ("shoulder", "elbow", "elbow.arm")),
     "motor and load": (two_mass_robot(viscous=0.01), np.zeros((1, 1)), ("drive", "drive.arm")),
 }
 
@@ -40,6 +41,45 @@ def test_two_masses_in_continuous_time(ratio, viscous):
     wanted = s**2 / stiffness_of_motor
     np.testing.assert_allclose(found[:, 0], wanted, rtol=1e-9)
     np.testing.assert_allclose(found[:, 1], wanted * load_angle, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", [spring.name for spring in springs_everywhere().springs])
+def test_every_spring_and_damper_changes_the_response(name):
+    robot, at = springs_everywhere(), np.array([[-0.3, 0.5]])
+    model = linear_model(robot, at)
+    nominal = nominal_parameters(robot, model, 0.0)
+    before = response(model, nominal, FREQUENCY_HZ, None).sampled
+    for field in ("stiffness_nm_rad", "damping_nms_rad"):
+        springs = tuple(
+            replace(spring, **{field: 1.1 * getattr(spring, field)}) if spring.name == name else spring
+            for spring in robot.springs
+        )
+        changed = replace(robot, springs=springs)
+        other = linear_model(changed, at)
+        after = response(other, nominal_parameters(changed, other, 0.0), FREQUENCY_HZ, None).sampled
+        assert np.abs(after / before - 1).max() > 1e-4
+
+
+def test_coupled_motors_in_closed_form():
+    """Two loads on one axis line each, free of gravity; the first motor turns the second arm along."""
+    motor, load, stiffness, damping, ratio, turn = 1e-3, 2.0, 5e3, 8.0, 50.0, 0.004
+    drive = two_mass_robot(motor, load, stiffness, damping, ratio)
+    first = replace(drive.joints[0], name="first")
+    # The second axis is at right angles to the first and passes through its load, which is a sphere.
+    across = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    second = replace(drive.joints[0], name="second", rotation=across, couplings={"first": turn})
+    springs = (replace(drive.springs[0], name="g1"), replace(drive.springs[0], name="g2", joint=1))
+    robot = replace(drive, joints=(first, second), springs=springs)
+    model = linear_model(robot, np.zeros((1, 2)), ("first", "second", "first.arm", "second.arm"))
+    found = response(model, nominal_parameters(robot, model, 0.0), FREQUENCY_HZ, None).sampled[0]
+    gears = np.array([[1 / ratio, 0.0], [turn, 1 / ratio]])
+    deflection = np.hstack([gears, -np.eye(2)])
+    for index, frequency in enumerate(FREQUENCY_HZ):
+        s = 2j * np.pi * frequency
+        inertia = np.diag([motor, motor, 2 * load, load])
+        matrix = s**2 * inertia + (stiffness + s * damping) * deflection.T @ deflection
+        wanted = s**2 * np.linalg.inv(matrix)[:, :2]
+        np.testing.assert_allclose(found[index], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("case", CASES)

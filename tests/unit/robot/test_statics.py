@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot, two_mass_robot, with_spring_factors
+from exact_systems import springs_everywhere, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.errors import DataError
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -47,6 +47,28 @@ def test_arm_sags_below_what_the_encoders_show():
     moment = 9.81 * (whole.mass_kg * whole.com_m[0] + robot.payload.mass_kg * robot.payload.com_m[0])
     np.testing.assert_allclose(rest.motor_torque[0, 1] * 100.0, moment, rtol=5e-3)
     np.testing.assert_allclose(rest.deflection[0, 1] * robot.springs[1].stiffness_nm_rad, moment, rtol=5e-3)
+
+
+def test_coupled_encoders_show_the_arm_angles_of_stiff_gears():
+    robot = with_spring_factors(springs_everywhere(), 1e7)
+    model = build_model(robot)
+    rest = solve_statics(model, CONFIGURATIONS)
+    np.testing.assert_allclose(rest.position[:, model.arm], CONFIGURATIONS, atol=1e-6)
+    first, second = rest.position[:, model.motor].T
+    np.testing.assert_allclose(first / 120.0, CONFIGURATIONS[:, 0])
+    np.testing.assert_allclose(second / 100.0 + 0.002 * first, CONFIGURATIONS[:, 1])
+
+
+def test_held_robot_with_springs_everywhere_does_not_accelerate():
+    model = build_model(springs_everywhere())
+    rest = solve_statics(model, CONFIGURATIONS)
+    data = mujoco.MjData(model.mujoco)
+    for position, torque in zip(rest.position, rest.motor_torque, strict=True):
+        data.qpos[:], data.ctrl[:] = position, torque
+        mujoco.mj_forward(model.mujoco, data)
+        np.testing.assert_allclose(data.qfrc_smooth, 0.0, atol=1e-9 * np.abs(data.qfrc_bias).max())
+    # What the first motor carries of the second arm's weight comes through the coupling.
+    assert np.abs(rest.motor_torque[:, 0]).min() > 0
 
 
 def test_softer_springs_sag_in_proportion():

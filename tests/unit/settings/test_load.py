@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from robid.errors import SettingsError
+from robid.errors import DataError, SettingsError
 from robid.settings.load import load_experiment
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -79,8 +79,13 @@ def test_every_example_loads_without_its_data(path, monkeypatch):
     monkeypatch.setenv("ROBID_DATA", "/nowhere")
     loaded = load_experiment(path)
     assert loaded.path == path
-    robot = loaded.robot.to_robot()
-    assert len(robot.springs) >= len(robot.joints)
+    assert len(loaded.robot.all_springs) >= len(loaded.robot.joints)
+    if loaded.robot.model is None:
+        assert len(loaded.robot.to_robot().springs) == len(loaded.robot.all_springs)
+        return
+    with pytest.raises(DataError, match="model is not there") as caught:
+        loaded.robot.to_robot()
+    assert "ROBID_DATA" in caught.value.remedy
 
 
 def test_every_robot_is_used_by_an_example():
@@ -304,7 +309,7 @@ def test_longer_circles_are_told_once(tmp_path):
 def test_all_errors_of_both_files_come_at_once_in_order(tmp_path):
     experiment = _replaced(EXPERIMENT, "seed: 2", "sed: 2")
     experiment = _replaced(experiment, "count: 3", "count: -3")
-    robot = _replaced(_replaced(ROBOT, "gear_ratio: 100", "gear_ratio: 0"), "place: transmission", "place: nowhere")
+    robot = _replaced(_replaced(ROBOT, "gear_ratio: 100", "gear_ratio: much"), "place: transmission", "place: nowhere")
     path = _write(tmp_path, experiment, robot)
     told = _refused(path)
     assert [text.split(": ")[1] for text in told] == [

@@ -9,7 +9,9 @@ from scipy.spatial.transform import Rotation
 from robid.errors import SettingsError
 from robid.robot.description import Friction
 from robid.settings.load import load_robot
-from robid.settings.robot import Body, Dh, FrictionSection, InertiaTensor, RobotFile
+from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import Body, Dh, FrictionSection, InertiaTensor
+from robid.settings.robot_sections import moved as _moved
 from tolerances import IDENTITY
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -113,9 +115,9 @@ def test_moving_an_inertial_keeps_its_invariants():
         ).inertial()
         np.testing.assert_array_equal(body.inertia_kgm2, tensor)
         dh = Dh(d_m=rng.normal(), a_m=rng.normal(), alpha_deg=rng.uniform(-180, 180), offset_deg=rng.uniform(-180, 180))
-        moved = dh.into_joint_frame(body)
+        moved = _moved(body, *dh.link_frame())
         np.testing.assert_allclose(np.linalg.eigvalsh(moved.inertia_kgm2), np.linalg.eigvalsh(tensor), rtol=IDENTITY)
-        position, _ = dh.after_joint()
+        position, _ = dh.link_frame()
         np.testing.assert_allclose(np.linalg.norm(moved.com_m - position), np.linalg.norm(body.com_m), rtol=IDENTITY)
         assert moved.mass_kg == 3
 
@@ -131,6 +133,24 @@ def test_split_is_moved_into_the_joint_frame_and_bearing_axis_stays():
     np.testing.assert_allclose(np.diag(split.outboard.inertia_kgm2), [0.5, 0.4, 0.6], rtol=0, atol=IDENTITY)
     np.testing.assert_allclose(bearing.axis, [0.6, 0, 0.8], rtol=0, atol=IDENTITY)
     assert split.joint == bearing.joint == 1
+
+
+def test_springs_of_base_and_payload_and_couplings_arrive():
+    data = _robot_data() | {"base": {"mass_kg": 20, "com_m": [0, 0, 0.1], "inertia_kgm2": {"xx": 1, "yy": 1, "zz": 1}}}
+    spring = {"axis": [0, 0, 2], "stiffness_nm_rad": 1e4, "damping_nms_rad": 5}
+    data["springs"].append({**spring, "name": "rock", "place": "base", "point_m": [0, 0, -0.2]})
+    data["springs"].append({**spring, "name": "sway", "place": "payload", "point_m": [0, 0, 0.1]})
+    data["joints"][1]["couplings"] = {"one": 0.01}
+    data["base_rpy_deg"] = [90, 0, 0]
+    robot = RobotFile.model_validate(data).to_robot()
+    *_, rock, sway = robot.springs
+    np.testing.assert_array_equal(rock.axis, [0, 0, 1])
+    np.testing.assert_array_equal(rock.point_m, [0, 0, -0.2])
+    # alpha = 90 deg turns the end frame's z into the joint frame's -y.
+    np.testing.assert_allclose(sway.axis, [0, -1, 0], rtol=0, atol=IDENTITY)
+    np.testing.assert_allclose(sway.point_m, [0.2, -0.1, 0.3], rtol=0, atol=IDENTITY)
+    assert (rock.joint, sway.joint, robot.base.mass_kg) == (0, 1, 20)
+    np.testing.assert_allclose(robot.arm_per_motor, [[0.01, 0], [0.01, 0.01]])
 
 
 def test_payload_mass_scales_mass_and_inertia_alone():
@@ -199,12 +219,23 @@ def test_an_assumed_name_must_exist_in_its_section(tmp_path):
         (lambda d: d["springs"].pop(1), "joints[1].name", "exactly one transmission spring, but has none"),
         (lambda d: d["springs"][1].update(joint="one"), "joints[0].name", "but has 2 (g1, g2)"),
         (lambda d: d["springs"][2].update(joint="twoo"), "springs[2].joint", "did you mean `two`?"),
+        (lambda d: d["springs"][2].pop("joint"), "springs[2].joint", "a split spring belongs to a joint"),
+        (lambda d: d["springs"][2].update(place="base", outboard=None), "springs[2].joint", "belongs to no joint"),
+        (
+            lambda d: (d.pop("payload"), d["springs"][2].update(place="payload")),
+            "springs[2].place",
+            "needs a `payload`",
+        ),
+        (lambda d: d.update(base=d["payload"]), "base", "moves only on springs with `place: base`"),
+        (lambda d: d["joints"][0].update(couplings={"twoo": 0.01}), "joints[0].couplings.twoo", "did you mean `two`"),
+        (lambda d: d["joints"][0].update(couplings={"one": 0.01}), "joints[0].couplings.one", "the joint's own motor"),
+        (lambda d: d["joints"][0].update(couplings={"two": 57}), "joints[0].couplings.two", "57 is implausible"),
         (lambda d: d["joints"][0].update(limits_deg=[5, 5]), "joints[0].limits_deg", "not below"),
         (lambda d: d["joints"][0]["link"].update(mass_kg=0), "joints[0].link.mass_kg", "above 0"),
         (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(xy=2), "joints[0].link.inertia_kgm2", "definite"),
         (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(zz=3), "joints[0].link.inertia_kgm2", "no body has"),
         (lambda d: d["payload"]["inertia_kgm2"].update(zz=0), "payload.inertia_kgm2", "positive definite"),
-        (lambda d: d["joints"][0]["motor"].update(gear_ratio=0), "joints[0].motor.gear_ratio", "greater than"),
+        (lambda d: d["joints"][0]["motor"].update(gear_ratio=0), "joints[0].motor.gear_ratio", "from 1 to 2000"),
         (lambda d: d["springs"][0].update(axis=[0, 0, 1]), "springs[0].axis", "leave `axis` out"),
         (lambda d: d["springs"][0].update(stiffness_nm_rad=0), "springs[0].stiffness_nm_rad", "greater than 0"),
         (lambda d: d["springs"][2].pop("axis"), "springs[2].axis", "is missing"),

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot, with_spring_factors
+from exact_systems import springs_everywhere, two_joint_robot, with_spring_factors
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
@@ -75,6 +75,15 @@ def test_kr300_in_closed_loop_is_the_analytic_response():
     error = np.abs(diagonal(frf.response) / diagonal(exact) - 1)
     assert np.median(error) < 5e-4
     assert error.max() < 0.05
+
+
+def test_springs_everywhere_in_closed_loop_are_the_analytic_response():
+    run = experiment(springs_everywhere(), rms=2.0, transient_periods=3)
+    record = simulate(run, CONFIGURATION, 0)
+    np.testing.assert_allclose(record.position_offset_rad[0] @ run.robot.arm_per_motor.T, CONFIGURATION)
+    frf = estimate_frf(record, PLAIN)
+    exact = analytic(run.robot, CONFIGURATION, frf.frequency_hz, run.controller)
+    assert np.median(np.abs(diagonal(frf.response) / diagonal(exact) - 1)) < 1e-5
 
 
 @pytest.mark.parametrize("inject", ["speed_reference", "position_reference", "torque"])

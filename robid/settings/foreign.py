@@ -1,0 +1,167 @@
+"""Completing a robot file from the rigid MJCF or URDF that it names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.robot.description import Inertial
+from robid.robot.foreign import ForeignJoint, ForeignModel, extract_chain, frame_on_last, order_of, read_model
+from robid.settings.base import DATA_VARIABLE, data_path
+from robid.settings.problems import Problem, problem_at, suggest
+from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import Body, Frame, InertiaTensor, JointSection, MotorSection, SpringSection, moved
+from robid.settings.yaml import Document, FieldPath
+
+_Found = Iterator[tuple[FieldPath, str]]
+
+
+@dataclass(frozen=True)
+class Completed:
+    """A robot file with what its model brings, and what is wrong with the two together.
+
+    Attributes:
+        robot: The completed file, or the file as it is where the model cannot be read or used.
+        problems: What is wrong.
+        immobile: Joints of the model that do not move, with the reason.
+    """
+
+    robot: RobotFile
+    problems: list[Problem]
+    immobile: dict[str, str]
+
+
+def complete(document: Document, robot: RobotFile) -> Completed:
+    """Completes a robot file from its model; one in a data folder that is not there is left for later."""
+    path = robot.model_path(document.path.parent)
+    if robot.model is None or path is None:
+        return Completed(robot, [], {})
+    if not path.exists() and robot.model.startswith(DATA_VARIABLE) and not data_path(DATA_VARIABLE, path).is_dir():
+        return Completed(robot, [], {})
+    try:
+        model = read_model(path)
+    except DataError as error:
+        return Completed(robot, [problem_at(document, ("model",), f"{error.where} {error.what}")], {})
+    immobile = dict.fromkeys(model.fixed, "is fixed in the model")
+    immobile |= dict.fromkeys(robot.locked_deg, "is locked by `locked_deg`")
+    found = [*_joints(robot, model, immobile), *_links(robot, model)]
+    names = [joint.name for joint in robot.joints]
+    if not found:
+        found = [(("joints",), message) for message in order_of(model, names)]
+    if found:
+        return Completed(robot, [problem_at(document, field, message) for field, message in found], immobile)
+    locked = {name: float(np.deg2rad(angle)) for name, angle in robot.locked_deg.items()}
+    flange: tuple[FloatArray, FloatArray] = (np.zeros(3), np.eye(3))
+    if robot.flange is not None:
+        there = frame_on_last(model, names, locked, robot.flange)
+        if there is None:
+            hint = suggest(robot.flange, model.frames())
+            message = f"there is no body or site `{robot.flange}` on the last link; {hint}"
+            return Completed(robot, [problem_at(document, ("flange",), message)], immobile)
+        flange = there
+    return Completed(_merge(robot, model, extract_chain(model, names, locked), flange), [], immobile)
+
+
+def _joints(robot: RobotFile, model: ForeignModel, immobile: dict[str, str]) -> _Found:
+    listed = [joint.name for joint in robot.joints]
+    for name in robot.locked_deg:
+        if name not in model.hinges:
+            yield ("locked_deg", name), f"`{model.name}` has no joint `{name}`; {suggest(name, model.hinges)}"
+    for index, name in enumerate(listed):
+        field = ("joints", index, "name")
+        if name in immobile:
+            yield field, f"joint `{name}` {immobile[name]}, so no motor moves it: leave it out"
+        elif name in model.others:
+            yield field, f"joint `{name}` of `{model.name}` is not a hinge: only hinges can be driven"
+        elif name not in model.hinges:
+            yield field, f"`{model.name}` has no joint `{name}`; {suggest(name, model.hinges)}"
+    for name in model.hinges:
+        if name not in listed and name not in robot.locked_deg:
+            message = f"joint `{name}` of `{model.name}` is neither here nor in `locked_deg`"
+            yield ("joints",), message
+    for name in model.others:
+        if name not in listed:
+            yield ("model",), f"joint `{name}` of `{model.name}` is not a hinge: remove it from the model"
+
+
+def _links(robot: RobotFile, model: ForeignModel) -> _Found:
+    massless = [link for joint, link in model.massless.items() if joint not in robot.locked_deg]
+    if massless:
+        named = ", ".join(f"`{link}`" for link in massless)
+        yield ("model",), f"links without an `inertial` in `{model.name}`: {named}; an elastic model needs their masses"
+    for index, joint in enumerate(robot.joints):
+        for key in ("dh", "frame", "link"):
+            if getattr(joint, key) is not None:
+                yield ("joints", index, key), "is what `model` brings: leave one of them out"
+
+
+def _merge(
+    robot: RobotFile, model: ForeignModel, chain: list[ForeignJoint], flange: tuple[FloatArray, FloatArray]
+) -> RobotFile:
+    joints = tuple(_joint(section, found, model) for section, found in zip(robot.joints, chain, strict=True))
+    bodies = {found.name: (found.body_position_m, found.body_rotation) for found in chain}
+    last_position, last_rotation = bodies[chain[-1].name]
+    held, turned = last_position + last_rotation @ flange[0], last_rotation @ flange[1]
+    springs = []
+    for spring in robot.springs:
+        update: dict[str, Any] = {}
+        position, rotation = _frame_of(spring, bodies, (held, turned))
+        if spring.axis is not None:
+            update["axis"] = tuple((rotation @ spring.axis).tolist())
+        if spring.point_m is not None or spring.place == "payload":
+            update["point_m"] = tuple((position + rotation @ (spring.point_m or (0.0, 0.0, 0.0))).tolist())
+        if spring.outboard is not None:
+            update["outboard"] = _body(moved(spring.outboard.inertial(), position, rotation), spring.outboard)
+        springs.append(spring.model_copy(update=update))
+    payload = robot.payload
+    if payload is not None:
+        payload = _body(moved(payload.inertial(), held, turned), payload)
+    update = {"joints": joints, "springs": tuple(springs), "payload": payload, "notes": (*robot.notes, *model.notes)}
+    return robot.model_copy(update=update)
+
+
+def _frame_of(
+    spring: SpringSection, bodies: dict[str, tuple[FloatArray, FloatArray]], flange: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Returns the frame that a spring is given in, in its joint's frame; the base's is the world's own."""
+    if spring.place == "payload":
+        return flange
+    return bodies.get(spring.joint or "", (np.zeros(3), np.eye(3)))
+
+
+def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> JointSection:
+    limits = section.limits_deg
+    if limits is None and found.range_rad is not None:
+        lower, upper = np.rad2deg(found.range_rad).tolist()
+        limits = (lower, upper)
+    frame = Frame.model_validate({"position_m": found.position_m.tolist(), "rotation": found.rotation.tolist()})
+    update = {"frame": frame, "limits_deg": limits, "link": _body(found.link), "motor": _motor(section, model)}
+    return section.model_copy(update=update)
+
+
+def _motor(section: JointSection, model: ForeignModel) -> MotorSection:
+    """Takes arm-side limits of the model to the motor side where the file states none."""
+    motor, name = section.motor, section.name
+    update: dict[str, float] = {}
+    if motor.gear_ratio <= 0:
+        return motor
+    if motor.max_speed_rad_s is None and name in model.speed_rad_s:
+        update["max_speed_rad_s"] = model.speed_rad_s[name] * motor.gear_ratio
+    if motor.max_torque_nm is None and name in model.torque_nm:
+        update["max_torque_nm"] = model.torque_nm[name] / motor.gear_ratio
+    return motor.model_copy(update=update)
+
+
+def _body(found: Inertial, stated: Body | None = None) -> Body:
+    tensor = found.inertia_kgm2
+    keys = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
+    inertia = InertiaTensor.model_validate({key: float(tensor[index]) for key, index in keys.items()})
+    com = tuple(found.com_m.tolist())
+    return Body(
+        mass_kg=found.mass_kg, com_m=com, inertia_kgm2=inertia, assumed=() if stated is None else stated.assumed
+    )

@@ -1,0 +1,91 @@
+"""Values of a robot file that are possible, but not for a robot: slips of unit and decimal point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from robid.robot.inertia import stretched_inertia
+from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import JointSection
+from robid.settings.yaml import FieldPath
+
+_Found = Iterator[tuple[FieldPath, str]]
+_LARGEST_RATIO = 2000.0
+_LONGEST_RUN_UP_S = 10.0
+_SHORTEST_RUN_UP_S = 2e-4
+_SMALLEST_SHARE = 2e-3
+_QUICK_SHARE = 2e-2
+_LARGEST_SHARE = 30.0
+_MASS_TOLERANCE = 0.01
+
+
+def implausible(robot: RobotFile) -> _Found:
+    """Yields gear ratios, motor inertias and a total mass that cannot be meant, with the reason."""
+    yield from _ratios(robot)
+    is_known = all((joint.dh or joint.frame) and joint.link and joint.link.mass_kg > 0 for joint in robot.joints)
+    moved = stretched_inertia([place for place, _ in robot.joint_frames()], robot.links()) if is_known else None
+    for index, joint in enumerate(robot.joints):
+        reason = _inertia(joint, None if moved is None else (float(moved[index]), float(moved.max())))
+        if reason:
+            value = f"{joint.motor.inertia_kgm2:g} kg m^2"
+            yield ("joints", index, "motor", "inertia_kgm2"), f"{value} is implausible: {reason}"
+    if is_known:
+        yield from _mass(robot)
+
+
+def _ratios(robot: RobotFile) -> _Found:
+    for index, joint in enumerate(robot.joints):
+        ratio = joint.motor.gear_ratio
+        if 1 <= ratio <= _LARGEST_RATIO:
+            continue
+        reason = f"{ratio:g} is implausible: motor turns per arm turn are a number from 1 to {_LARGEST_RATIO:g}"
+        if 1 <= np.deg2rad(ratio) <= _LARGEST_RATIO:
+            reason += f"; {ratio:g} would be {np.deg2rad(ratio):.4g} taken for degrees per radian"
+        elif 0 < ratio < 1:
+            reason += f"; its inverse, {1 / ratio:.4g}, may be meant"
+        yield ("joints", index, "motor", "gear_ratio"), reason
+
+
+def _inertia(joint: JointSection, moved: tuple[float, float] | None) -> str:
+    """Says why a rotor's inertia cannot be meant.
+
+    Args:
+        joint: The joint.
+        moved: Largest inertia that the joint meets, and the whole arm's [kg m^2]; None where they are unknown.
+    """
+    motor = joint.motor
+    speed, torque = motor.max_speed_rad_s, motor.max_torque_nm
+    run_up = None if speed is None or torque is None else motor.inertia_kgm2 * speed / torque
+    if run_up is not None and run_up > _LONGEST_RUN_UP_S:
+        return (
+            f"at {torque:.3g} N m the rotor alone would take {run_up:.2g} s to {speed:.3g} rad/s; check the units "
+            "(1 kg cm^2 is 1e-4 kg m^2)"
+        )
+    if moved is None or not 1 <= motor.gear_ratio <= _LARGEST_RATIO:
+        return ""
+    reflected, (own, arm) = motor.inertia_kgm2 * motor.gear_ratio**2, moved
+    text = f"behind a ratio of {motor.gear_ratio:g} it is {reflected:.3g} kg m^2 at the arm"
+    is_quick = run_up is not None and run_up < _SHORTEST_RUN_UP_S
+    if reflected < (_QUICK_SHARE if is_quick else _SMALLEST_SHARE) * own:
+        text = f"{text}, {_rounded(own / reflected)} times less than what `{joint.name}` moves, stretched out"
+        return f"{text}; the rotor alone would take {run_up:.2g} s to full speed" if is_quick else text
+    if reflected > _LARGEST_SHARE * arm:
+        return f"{text}, {_rounded(reflected / arm)} times that of the whole arm, stretched out"
+    return ""
+
+
+def _rounded(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def _mass(robot: RobotFile) -> _Found:
+    if robot.total_mass_kg is None:
+        return
+    masses = {joint.name: link.mass_kg for joint, link in zip(robot.joints, robot.links(), strict=True)}
+    found = sum(masses.values())
+    if abs(found - robot.total_mass_kg) > _MASS_TOLERANCE * robot.total_mass_kg:
+        parts = ", ".join(f"{name} {mass:.4g}" for name, mass in masses.items())
+        message = f"{robot.total_mass_kg:g} kg is stated, but the links that move have {found:.6g} kg ({parts})"
+        yield ("total_mass_kg",), message

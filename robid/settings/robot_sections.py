@@ -1,0 +1,241 @@
+"""Models of the sections of a robot file."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias, TypeVar
+
+import numpy as np
+from pydantic import Field
+from scipy.spatial.transform import Rotation
+
+from robid.arrays import FloatArray
+from robid.robot.description import Friction, Inertial, Motor, Spring
+from robid.settings.base import Name, Section, Vector
+
+_Value = TypeVar("_Value")
+Matrix: TypeAlias = tuple[Vector, Vector, Vector]
+
+
+class Assumed(Section):
+    """A section some of whose values no source gives."""
+
+    assumed: tuple[str, ...] = Field(
+        default=(), description="Dotted names, within this section, of the values that no source gives."
+    )
+
+
+class InertiaTensor(Section):
+    """Inertia about the centre of mass; xy, yz, xz are the entries of the matrix as they stand in it."""
+
+    xx: float = Field(description="Entry (x, x) of the matrix [kg m^2].")
+    yy: float = Field(description="Entry (y, y) of the matrix [kg m^2].")
+    zz: float = Field(description="Entry (z, z) of the matrix [kg m^2].")
+    xy: float = Field(default=0.0, description="Entry (x, y) of the matrix, minus the integral of x y dm [kg m^2].")
+    yz: float = Field(default=0.0, description="Entry (y, z) of the matrix, minus the integral of y z dm [kg m^2].")
+    xz: float = Field(default=0.0, description="Entry (x, z) of the matrix, minus the integral of x z dm [kg m^2].")
+
+    def matrix(self) -> FloatArray:
+        """Returns the tensor (3, 3) [kg m^2]."""
+        return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
+
+
+class Body(Assumed):
+    """Mass properties of a rigid body, in its link's frame."""
+
+    mass_kg: float = Field(description="Mass [kg].", ge=0)
+    com_m: Vector = Field(description="Centre of mass [m].")
+    inertia_kgm2: InertiaTensor = Field(description="Inertia about the centre of mass, along the frame's axes.")
+
+    def inertial(self) -> Inertial:
+        """Returns the mass properties in the frame they are given in."""
+        return Inertial(self.mass_kg, np.array(self.com_m), self.inertia_kgm2.matrix())
+
+
+class FrictionSection(Assumed):
+    """LuGre friction of a motor, motor side."""
+
+    viscous_nms_rad: float = Field(default=0.0, description="Viscous coefficient [N m s/rad].", ge=0)
+    coulomb_nm: float = Field(default=0.0, description="Coulomb level [N m].", ge=0)
+    static_nm: float = Field(default=0.0, description="Breakaway level [N m].", ge=0)
+    stribeck_rad_s: float = Field(default=1.0, description="Stribeck speed [rad/s].", gt=0)
+    presliding_rad: float = Field(default=0.02, description="Bristle deflection at the Coulomb level [rad].", gt=0)
+    relative_std: float = Field(
+        default=0.1, description="Standard deviation of the relative error of the coefficients.", ge=0
+    )
+
+    def friction(self) -> Friction:
+        """Returns the plain description."""
+        return Friction(**self.model_dump(exclude={"assumed"}))
+
+
+class MotorSection(Assumed):
+    """A motor and its gear, motor side."""
+
+    inertia_kgm2: float = Field(description="Rotor inertia [kg m^2].", gt=0)
+    gear_ratio: float = Field(description="Motor turns per arm turn.")
+    max_speed_rad_s: float | None = Field(
+        default=None, description="Speed limit; that of `model` when not given [rad/s].", gt=0
+    )
+    max_torque_nm: float | None = Field(
+        default=None, description="Torque limit; that of `model` when not given [N m].", gt=0
+    )
+    friction: FrictionSection = Field(default_factory=FrictionSection, description="Nominal friction.")
+    ripple_nm: float = Field(default=0.0, description="Amplitude of the torque ripple [N m].", ge=0)
+    ripple_order: int = Field(default=6, description="Ripple periods per motor turn.", ge=1)
+
+    def motor(self) -> Motor:
+        """Returns the plain description."""
+        return Motor(
+            inertia_kgm2=self.inertia_kgm2,
+            gear_ratio=self.gear_ratio,
+            max_speed_rad_s=given(self.max_speed_rad_s),
+            max_torque_nm=given(self.max_torque_nm),
+            friction=self.friction.friction(),
+            ripple_nm=self.ripple_nm,
+            ripple_order=self.ripple_order,
+        )
+
+
+class Dh(Assumed):
+    """Standard Denavit-Hartenberg parameters: Rz(q + offset) Tz(d) Tx(a) Rx(alpha)."""
+
+    d_m: float = Field(default=0.0, description="Translation along the joint axis [m].")
+    a_m: float = Field(default=0.0, description="Translation along the turned x axis [m].")
+    alpha_deg: float = Field(default=0.0, description="Turn about the turned x axis [deg].")
+    offset_deg: float = Field(default=0.0, description="Joint angle of the DH frame at zero robot angle [deg].")
+
+    def link_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Returns position (3,) [m] and orientation (3, 3) of the DH frame at the link's end in the joint frame."""
+        return np.array([self.a_m, 0.0, self.d_m]), Rotation.from_euler("x", self.alpha_deg, degrees=True).as_matrix()
+
+    def joint_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Returns position (3,) [m] and orientation (3, 3) of the joint frame in the previous link's frame."""
+        turn = Rotation.from_euler("z", self.offset_deg, degrees=True).as_matrix()
+        return np.zeros(3), np.asarray(turn)
+
+
+class Frame(Assumed):
+    """A joint's frame, its axis along z, in the previous joint's frame at zero angle; links are given in it."""
+
+    position_m: Vector = Field(default=(0.0, 0.0, 0.0), description="Origin [m].")
+    rotation: Matrix = Field(
+        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), description="Orientation, row by row."
+    )
+
+    def joint_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Returns position (3,) [m] and orientation (3, 3) of the joint frame in the previous link's frame."""
+        return np.array(self.position_m), np.array(self.rotation)
+
+    def link_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Returns position (3,) [m] and orientation (3, 3) of the link's frame in the joint frame: the same frame."""
+        return np.zeros(3), np.eye(3)
+
+
+class GearSection(Assumed):
+    """The transmission of a joint, arm side: short for a spring `gear_<joint>` at the place `transmission`."""
+
+    stiffness_nm_rad: float = Field(description="Stiffness [N m/rad].", gt=0)
+    damping_nms_rad: float = Field(description="Damping [N m s/rad].", ge=0)
+    cubic_nm_rad3: float = Field(
+        default=0.0, description="Coefficient of the cubic, stiffening part [N m/rad^3].", ge=0
+    )
+
+
+class JointSection(Assumed):
+    """A revolute joint, its motor, and the link that it moves."""
+
+    name: Name = Field(description="Name of the joint.")
+    dh: Dh | None = Field(default=None, description="From this joint's frame to the next one.")
+    frame: Frame | None = Field(default=None, description="In place of `dh`: this joint's frame in the previous one.")
+    limits_deg: tuple[float, float] | None = Field(
+        default=None, description="Lower and upper joint limit; those of `model` when not given [deg]."
+    )
+    couplings: dict[Name, float] = Field(
+        default_factory=dict,
+        description="Arm turns of this joint per turn of another joint's motor, by that joint's name.",
+    )
+    link: Body | None = Field(default=None, description="The link, in its frame; `model` brings it.")
+    motor: MotorSection = Field(description="The motor and its gear.")
+    gear: GearSection | None = Field(default=None, description="The transmission; or an entry among `springs`.")
+
+    @property
+    def geometry(self) -> Dh | Frame:
+        """Where the joint and its link are."""
+        return self.dh if self.dh is not None else given(self.frame)
+
+    def into_joint_frame(self, body: Inertial) -> Inertial:
+        """Moves mass properties from the link's frame into the joint frame."""
+        return moved(body, *self.geometry.link_frame())
+
+
+class SpringSection(Assumed):
+    """A torsional spring-damper pair, arm side."""
+
+    name: Name = Field(description="Name of the spring.")
+    joint: Name | None = Field(
+        default=None, description="Name of the joint it belongs to; springs of the base and the payload have none."
+    )
+    place: Literal["transmission", "bearing", "split", "base", "payload"] = Field(
+        description="Between motor and arm, about a further axis of the joint, inside the joint's link, beneath the "
+        "first joint, or between the last link and the payload."
+    )
+    axis: Vector | None = Field(
+        default=None,
+        description="Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis), it does not turn "
+        "with the joint. Split: in the link's frame. Payload: in the payload's. Base: in the world frame. "
+        "A transmission has none.",
+    )
+    stiffness_nm_rad: float = Field(description="Stiffness [N m/rad].", gt=0)
+    damping_nms_rad: float = Field(description="Damping [N m s/rad].", ge=0)
+    cubic_nm_rad3: float = Field(
+        default=0.0, description="Coefficient of the cubic, stiffening part [N m/rad^3].", ge=0
+    )
+    point_m: Vector | None = Field(
+        default=None,
+        description="Where the link is split, or the payload or the base is hinged (their frame's origin when not "
+        "given), in the same frame as the axis [m].",
+    )
+    outboard: Body | None = Field(
+        default=None, description="Split only: the part of the link beyond the split, in the link's frame."
+    )
+
+    def spring(self, joints: tuple[JointSection, ...]) -> Spring:
+        """Returns the plain description, in the joint frame."""
+        ends = {"base": 0, "payload": len(joints) - 1}
+        index = ends[self.place] if self.place in ends else [joint.name for joint in joints].index(given(self.joint))
+        position, rotation = joints[index].geometry.link_frame()
+        if self.place == "base":
+            position, rotation = np.zeros(3), np.eye(3)
+        axis, point = np.array(self.axis or (0.0, 0.0, 1.0)), np.array(self.point_m or (0.0, 0.0, 0.0))
+        if self.place in ("split", "payload"):
+            axis = rotation @ axis
+        return Spring(
+            name=self.name,
+            joint=index,
+            place=self.place,
+            axis=axis / np.linalg.norm(axis),
+            stiffness_nm_rad=self.stiffness_nm_rad,
+            damping_nms_rad=self.damping_nms_rad,
+            cubic_nm_rad3=self.cubic_nm_rad3,
+            point_m=position + rotation @ point if self.place in ("split", "base", "payload") else np.zeros(3),
+            outboard=None if self.outboard is None else joints[index].into_joint_frame(self.outboard.inertial()),
+        )
+
+
+def moved(body: Inertial, position: FloatArray, rotation: FloatArray) -> Inertial:
+    """Returns mass properties in another frame.
+
+    Args:
+        body: Mass properties in their frame.
+        position (3,): Origin of that frame in the other one [m].
+        rotation (3, 3): Its orientation there.
+    """
+    return Inertial(body.mass_kg, position + rotation @ body.com_m, rotation @ body.inertia_kgm2 @ rotation.T)
+
+
+def given(value: _Value | None) -> _Value:
+    """Returns a value that a checked robot file has."""
+    if value is None:
+        message = "a checked robot file lacks no value"
+        raise RuntimeError(message)
+    return value
