@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from robid.frf.frf import Frf
-from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
+from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
@@ -62,6 +62,16 @@ def springs_everywhere():
     elbow = replace(robot.joints[1], couplings={"shoulder": 0.002})
     base = Inertial(30.0, np.array([0.0, 0.05, 0.1]), np.diag([0.8, 0.9, 1.0]))
     return replace(robot, springs=(*robot.springs, *springs), joints=(robot.joints[0], elbow), base=base)
+
+
+def sensed_everywhere():
+    """Springs everywhere, a tracker on the payload and an accelerometer on the second link."""
+    lean = np.array([0.48, 0.6, 0.64])
+    sensors = (
+        Sensor("tip", "tracker", None, np.array([0.7, 0.1, 0.2]), lean),
+        Sensor("felt", "accelerometer", 1, np.array([0.4, 0.05, 0.1]), lean),
+    )
+    return replace(springs_everywhere(), sensors=sensors)
 
 
 def exact_frf(

@@ -2,6 +2,7 @@
 
 Schema history:
     1.0: first version.
+    1.1: `accelerations`; trackers and accelerometers among the outputs.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.signals.record import Record
 
-RECORD = Kind("record", "1.0", "robid simulate-or-acquire")
+RECORD = Kind("record", "1.1", "robid simulate-or-acquire")
 
 _REFERENCE_UNITS = {"speed_reference": "rad/s", "position_reference": "rad"}
 
@@ -22,7 +23,12 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
     table = {
         "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
         "torque": Column(record.torque_unit, (*samples, "input"), "Motor torque, motor side", compact=True),
-        "position": Column("rad", (*samples, "output"), "Measured angles less their offset", compact=True),
+        "position": Column(
+            "rad",
+            (*samples, "output"),
+            "Measured angles less their offset; trackers in m, accelerometers in m/s^2",
+            compact=True,
+        ),
         "reference": Column(
             reference_units,
             ("configuration", "realization", "experiment", "sample", "input"),
@@ -35,6 +41,7 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
         "output_names": Column("1", ("output",)),
         "position_offset_rad": Column("rad", ("configuration", "output"), "Offset subtracted from the position"),
         "torque_relative_std": Column("1", ("input",), "Standard deviation of the torque scale's relative error"),
+        "accelerations": Column("1", ("acceleration",), "Names of the outputs that are accelerations"),
         "notes": Column("1", ("note",)),
     }
     return Artifact(RECORD, *to_datasets(record, table), provenance)

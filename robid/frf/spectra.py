@@ -19,7 +19,7 @@ class Spectra:
 
     Attributes:
         torque (n_real, n_exp, n_period, n_freq, n_in): Torque [N m].
-        acceleration (n_real, n_exp, n_period, n_freq, n_out): Acceleration [rad/s^2].
+        acceleration (n_real, n_exp, n_period, n_freq, n_out): Acceleration [rad/s^2 or m/s^2].
         disturbance (n_kind, n_real, n_exp, n_period, n_freq, n_in): Torque per coefficient of `KINDS`, as held
             torque at the controller's output [N m]; n_kind is 0 without compensation.
     """
@@ -49,7 +49,9 @@ def record_spectra(record: Record, laws: tuple[TorqueLaw, ...] | None, delay_s: 
     omega = 2 * np.pi * lines / record.period_s
     angle = remove_drift(record.position[0])
     torque = np.fft.rfft(record.torque[0], axis=3)[:, :, :, lines] / n_sample
-    acceleration = -(omega**2)[:, None] * np.fft.rfft(angle, axis=3)[:, :, :, lines] / n_sample
+    is_acceleration = np.array([name in record.accelerations for name in record.output_names])
+    rate = np.where(is_acceleration, 1.0, -(omega**2)[:, None])
+    acceleration = rate * np.fft.rfft(angle, axis=3)[:, :, :, lines] / n_sample
     if laws is None:
         return Spectra(torque, acceleration, np.zeros((0, *torque.shape), complex))
     n_in = torque.shape[-1]

@@ -131,6 +131,26 @@ class Spring:
 
 
 @dataclass(frozen=True)
+class Sensor:
+    """A sensor beyond the encoders.
+
+    Attributes:
+        name: Name of the sensor.
+        kind: `tracker` shows a point's position along an axis of the world, `accelerometer` the point's
+            acceleration less gravity along an axis that moves with it.
+        joint: Index of the joint whose link carries it, on its outermost part; None for the payload.
+        point_m (3,): Where it sits, in that joint's frame [m].
+        axis (3,): Unit axis: tracker, in the world frame; accelerometer, in the joint's frame.
+    """
+
+    name: str
+    kind: Literal["tracker", "accelerometer"]
+    joint: int | None
+    point_m: FloatArray
+    axis: FloatArray
+
+
+@dataclass(frozen=True)
 class Robot:
     """An elastic robot with its payload.
 
@@ -144,6 +164,7 @@ class Robot:
         assumed: Dotted names of the values that no source gives.
         notes: What the robot file wants the reader to know.
         base: Mass properties of what base springs carry beneath the first joint, in the world frame.
+        sensors: Sensors beyond the encoders.
     """
 
     name: str
@@ -155,11 +176,18 @@ class Robot:
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     base: Inertial | None = None
+    sensors: tuple[Sensor, ...] = ()
 
     @property
     def gear_ratio(self) -> FloatArray:
         """Gear ratios (n_joint,), motor turns per arm turn."""
         return np.array([joint.motor.gear_ratio for joint in self.joints])
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of everything that can be measured: motors, link encoders, sensors."""
+        names = [joint.name for joint in self.joints]
+        return (*names, *(f"{name}.arm" for name in names), *(sensor.name for sensor in self.sensors))
 
     @property
     def arm_per_motor(self) -> FloatArray:

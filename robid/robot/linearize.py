@@ -9,7 +9,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.robot.model import ElasticModel
+from robid.robot.description import Sensor
+from robid.robot.model import ElasticModel, site_name
 
 _GRADIENT_STEP_RAD = 1e-5
 _NEWTON_STEPS = 20
@@ -43,7 +44,8 @@ class LinearModel:
         gravity_stiffness (n_conf, n, n): Symmetrised gradient of gravity [N m/rad].
         link_inertia (n_conf, n_joint, n, n): Derivative of the inertia matrix with respect to each link's
             own inertia about its joint axis direction.
-        output (n_out, n): Outputs in these coordinates; motors first, then arm-side angles.
+        output (n_conf, n_out, n): Angles and positions in these coordinates; of an accelerometer, its position.
+        tilt (n_conf, n_out, n): How gravity enters an accelerometer as it turns [m/s^2]; zero for the others.
         rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
         axial (n_joint,): Links' own inertia about the joint axis direction, payload included [kg m^2].
     """
@@ -52,6 +54,7 @@ class LinearModel:
     gravity_stiffness: FloatArray
     link_inertia: FloatArray
     output: FloatArray
+    tilt: FloatArray
     rotor: FloatArray
     axial: FloatArray
 
@@ -94,8 +97,8 @@ def linearize(
     Args:
         model: The elastic model.
         equilibrium: Where to linearise.
-        output_names: Outputs: a joint's name is its motor angle, `<joint>.arm` its arm angle; by default
-            all motors.
+        output_names: Outputs: a joint's name is its motor angle, `<joint>.arm` its arm angle, others are the
+            robot's sensors; by default all motors.
 
     Returns:
         Constant matrices of all configurations.
@@ -106,16 +109,23 @@ def linearize(
     data = mujoco.MjData(model.mujoco)
     to_spring = np.linalg.inv(np.vstack([np.eye(model.mujoco.nv)[model.motor], model.deflection]))
     axial = _axial_inertia(model)
-    masses, gravities, links = [], [], []
+    masses, gravities, links, outputs = [], [], [], []
+    names = output_names or tuple(joint.name for joint in model.robot.joints)
     for position in equilibrium.position:
         gravities.append(to_spring.T @ _gravity_gradient(model, data, position) @ to_spring)
         mass, turns = _inertia(model, data, position)
         turns = turns @ to_spring
         links.append(turns[:, :, None] * turns[:, None, :])
+        outputs.append(_outputs(model, data, names) @ to_spring)
         masses.append(to_spring.T @ mass @ to_spring - np.einsum("l,lij->ij", axial, links[-1]))
-    output = _outputs(model, output_names) @ to_spring
     return LinearModel(
-        np.array(masses), np.array(gravities), np.array(links), output, model.robot.motor_inertia_kgm2, axial
+        mass=np.array(masses),
+        gravity_stiffness=np.array(gravities),
+        link_inertia=np.array(links),
+        output=np.array([output for output, _ in outputs]),
+        tilt=np.array([tilt for _, tilt in outputs]),
+        rotor=model.robot.motor_inertia_kgm2,
+        axial=axial,
     )
 
 
@@ -188,17 +198,31 @@ def _axial_inertia(model: ElasticModel) -> FloatArray:
     return np.array(axial)
 
 
-def _outputs(model: ElasticModel, names: tuple[str, ...] | None) -> FloatArray:
+def _outputs(model: ElasticModel, data: mujoco.MjData, names: tuple[str, ...]) -> FloatArray:
+    """Outputs and gravity's part of them (2, n_out, n_dof) where `data` stands."""
     identity = np.eye(model.mujoco.nv)
-    if names is None:
-        return identity[model.motor]
     joints = [joint.name for joint in model.robot.joints]
-    rows = []
-    for name in names:
+    known = model.robot.output_names
+    rows = np.zeros((2, len(names), model.mujoco.nv))
+    for row, name in enumerate(names):
+        if name not in known:
+            message = f"output `{name}` is nothing that the robot measures (known: {', '.join(known)})"
+            remedy = "name the log's outputs after the robot's joints and sensors"
+            raise DataError(message, where=model.robot.name, remedy=remedy)
         joint, _, side = name.partition(".")
-        if joint not in joints or side not in ("", "arm"):
-            known = ", ".join([*joints, *(f"{name}.arm" for name in joints)])
-            message = f"output `{name}` is not an angle of the robot (known: {known})"
-            raise DataError(message, where=model.robot.name, remedy="name the log's outputs after the robot's joints")
-        rows.append(identity[(model.arm if side else model.motor)[joints.index(joint)]])
-    return np.array(rows)
+        if joint in joints:
+            rows[0, row] = identity[(model.arm if side else model.motor)[joints.index(joint)]]
+        else:
+            rows[:, row] = _sensed(model, data, next(s for s in model.robot.sensors if s.name == name))
+    return rows
+
+
+def _sensed(model: ElasticModel, data: mujoco.MjData, sensor: Sensor) -> FloatArray:
+    """A sensor's rows (2, n_dof): its position along its axis, and its turn out of gravity's way."""
+    moving, turning = np.zeros((3, model.mujoco.nv)), np.zeros((3, model.mujoco.nv))
+    site = model.mujoco.site(site_name(sensor)).id
+    mujoco.mj_jacSite(model.mujoco, data, moving, turning, site)
+    if sensor.kind == "tracker":
+        return np.stack([sensor.axis @ moving, np.zeros(model.mujoco.nv)])
+    axis = data.site_xmat[site].reshape(3, 3) @ sensor.axis
+    return np.stack([axis @ moving, np.cross(axis, model.mujoco.opt.gravity) @ turning])

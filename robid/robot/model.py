@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
+from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring
 from robid.robot.inertia import combine, remove
 
 _MASSLESS_KG = 1e-6
@@ -46,6 +46,7 @@ def build_model(
     backlash_rad: float = 0.0,
     hysteresis_nm: float = 0.0,
     timestep_s: float = 1e-3,
+    sensors: bool = False,
 ) -> ElasticModel:
     """Builds the elastic MuJoCo model of a robot.
 
@@ -56,6 +57,7 @@ def build_model(
         backlash_rad: Dead band of the transmissions, arm side [rad].
         hysteresis_nm: Bristle torque parallel to the transmissions, arm side [N m].
         timestep_s: Integration step [s].
+        sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
 
     Returns:
         The compiled model; its controls are the motor torques [N m].
@@ -75,11 +77,17 @@ def build_model(
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
         _add_motor(carrier, joint, offset, robot.rotor)
         parent, offset = _add_link(parent, joint, index, offset, robot, is_last=is_last)
+        _add_sites(parent, robot, index, offset)
+    parent, offset = _add_payload(parent, robot, offset)
+    _add_sites(parent, robot, None, offset)
     for spring in robot.springs:
         if spring.place == "transmission":
             _add_transmission(spec, robot, spring, backlash_rad, hysteresis_nm)
     for joint in robot.joints:
         _add_torque(spec, joint, friction=friction, ripple=ripple)
+    for sensor in robot.sensors if sensors else ():
+        kind = mujoco.mjtSensor.mjSENS_FRAMEPOS if sensor.kind == "tracker" else mujoco.mjtSensor.mjSENS_ACCELEROMETER
+        spec.add_sensor(name=sensor.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site_name(sensor))
     return _compile(spec, robot)
 
 
@@ -95,12 +103,26 @@ def _add_base(world: mujoco.MjsBody, robot: Robot) -> tuple[mujoco.MjsBody, Floa
     return parent, origin
 
 
-def _add_payload(parent: mujoco.MjsBody, robot: Robot, origin: FloatArray) -> None:
-    """Hangs the payload on its springs, the first one nearest to the arm."""
-    for spring in _at(robot, "payload"):
+def _add_payload(parent: mujoco.MjsBody, robot: Robot, origin: FloatArray) -> tuple[mujoco.MjsBody, FloatArray]:
+    """Hangs the payload on its springs, the first one nearest to the arm; returns it with its origin."""
+    springs = _at(robot, "payload")
+    for spring in springs:
         parent = _add_hinged(parent, spring, spring.point_m - origin)
         origin = spring.point_m
-    _set_inertial(parent, robot.payload, origin)
+    if springs:
+        _set_inertial(parent, robot.payload, origin)
+    return parent, origin
+
+
+def site_name(sensor: Sensor) -> str:
+    """Returns the name of a sensor's site."""
+    return f"sensor_{sensor.name}"
+
+
+def _add_sites(body: mujoco.MjsBody, robot: Robot, joint: int | None, origin: FloatArray) -> None:
+    for sensor in robot.sensors:
+        if sensor.joint == joint:
+            body.add_site(name=site_name(sensor), pos=sensor.point_m - origin)
 
 
 def _at(robot: Robot, place: str) -> list[Spring]:
@@ -149,8 +171,6 @@ def _add_link(
     if is_last and robot.payload.mass_kg > 0 and not hangs:
         whole = combine(whole, robot.payload)
     _set_inertial(body, whole, origin)
-    if is_last and hangs:
-        _add_payload(body, robot, origin)
     return body, origin
 
 

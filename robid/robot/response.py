@@ -85,12 +85,15 @@ def response(
     omega = 2 * np.pi * np.asarray(frequency_hz, float)
     stiffness = _dynamic_stiffness(model, parameters, omega)
     n_motor, n = model.n_motor, model.mass.shape[-1]
-    collocated = model.output.shape[0] == n_motor and np.array_equal(model.output, np.eye(n_motor, n))
-    right = np.eye(n, n_motor) if collocated else np.hstack([np.eye(n, n_motor), model.output.T])
-    solved = np.linalg.solve(stiffness, np.broadcast_to(right, (*stiffness.shape[:2], *right.shape)))
+    collocated = model.output.shape[1] == n_motor and bool((model.output == np.eye(n_motor, n)).all())
+    seen = _seen(model, omega)
+    right = np.broadcast_to(np.eye(n, n_motor), (*stiffness.shape[:2], n, n_motor))
+    if not collocated:
+        right = np.concatenate([right, np.swapaxes(seen, -1, -2)], axis=-1)
+    solved = np.linalg.solve(stiffness, right)
     inputs = solved[..., :n_motor]
     outputs = inputs if collocated else solved[..., n_motor:]
-    continuous = -(omega**2)[:, None, None] * (model.output @ inputs)
+    continuous = -(omega**2)[:, None, None] * (seen @ inputs)
     hold = _hold(omega, parameters.delay[0], sampling_period_s)
     sampled = hold[:, None, None] * continuous
     if sampling_period_s is not None:
@@ -210,6 +213,11 @@ def _dynamic_stiffness(model: LinearModel, parameters: ElasticParameters, omega:
     constant = model.gravity_stiffness[:, None] + _springs(model, parameters)
     dynamic = constant - (omega**2)[:, None, None] * _mass(model, parameters)[:, None]
     return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(parameters))
+
+
+def _seen(model: LinearModel, omega: FloatArray) -> FloatArray:
+    """Outputs (n_conf, n_freq, n_out, n) as positions; an accelerometer that tilts seems to move."""
+    return np.asarray(model.output[:, None] + model.tilt[:, None] / (omega**2)[:, None, None])
 
 
 def _fast_limit(model: LinearModel, parameters: ElasticParameters) -> FloatArray:

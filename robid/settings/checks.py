@@ -43,10 +43,10 @@ def sampling_period_s(campaign: Campaign, robot: RobotFile) -> float | None:
 
 
 def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
-    """Returns the names of a campaign's measured angles; a simulation measures every motor."""
+    """Returns the names of a campaign's outputs; a simulation measures every motor."""
     if campaign.source is not None and campaign.source.acquire is not None:
         return tuple(channel.name for channel in campaign.source.acquire.outputs)
-    return tuple(joint.name for joint in robot.joints)
+    return (*(joint.name for joint in robot.joints), *campaign.outputs[1:])
 
 
 def parameter_names(robot: RobotFile, kinds: Iterable[str]) -> list[str]:
@@ -151,10 +151,27 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
         yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
     yield from _lines(field, campaign, robot)
     acquire = None if campaign.source is None else campaign.source.acquire
+    yield from _outputs(field, campaign, robot)
     if acquire is not None:
         yield from _channels((*field, "source", "acquire"), acquire, robot)
     elif campaign.source is not None and robot.controller is None:
         yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
+
+
+def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+    if campaign.source is not None and campaign.source.acquire is not None:
+        if campaign.outputs != ("motors",):
+            yield (*field, "outputs"), "is for simulations: what a log has stands under `source.acquire.outputs`"
+        return
+    if campaign.outputs[:1] != ("motors",):
+        yield (*field, "outputs"), "must begin with `motors`"
+        return
+    known = robot.output_names[len(robot.joints) :]
+    for index, name in enumerate(campaign.outputs[1:], start=1):
+        if name not in known:
+            yield (*field, "outputs", index), f"the robot has no output `{name}`; {suggest(name, known)}"
+        elif name in campaign.outputs[:index]:
+            yield (*field, "outputs", index), f"`{name}` is there twice"
 
 
 def _channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Found:

@@ -168,6 +168,10 @@ class Campaign(Section):
     )
     realizations: int = Field(default=1, description="Blocks of experiments with new random phases.", ge=1)
     periods: int = Field(default=2, description="Recorded periods of each experiment.", ge=1)
+    outputs: tuple[str, ...] = Field(
+        default=("motors",),
+        description="What a simulation records: `motors` first, then `<joint>.arm` and the robot's `sensors`.",
+    )
     source: Source | None = Field(default=None, description="Where the record comes from; none if never measured.")
     estimate: EstimateOptions = Field(
         default_factory=EstimateOptions, description="How the record becomes a frequency response."

@@ -118,10 +118,18 @@ def _merge(
         if spring.outboard is not None:
             update["outboard"] = _body(moved(spring.outboard.inertial(), position, rotation), spring.outboard)
         springs.append(spring.model_copy(update=update))
+    sensors = []
+    for sensor in robot.sensors:
+        position, rotation = (held, turned) if sensor.joint is None else bodies.get(sensor.joint, (held, turned))
+        update = {"point_m": tuple((position + rotation @ sensor.point_m).tolist())}
+        if sensor.kind == "accelerometer":
+            update["axis"] = tuple((rotation @ sensor.axis).tolist())
+        sensors.append(sensor.model_copy(update=update))
     payload = robot.payload
     if payload is not None:
         payload = _body(moved(payload.inertial(), held, turned), payload)
-    update = {"joints": joints, "springs": tuple(springs), "payload": payload, "notes": (*robot.notes, *model.notes)}
+    update = {"joints": joints, "springs": tuple(springs), "sensors": tuple(sensors), "payload": payload}
+    update["notes"] = (*robot.notes, *model.notes)
     return robot.model_copy(update=update)
 
 

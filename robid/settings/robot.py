@@ -14,7 +14,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.robot.description import Inertial, Joint, Robot
 from robid.settings.base import DATA_VARIABLE, Vector, data_path
-from robid.settings.robot_sections import Assumed, Body, GearSection, JointSection, SpringSection, given
+from robid.settings.robot_sections import Assumed, Body, GearSection, JointSection, SensorSection, SpringSection, given
 from robid.settings.yaml import FieldPath
 from robid.simulate.options import Controller
 
@@ -53,6 +53,13 @@ class RobotFile(Assumed):
     base: Body | None = Field(
         default=None, description="What base springs carry beneath the first joint, in the world frame."
     )
+    sensors: tuple[SensorSection, ...] = Field(default=(), description="Sensors beyond motors and link encoders.")
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of everything that can be measured: motors, link encoders, sensors."""
+        names = [joint.name for joint in self.joints]
+        return (*names, *(f"{name}.arm" for name in names), *(sensor.name for sensor in self.sensors))
 
     @property
     def all_springs(self) -> tuple[SpringSection, ...]:
@@ -107,6 +114,7 @@ class RobotFile(Assumed):
             springs=tuple(spring.spring(self.joints) for spring in self.all_springs),
             payload=self._payload(payload_kg),
             base=None if self.base is None else self.base.inertial(),
+            sensors=tuple(sensor.sensor(self.joints) for sensor in self.sensors),
             rotor=self.rotor,
             assumed=assumed_names(self),
             notes=self.notes,
@@ -178,5 +186,5 @@ def assumed_sections(
             yield from assumed_sections(value, f"{prefix}{key}.", (*field, key))
         elif isinstance(value, tuple):
             for index, item in enumerate(value):
-                if isinstance(item, JointSection | SpringSection):
+                if isinstance(item, JointSection | SpringSection | SensorSection):
                     yield from assumed_sections(item, f"{item.name}.", (*field, key, index))

@@ -29,7 +29,7 @@ def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str
         robot: The file, completed from its model where it names one that is there.
         immobile: Joints of the model that do not move, with the reason.
     """
-    checks = (_names, _missing, _joints, _couplings, _splits, _payload, _base, _assumed)
+    checks = (_names, _missing, _joints, _couplings, _splits, _payload, _base, _sensors, _assumed)
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
     found += implausible(robot)
     return [problem_at(document, field, message) for field, message in found]
@@ -44,10 +44,11 @@ def spring_field(robot: RobotFile, index: int) -> FieldPath:
 def _names(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     named: list[tuple[FieldPath, str]] = [(("joints", i, "name"), joint.name) for i, joint in enumerate(robot.joints)]
     named += [((*spring_field(robot, i), "name"), spring.name) for i, spring in enumerate(robot.all_springs)]
+    named += [(("sensors", i, "name"), sensor.name) for i, sensor in enumerate(robot.sensors)]
     count = Counter(name for _, name in named)
     for field, name in named:
         if count[name] > 1:
-            yield field, f"`{name}` names more than one joint or spring"
+            yield field, f"`{name}` names more than one joint, spring or sensor"
 
 
 def _missing(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
@@ -195,6 +196,15 @@ def _base(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
         yield from _body(("base",), robot.base)
         if not any(spring.place == "base" for spring in robot.springs):
             yield ("base",), "moves only on springs with `place: base`, and there is none"
+
+
+def _sensors(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    joints = [joint.name for joint in robot.joints]
+    for index, sensor in enumerate(robot.sensors):
+        if sensor.joint is not None and sensor.joint not in joints:
+            yield ("sensors", index, "joint"), f"there is no joint `{sensor.joint}`; {suggest(sensor.joint, joints)}"
+        if np.linalg.norm(sensor.axis) == 0:
+            yield ("sensors", index, "axis"), "has no direction"
 
 
 def _payload(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:

@@ -9,7 +9,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from robid.arrays import FloatArray
-from robid.robot.description import Friction, Inertial, Motor, Spring
+from robid.robot.description import Friction, Inertial, Motor, Sensor, Spring
 from robid.settings.base import Name, Section, Vector
 
 _Value = TypeVar("_Value")
@@ -219,6 +219,36 @@ class SpringSection(Assumed):
             cubic_nm_rad3=self.cubic_nm_rad3,
             point_m=position + rotation @ point if self.place in ("split", "base", "payload") else np.zeros(3),
             outboard=None if self.outboard is None else joints[index].into_joint_frame(self.outboard.inertial()),
+        )
+
+
+class SensorSection(Assumed):
+    """A sensor beyond the encoders."""
+
+    name: Name = Field(description="Name of the sensor, and of the output that it gives.")
+    kind: Literal["tracker", "accelerometer"] = Field(
+        description="A point's position, or its acceleration less gravity, along an axis."
+    )
+    joint: Name | None = Field(
+        default=None, description="Joint whose link carries it, on its outermost part; the payload when not given."
+    )
+    point_m: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="Where it sits, in the link's frame, or the payload's [m]."
+    )
+    axis: Vector = Field(description="Axis. Tracker: in the world frame. Accelerometer: in the frame of the point.")
+
+    def sensor(self, joints: tuple[JointSection, ...]) -> Sensor:
+        """Returns the plain description, in the joint frame."""
+        names = [joint.name for joint in joints]
+        index = None if self.joint is None else names.index(self.joint)
+        position, rotation = joints[-1 if index is None else index].geometry.link_frame()
+        axis = np.array(self.axis) / np.linalg.norm(self.axis)
+        return Sensor(
+            name=self.name,
+            kind=self.kind,
+            joint=index,
+            point_m=position + rotation @ np.array(self.point_m),
+            axis=axis if self.kind == "tracker" else rotation @ axis,
         )
 
 

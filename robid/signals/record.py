@@ -19,19 +19,21 @@ class Record:
         configurations (n_conf, n_joint): Arm-side joint angles, encoder side of the gears [rad].
         torque (n_conf, n_real, n_exp, n_period, n_sample, n_in): Motor torque, motor side [N m].
         position (n_conf, n_real, n_exp, n_period, n_sample, n_out): Measured angles relative to
-            `position_offset_rad`: motor side for motors, arm side for link encoders [rad].
+            `position_offset_rad`: motor side for motors, arm side for link encoders [rad]; of trackers the
+            position [m], of accelerometers the acceleration itself [m/s^2].
         reference (n_conf, n_real, n_exp, n_sample, n_in): One period of what was injected, or None.
         reference_kind: What `reference` is: `speed_reference`, `position_reference`, `torque`, or "".
         excited_lines (n_freq,): Excited DFT lines of one period.
         detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
         input_names: Name of each torque channel.
         output_names: Name of each position channel; collocated channels carry the motor's name.
-        position_offset_rad (n_conf, n_out): Offset subtracted from `position` [rad].
+        position_offset_rad (n_conf, n_out): Offset subtracted from `position`, in the channel's unit.
         torque_unit: `N m`, or the unit that stands for it (a current where K_t is unknown).
         torque_hold: `zoh` where the torque is a command held for a sample, `band_limited` where it was measured
             behind the same anti-aliasing as the angles.
         torque_relative_std (n_in,): Standard deviation of the relative error of the torque's scale, or None
             where the scale is exact.
+        accelerations: Names of the outputs that are accelerations.
         notes: What the import or the simulation wants the reader to know.
     """
 
@@ -49,6 +51,7 @@ class Record:
     torque_unit: str = "N m"
     torque_hold: Literal["zoh", "band_limited"] = "zoh"
     torque_relative_std: FloatArray | None = None
+    accelerations: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
 
     @property

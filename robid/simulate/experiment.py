@@ -18,6 +18,7 @@ from robid.robot.model import ElasticModel, build_model
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
+from robid.simulate.outputs import FurtherOutputs
 from robid.simulate.truth import with_imperfections
 
 
@@ -34,6 +35,7 @@ class Experiment:
         excited_lines (n_freq,): Excited lines.
         detection_lines (n_detection,): Lines left out on purpose.
         periods: Recorded periods.
+        outputs: What is recorded after the motors: `<joint>.arm` and sensors.
     """
 
     robot: Robot
@@ -44,6 +46,7 @@ class Experiment:
     excited_lines: IntArray
     detection_lines: IntArray
     periods: int
+    outputs: tuple[str, ...] = ()
 
 
 def simulate(experiment: Experiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
@@ -70,28 +73,30 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
     run = _Run(experiment, model, batch, rest.motor_torque[0], np.random.default_rng([experiment.options.seed, index]))
     total = experiment.options.transient_periods + experiment.periods
     torque = np.empty((experiment.periods, n_sample, n_sim, n_motor))
-    angle = np.empty_like(torque)
-    scrap = np.empty_like(torque[0]), np.empty_like(torque[0])
+    n_out = n_motor + len(experiment.outputs)
+    angle = np.empty((*torque.shape[:3], n_out))
+    scrap = np.empty_like(torque[0]), np.empty_like(angle[0])
     with _quiet_mujoco():
         for period in range(total):
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
             _refuse_explosion(batch, configuration, index, period)
-    offset = model.robot.motor_per_arm @ configuration
-    shape = (experiment.periods, n_sample, n_real, n_exp, n_motor)
+    offset = np.concatenate([model.robot.motor_per_arm @ configuration, run.rest_outputs])
+    shape = (experiment.periods, n_sample, n_real, n_exp)
     names = tuple(joint.name for joint in experiment.robot.joints)
     return Record(
         sampling_period_s=experiment.controller.sampling_period_s,
         configurations=configuration[None],
-        torque=torque.reshape(shape).transpose(2, 3, 0, 1, 4)[None],
-        position=(angle - offset).reshape(shape).transpose(2, 3, 0, 1, 4)[None],
+        torque=torque.reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
+        position=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
         reference=experiment.reference[None],
         reference_kind=experiment.inject,
         excited_lines=experiment.excited_lines,
         detection_lines=experiment.detection_lines,
         input_names=names,
-        output_names=names,
+        output_names=(*names, *experiment.outputs),
         position_offset_rad=offset[None],
+        accelerations=tuple(s.name for s in model.robot.sensors if s.kind == "accelerometer" and s.name in run.names),
     )
 
 
@@ -111,6 +116,12 @@ class _Run:
         reference = experiment.reference.reshape(n_sim, *experiment.reference.shape[2:])
         self._reference = np.ascontiguousarray(reference.transpose(1, 0, 2))
         self._motor = model.motor
+        self.names = experiment.outputs
+        self._further = FurtherOutputs(model, batch, experiment.outputs)
+        batch.ctrl[:] = rest_torque
+        batch.forward()
+        self.rest_outputs = self._further.read()[0]
+        self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
         self._rest = batch.qpos[:, model.motor].copy()
         zero = np.zeros_like(self._reference)
         speed, angle, torque = zero, zero, zero
@@ -140,14 +151,22 @@ class _Run:
         noise = self._generator.standard_normal(torque.shape) * flaws.encoder_noise_rad
         disturbance = self._generator.standard_normal(torque.shape) * flaws.torque_noise_nm
         steps = self._experiment.options.steps_per_sample
+        further = self._generator.standard_normal((*torque.shape[:2], len(self.names))) * self._sensor_noise
         for sample in range(torque.shape[0]):
             measured = measure(qpos[:, self._motor], noise[sample], flaws)
             command = self._cascade.command(measured, self._angle[sample], self._speed[sample])
             command = command + self._torque[sample]
-            angle[sample], torque[sample] = measured, command
+            angle[sample, :, : self._motor.size], torque[sample] = measured, command
             self._pending.append(command)
             ctrl[:] = self._pending.pop(0) + disturbance[sample]
-            batch.step(nstep=steps)
+            if not self.names:
+                batch.step(nstep=steps)
+                continue
+            arms = self._further.arms()
+            batch.step(nstep=1)  # sensors show the state at its beginning
+            angle[sample, :, self._motor.size :] = self._further.read(arms) + further[sample]
+            if steps > 1:
+                batch.step(nstep=steps - 1)
 
 
 def measure(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:
@@ -169,6 +188,7 @@ def _true_model(experiment: Experiment) -> ElasticModel:
         backlash_rad=flaws.backlash_rad,
         hysteresis_nm=flaws.hysteresis_nm,
         timestep_s=experiment.controller.sampling_period_s / experiment.options.steps_per_sample,
+        sensors=bool(experiment.outputs),
     )
 
 

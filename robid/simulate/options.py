@@ -33,6 +33,15 @@ class Imperfections:
     encoder_noise_rad: float = field(
         default=0.0, metadata={"description": "Standard deviation of the motor angle's noise [rad].", "ge": 0}
     )
+    link_encoder_noise_rad: float = field(
+        default=0.0, metadata={"description": "Standard deviation of the link encoders' noise [rad].", "ge": 0}
+    )
+    tracker_noise_m: float = field(
+        default=0.0, metadata={"description": "Standard deviation of the trackers' noise [m].", "ge": 0}
+    )
+    accelerometer_noise_m_s2: float = field(
+        default=0.0, metadata={"description": "Standard deviation of the accelerometers' noise [m/s^2].", "ge": 0}
+    )
     encoder_resolution_rad: float = field(
         default=0.0, metadata={"description": "Quantisation step of the motor angle [rad].", "ge": 0}
     )

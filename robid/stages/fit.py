@@ -35,7 +35,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     """Returns what the elastic model of a campaign is made of; the delay of a log is none."""
     used = loaded.experiment.campaigns[campaign]
-    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **robot_settings(loaded, "mechanics")}
+    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **robot_settings(loaded, "mechanics", "sensors")}
     settings["delay_s"] = delay_s(loaded, used)
     return settings
 

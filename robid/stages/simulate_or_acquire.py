@@ -45,16 +45,18 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         log = campaign.source.acquire.log_path(loaded.path.parent)
         return Plan((record,), settings, inputs, {"log": log})
     settings[f"{section}.payload_kg"] = campaign.payload_kg
-    settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller")
+    settings[f"{section}.outputs"] = to_plain(campaign.outputs)
+    settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", "sensors")
     return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
 
 
 def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
     """Torque and angle of all samples, once in the parts and once merged."""
     n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
+    n_channel = 2 * n_motor + len(campaign.outputs) - 1
     experiments = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations * n_motor
     samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
-    return 2 * 2 * _BYTES_PER_SAMPLE * samples * n_motor
+    return 2 * _BYTES_PER_SAMPLE * samples * n_channel
 
 
 def _run(job: Job) -> str:
@@ -107,6 +109,7 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
         excited_lines=content.excitation.excited_lines,
         detection_lines=content.excitation.detection_lines,
         periods=job.campaign.periods,
+        outputs=job.campaign.outputs[1:],
     )
     n_conf = len(content.configurations)
     parts = Parts(job.output, RECORD, job.key)

@@ -10,7 +10,9 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.simulate.options import Controller
 
-Part: TypeAlias = Literal["mechanics", "range", "motor_limits", "friction", "friction_std", "timing", "controller"]
+Part: TypeAlias = Literal[
+    "mechanics", "range", "motor_limits", "friction", "friction_std", "timing", "controller", "sensors"
+]
 
 _MOTOR: dict[str, Part] = {
     "inertia_kgm2": "mechanics",
@@ -44,6 +46,7 @@ _ROBOT: dict[str, Part] = {
     "payload": "mechanics",
     "base": "mechanics",
     "controller": "controller",
+    "sensors": "sensors",
 }
 
 _TIMING = ("sampling_period_s", "delay_samples")

@@ -7,6 +7,9 @@ import time
 
 import pytest
 
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.store import read_artifact
+
 OUTPUTS = {
     "designs/best.h5",
     "estimation/excitation.h5",
@@ -36,6 +39,21 @@ def test_a_run_makes_everything_and_recovers_the_springs(done):
         ends = summary[key.replace("model_hz", "model_lower_hz")], summary[key.replace("model_hz", "model_upper_hz")]
         assert ends[0] < summary[key] < ends[1]
     assert (done.runs / "report.html").read_text().count("<html") == 1
+
+
+def test_sensors_are_recorded_estimated_and_fitted(shop):
+    sensors = (
+        "sensors: [{name: tip_z, kind: tracker, axis: [0, 0, 1]}, {name: felt, kind: accelerometer, axis: [0, 1, 0]}]"
+    )
+    shop.change("payload:", f"{sensors}\npayload:", "arm.yaml")
+    for old in ("    source:\n", "    source: {"):
+        shop.change(old, f"    outputs: [motors, lift.arm, tip_z, felt]\n{old}")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 0, answer.err
+    frf = frf_from_artifact(read_artifact(shop.runs / "validation/frf.h5", FRF))
+    assert frf.output_names == ("turn", "lift", "lift.arm", "tip_z", "felt")
+    summary = json.loads((shop.runs / "summary.json").read_text())
+    assert summary["fits.elastic.springs.worst_error"] < 0.02
 
 
 def test_a_run_ends_with_table_verdict_and_report(done):

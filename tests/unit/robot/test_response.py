@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from exact_systems import springs_everywhere, two_joint_robot, two_mass_robot
+from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot, two_mass_robot
 from robid.robot.description import Inertial
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -18,6 +18,7 @@ CASES = {
     "two joints": (two_joint_robot(), np.array([[-0.3, 0.5], [0.9, 1.2]]), None),
     "rotors on the links": (two_joint_robot("on_link"), np.array([[-0.3, 0.5]]), None),
     "springs everywhere": (springs_everywhere(), np.array([[-0.3, 0.5]]), ("shoulder", "elbow", "elbow.arm")),
+    "sensors": (sensed_everywhere(), np.array([[-0.3, 0.5], [0.4, 0.2]]), ("shoulder", "elbow", "tip", "felt")),
     "motor and load": (two_mass_robot(viscous=0.01), np.zeros((1, 1)), ("drive", "drive.arm")),
 }
 

@@ -108,6 +108,22 @@ def test_payload_and_springs_are_given_in_the_model_s_frames(tmp_path):
     np.testing.assert_allclose(tube.outboard.inertia_kgm2, tensor, atol=1e-12)
 
 
+def test_sensors_are_given_in_the_model_s_frames(tmp_path):
+    def change(data):
+        data["sensors"] = [
+            {"name": "tip", "kind": "tracker", "axis": [0, 0, 2], "point_m": [0, 0, 0.1]},
+            {"name": "felt", "kind": "accelerometer", "joint": "swing", "axis": [1, 0, 0], "point_m": [0.1, 0, 0]},
+        ]
+
+    robot = load_robot(written(tmp_path, change)).to_robot()
+    tip, felt = robot.sensors
+    np.testing.assert_allclose(tip.point_m, robot.payload.com_m, atol=1e-12)
+    np.testing.assert_array_equal(tip.axis, [0, 0, 1])
+    to_joint = robot.joints[1].rotation.T @ robot.joints[0].rotation.T
+    np.testing.assert_allclose(felt.point_m, to_joint @ [0.1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(felt.axis, to_joint @ [1, 0, 0], atol=1e-12)
+
+
 def test_gears_are_springs_named_after_their_joint(tmp_path):
     def change(data):
         data["joints"][0]["gear"]["assumed"] = ["damping_nms_rad"]

@@ -284,6 +284,23 @@ def test_a_log_may_use_even_lines_too(tmp_path):
     assert "odd lines" in _refused(_write(tmp_path, _replaced(experiment, "seed: 2", "count: 99")))[0]
 
 
+@pytest.mark.parametrize(
+    ("outputs", "words"),
+    [
+        ("[j1]", "must begin with `motors`"),
+        ("[motors, tip]", "no output `tip`"),
+        ("[motors, one.arm, one.arm]", "is there twice"),
+    ],
+)
+def test_outputs_are_those_of_the_robot(tmp_path, outputs, words):
+    robot = _replaced(ROBOT, "springs:", "sensors: [{name: nose, kind: tracker, axis: [0, 0, 1]}]\nsprings:")
+    experiment = _replaced(EXPERIMENT, "    source: &source", f"    outputs: {outputs}\n    source: &source")
+    assert any(words in line for line in _refused(_write(tmp_path, experiment, robot)))
+    experiment = experiment.replace(outputs, "[motors, nose, one.arm]")
+    (told,) = _refused(_write(tmp_path, experiment, robot))
+    assert "`fresh` measures one, two, but the fit reads one, two, nose, one.arm" in told
+
+
 def test_a_simulation_needs_a_controller(tmp_path):
     robot = _replaced(ROBOT, "controller: {sampling_period_s: 1.0e-3}\n", "")
     told = _refused(_write(tmp_path, robot=robot))

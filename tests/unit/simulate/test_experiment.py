@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exact_systems import springs_everywhere, two_joint_robot, with_spring_factors
+from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot, with_spring_factors
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
@@ -49,9 +49,9 @@ def experiment(robot=None, *, period_s=2.0, rms=5.0, count=25, inject="speed_ref
     )
 
 
-def analytic(robot, configuration, frequency_hz, controller):
+def analytic(robot, configuration, frequency_hz, controller, outputs=None):
     model = build_model(robot)
-    linear = linearize(model, solve_statics(model, configuration[None]))
+    linear = linearize(model, solve_statics(model, configuration[None]), outputs)
     delay_s = controller.delay_samples * controller.sampling_period_s
     parameters = nominal_parameters(robot, linear, delay_s)
     return response(linear, parameters, frequency_hz, controller.sampling_period_s).sampled
@@ -84,6 +84,32 @@ def test_springs_everywhere_in_closed_loop_are_the_analytic_response():
     frf = estimate_frf(record, PLAIN)
     exact = analytic(run.robot, CONFIGURATION, frf.frequency_hz, run.controller)
     assert np.median(np.abs(diagonal(frf.response) / diagonal(exact) - 1)) < 1e-5
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_sensors_in_closed_loop_are_the_analytic_response(steps):
+    outputs = ("elbow.arm", "tip", "felt")
+    run = experiment(sensed_everywhere(), rms=0.5, transient_periods=3, steps_per_sample=steps)
+    record = simulate(replace(run, outputs=outputs), CONFIGURATION, 0)
+    assert record.output_names == ("shoulder", "elbow", *outputs)
+    assert record.accelerations == ("felt",)
+    frf = estimate_frf(record, PLAIN)
+    exact = analytic(run.robot, CONFIGURATION, frf.frequency_hz, run.controller, record.output_names)
+    error = np.abs(frf.response / exact - 1)[0].max(axis=-1)
+    assert np.median(error[:, :4]) < 1e-4
+    # The accelerometer's aliases are neglected.
+    assert np.median(error[:, 4]) < 5e-3
+    plain = simulate(run, CONFIGURATION, 0)
+    np.testing.assert_allclose(record.position[..., :2], plain.position, atol=1e-9)
+
+
+def test_noise_of_the_sensors_is_theirs_alone():
+    run = replace(experiment(sensed_everywhere(), rms=0.5), outputs=("elbow.arm", "tip", "felt"))
+    flaws = Imperfections(link_encoder_noise_rad=1e-4, tracker_noise_m=1e-3, accelerometer_noise_m_s2=0.1)
+    noisy = simulate(replace(run, options=SimulateOptions(imperfections=flaws)), CONFIGURATION, 0)
+    difference = noisy.position - simulate(run, CONFIGURATION, 0).position
+    assert not difference[..., :2].any()
+    np.testing.assert_allclose(difference[..., 2:].std(axis=(0, 1, 2, 3, 4)), [1e-4, 1e-3, 0.1], rtol=0.05)
 
 
 @pytest.mark.parametrize("inject", ["speed_reference", "position_reference", "torque"])

@@ -1,0 +1,59 @@
+"""Outputs of the simulated robot beyond its motors: link encoders, trackers, accelerometers."""
+
+from __future__ import annotations
+
+import numpy as np
+from mujoco.batch import Batch
+
+from robid.arrays import FloatArray
+from robid.robot.model import ElasticModel
+from robid.simulate.options import Imperfections
+
+
+class FurtherOutputs:
+    """Reads link encoders and sensors of many simulations, one row each.
+
+    Args:
+        model: The elastic model, built with sensors where `names` has any.
+        batch: The simulations.
+        names: `<joint>.arm` and names of sensors.
+    """
+
+    def __init__(self, model: ElasticModel, batch: Batch, names: tuple[str, ...]) -> None:
+        joints = [joint.name for joint in model.robot.joints]
+        sensors = {sensor.name: sensor for sensor in model.robot.sensors}
+        self._qpos, self._n = batch.qpos, len(names)
+        self._arms = [column for column, name in enumerate(names) if name not in sensors]
+        self._angles = [model.arm[joints.index(names[column].removesuffix(".arm"))] for column in self._arms]
+        self._sensed = [column for column, name in enumerate(names) if name in sensors]
+        self._axes = np.zeros((model.mujoco.nsensordata, len(self._sensed)))
+        for position, column in enumerate(self._sensed):
+            start = int(model.mujoco.sensor(names[column]).adr[0])
+            self._axes[start : start + 3, position] = sensors[names[column]].axis
+        self._data = batch.sensordata if self._sensed else None
+        self._kinds = [sensors[name].kind if name in sensors else "link_encoder" for name in names]
+
+    def noise_std(self, flaws: Imperfections) -> FloatArray:
+        """Returns the standard deviation (n_out,) of each output's noise, in its unit."""
+        known = {
+            "link_encoder": flaws.link_encoder_noise_rad,
+            "tracker": flaws.tracker_noise_m,
+            "accelerometer": flaws.accelerometer_noise_m_s2,
+        }
+        return np.array([known[kind] for kind in self._kinds])
+
+    def arms(self) -> FloatArray:
+        """Returns the link encoders' angles (n_sim, n_arm) now [rad]."""
+        return np.array(self._qpos[:, self._angles])
+
+    def read(self, arms: FloatArray | None = None) -> FloatArray:
+        """Returns all outputs (n_sim, n_out); sensors as the engine computed them last [rad, m or m/s^2].
+
+        Args:
+            arms (n_sim, n_arm): The link encoders' angles at that time; now when not given [rad].
+        """
+        values = np.empty((len(self._qpos), self._n))
+        values[:, self._arms] = self.arms() if arms is None else arms
+        if self._data is not None:
+            values[:, self._sensed] = self._data @ self._axes
+        return values
