@@ -66,15 +66,16 @@ def state_space(
         METHODS sec. 1 (Linearisation), in spring coordinates.
     """
     mass, damping, stiffness = motion_matrices(model, parameters, configuration)
-    n, n_motor, output = mass.shape[0], model.n_motor, model.output
+    n, n_motor, output = mass.shape[0], model.n_motor, model.output[configuration]
     solved = np.linalg.solve(mass, np.hstack([stiffness, damping, np.eye(n, n_motor)]))
     back, drive = -solved[:, : 2 * n], solved[:, 2 * n :]
     none = np.zeros_like(output)
+    acceleration = output @ back - np.hstack([model.tilt[configuration], none])
     no_drive = np.zeros((2 * len(output), n_motor))
     return StateSpace(
         A=np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), back]),
         B=np.vstack([np.zeros((n, n_motor)), drive]),
-        C=np.vstack([np.hstack([output, none]), np.hstack([none, output]), output @ back]),
+        C=np.vstack([np.hstack([output, none]), np.hstack([none, output]), acceleration]),
         D=np.vstack([no_drive, output @ drive]),
         states=(
             *(f"{name}.motor_angle" for name in motors),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot, two_mass_robot
+from exact_systems import sensed_everywhere, two_joint_robot, two_mass_robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
@@ -131,3 +131,15 @@ def test_a_negative_delay_is_refused():
     (system,), _, _ = systems("motor and load")
     with pytest.raises(ValueError, match="`delay_s` must not be negative"):
         discretise(system, PERIOD_S, -1e-5)
+
+
+def test_an_accelerometer_feels_gravity_in_the_state_space_too():
+    robot = sensed_everywhere()
+    model = build_model(robot)
+    linear = linearize(model, solve_statics(model, np.array([[-0.3, 0.5]])), ("tip", "felt"))
+    parameters = nominal_parameters(robot, linear, 0.0)
+    motors, springs = (tuple(row.name for row in rows) for rows in (robot.joints, robot.springs))
+    system = state_space(linear, parameters, 0, motors, springs, ("tip", "felt"))
+    wanted = response(linear, parameters, FREQUENCY_HZ, None).sampled[0]
+    np.testing.assert_allclose(transfer(system, 1j * OMEGA)[:, -2:], wanted, rtol=1e-9)
+    assert np.abs(linear.tilt).max() > 0
