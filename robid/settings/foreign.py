@@ -10,8 +10,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.robot.chain import ForeignJoint, extract_chain, frame_on_last, order_of
 from robid.robot.description import Inertial
-from robid.robot.foreign import ForeignJoint, ForeignModel, extract_chain, frame_on_last, order_of, read_model
+from robid.robot.foreign import ForeignModel, read_model
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile

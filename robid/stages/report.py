@@ -13,6 +13,7 @@ from robid.errors import ArtifactError
 from robid.report.page import render
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot import assumed_names
 from robid.settings.slices import to_plain
 from robid.stages import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
 from robid.stages.report_content import gather
@@ -41,7 +42,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         "name": owner,
         "robot.name": robot.name,
         "robot.notes": list(robot.notes),
-        "robot.assumed": list(robot.to_robot().assumed),
+        "robot.assumed": list(assumed_names(robot)),
         "fits": to_plain(experiment.fits),
         **robot_settings(loaded, "mechanics"),
     }

@@ -219,3 +219,26 @@ def test_a_missing_data_folder_is_told_before_anything_runs(bench, monkeypatch):
     monkeypatch.setenv("ROBID_DATA", "nowhere")
     refuse(bench, 4, "nowhere/bench/log.mat", "ROBID_DATA", command=("run", "bench.yaml"))
     assert not (bench.runs / "log").exists()
+
+
+def test_a_model_that_is_not_there_names_the_data_folder(shop, monkeypatch):
+    monkeypatch.setenv("ROBID_DATA", "nowhere")
+    example = str(Path(__file__).parents[2] / "configs" / "ur5e.yaml")
+    refuse(shop, 4, "the robot's model is not there", "set ROBID_DATA", command=("run", example))
+    answer = shop.robid("status", example, "--json")
+    assert answer.code == 0
+    assert {node["status"] for node in answer.json["nodes"]} == {"missing"}
+
+
+def test_a_rigid_model_and_what_is_wrong_with_it_come_at_once(shop):
+    robot = shop.folder / "arm.yaml"
+    model = "<mujoco><worldbody><body><joint name='turn'/><body name='hand' pos='1 0 0'><joint name='lift'/>"
+    (shop.folder / "arm.xml").write_text(f"{model}</body></body></worldbody></mujoco>")
+    kept = [
+        line for line in robot.read_text().splitlines() if not line.lstrip().startswith(("dh:", "limits_deg:", "link:"))
+    ]
+    robot.write_text(
+        "\n".join([*kept, "model: arm.xml", "total_mass_kg: 3"]).replace("gear_ratio: 100", "gear_ratio: 0", 1)
+    )
+    texts = ("links without an `inertial`", "joints[0].motor.gear_ratio: 0 is implausible")
+    refuse(shop, 2, *texts)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.robot.foreign import extract_chain, frame_on_last, order_of, read_model
+from robid.robot.chain import extract_chain, frame_on_last, order_of
+from robid.robot.foreign import read_model
 
 # Tilted axes, joint references, welded and locked bodies, an anchor off the body's origin, a mesh that is not there.
 AWKWARD = """
