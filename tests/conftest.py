@@ -1,6 +1,7 @@
 """What all tests share: deterministic hypothesis, and data folders that may not be there."""
 
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,3 +25,9 @@ def data_folder() -> Callable[[str], Path]:
         return folder
 
     return find
+
+
+def pytest_configure() -> None:
+    """A shell that starts the tests in the background makes them deaf to interrupts, which some of them send."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
