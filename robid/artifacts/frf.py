@@ -2,6 +2,7 @@
 
 Schema history:
     1.0: first version.
+    1.1: coherence, levels at the silent lines, response without compensation.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.frf.frf import Frf
 
-FRF = Kind("frf", "1.0", "robid estimate-frf")
+FRF = Kind("frf", "1.1", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -18,6 +19,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
     torque = frf.torque_unit if frf.torque_unit.isalnum() else f"({frf.torque_unit})"
     response = ("frequency", "output", "input")
     covariance = ("configuration", "frequency", "output", "output")
+    silent = ("configuration", "silent", "output")
     table = {
         "frequency_hz": Column("Hz", ("frequency",), "Excited frequencies"),
         "lines": Column("1", ("frequency",), "Their DFT lines"),
@@ -40,6 +42,14 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "input_names": Column("1", ("input",)),
         "output_names": Column("1", ("output",)),
         "notes": Column("1", ("note",)),
+        "coherence": Column("1", ("configuration", "frequency", "output"), "Share of power that the response explains"),
+        "silent_lines": Column("1", ("silent",), "Lines of the band that were not excited"),
+        "silent_level": Column("rad/s^2", silent, "RMS amplitude of the output residual there"),
+        "silent_noise": Column("rad/s^2", silent, "The part of it that is noise"),
+        "silent_doubt": Column("rad/s^2", silent, "What interpolating the response may add"),
+        "uncompensated_response": Column(
+            f"rad/s^2/{torque}", ("configuration", *response), "Response without compensation"
+        ),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)
 

@@ -12,6 +12,7 @@ from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS
 from robid.frf.compensation import coefficient_names, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
+from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
@@ -46,10 +47,13 @@ def estimate_frf(
     """
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
-    measured = record_blocks(record, record.excited_lines)
-    motion = None if laws is None else record_motion(record, record.excited_lines, delay_s)
-    removed = no_disturbance(record) if motion is None or laws is None else disturbance(motion, laws)
-    blocks = replace(measured, torque=measured.torque - removed.torque)
+    lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
+    measured = record_blocks(record, lines)
+    motion = None if laws is None else record_motion(record, lines, delay_s)
+    removed = no_disturbance(record, lines) if motion is None or laws is None else disturbance(motion, laws)
+    compensated = replace(measured, torque=measured.torque - removed.torque)
+    n_freq = len(record.excited_lines)
+    blocks, silent = compensated.select(np.arange(n_freq)), compensated.select(np.arange(n_freq, len(lines)))
     _check_blocks(record, blocks)
     estimate = ESTIMATORS[options.estimator](blocks)
     response = estimate.response
@@ -58,9 +62,10 @@ def estimate_frf(
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
+    levels = silent_levels(silent, blocks.lines, response)
     names, deviation = _coefficients(record, laws)
     sensitivity = np.concatenate(
-        [_sensitivity(response, removed.derivative, estimate.weights), _scale_sensitivity(response)]
+        [_sensitivity(response, removed.derivative[:, :, :n_freq], estimate.weights), _scale_sensitivity(response)]
     )
     return Frf(
         frequency_hz=record.frequency_hz,
@@ -76,13 +81,18 @@ def estimate_frf(
         sensitivity=sensitivity[None, deviation > 0],
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
-        removed_torque_rms=_rms(removed.torque)[None],
+        removed_torque_rms=_rms(removed.torque[:, :n_freq])[None],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
         output_names=record.output_names,
         torque_unit=record.torque_unit,
         torque_hold=record.torque_hold,
         notes=(*record.notes, *_notes(total)),
+        coherence=multiple_coherence(residual, blocks.acceleration, noise)[None],
+        silent_lines=silent.lines,
+        silent_level=levels.level[None],
+        silent_noise=None if levels.noise is None else levels.noise[None],
+        silent_doubt=levels.doubt[None],
     )
 
 
@@ -94,7 +104,7 @@ def concatenate(parts: list[Frf]) -> Frf:
         return np.concatenate(present) if present else None
 
     whole: dict[str, Any] = {name: joined(name) for name in CONFIGURATION_WISE}
-    return replace(parts[0], **whole)
+    return replace(parts[0], **whole, notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)))
 
 
 def _check_blocks(record: Record, blocks: Blocks) -> None:

@@ -7,8 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
+
+_NEIGHBOURS = 4
+"""Silent lines whose mean power stands for an excited line."""
 
 CONFIGURATION_WISE = (
     "configurations",
@@ -19,6 +23,11 @@ CONFIGURATION_WISE = (
     "noise_covariance",
     "sensitivity",
     "removed_torque_rms",
+    "coherence",
+    "silent_level",
+    "silent_noise",
+    "silent_doubt",
+    "uncompensated_response",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -57,6 +66,14 @@ class Frf:
         torque_unit: Unit that stands for N m.
         torque_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
         notes: What the estimator wants the reader to know.
+        coherence (n_conf, n_freq, n_out): Share of each output's power that the response explains.
+        silent_lines (n_silent,): Lines of the band that were not excited.
+        silent_level (n_conf, n_silent, n_out): RMS amplitude of `Y - G U` there, see `robid.frf.distortion`
+            [rad/s^2].
+        silent_noise (n_conf, n_silent, n_out): The part of it that is noise, or None with a single period.
+        silent_doubt (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
+            a level that does not exceed it says nothing.
+        uncompensated_response (n_conf, n_freq, n_out, n_in): `response` as it is without compensation, or None.
     """
 
     frequency_hz: FloatArray
@@ -79,6 +96,12 @@ class Frf:
     torque_unit: str = "N m"
     torque_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: tuple[str, ...] = field(default=())
+    coherence: FloatArray | None = None
+    silent_lines: IntArray = field(default_factory=lambda: np.zeros(0, int))
+    silent_level: FloatArray | None = None
+    silent_noise: FloatArray | None = None
+    silent_doubt: FloatArray | None = None
+    uncompensated_response: ComplexArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
@@ -110,3 +133,44 @@ class Frf:
         columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
         scale = 1.0 if noise_only else self.element_scale[:, None]
         return np.asarray(rows[..., :, None] * columns[..., None, :] * scale)
+
+    @property
+    def signal_to_noise(self) -> FloatArray | None:
+        """Power of each element over the variance that noise gives it (n_conf, n_freq, n_out, n_in), or None."""
+        if self.noise_covariance is None:
+            return None
+        variance = self.element_variance(noise_only=True)
+        return np.asarray(np.abs(self.response) ** 2 / np.maximum(variance, np.finfo(float).tiny))
+
+    @property
+    def tells_parity(self) -> bool:
+        """Whether only odd lines were excited, so that even and odd distortion come apart."""
+        return bool(np.all(self.lines % 2 == 1))
+
+    def distortion(self, parity: Literal["odd", "even"]) -> FloatArray | None:
+        """Level at silent lines of one parity, brought to the excited lines and to the response's unit.
+
+        The mean power of the nearest silent lines takes the place of the output residual's variance.
+
+        Args:
+            parity: Odd nonlinearities show at odd lines, even ones at even lines.
+
+        Returns:
+            Deviation of each element (n_conf, n_freq, n_out, n_in) that residuals of that level give, noise
+            included; None where there are no such lines.
+        """
+        return self._at_excited(self.silent_level, self.silent_lines % 2 == (parity == "odd"))
+
+    @property
+    def silent_noise_response(self) -> FloatArray | None:
+        """Noise at the silent lines, like `distortion`."""
+        return self._at_excited(self.silent_noise, np.ones(len(self.silent_lines), bool))
+
+    def _at_excited(self, amplitude: FloatArray | None, chosen: NDArray[np.bool_]) -> FloatArray | None:
+        if amplitude is None or not chosen.any():
+            return None
+        distance = np.abs(self.silent_lines[chosen] - self.lines[:, None])
+        nearest = np.argsort(distance, axis=1, kind="stable")[:, :_NEIGHBOURS]
+        power = (amplitude[:, chosen][:, nearest] ** 2).mean(axis=2)
+        columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
+        return np.asarray(np.sqrt(power[..., :, None] * columns[..., None, :]))
