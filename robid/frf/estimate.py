@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS
+from robid.frf.checks import Finding, check_record, refuse_faults
 from robid.frf.compensation import coefficient_names, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
@@ -40,7 +41,8 @@ def estimate_frf(
         The response with its covariance; configuration axis kept.
 
     Raises:
-        DataError: If an experiment block does not excite every input, or the data are not finite.
+        DataError: If an experiment block does not excite every input, the data are not finite, or their time base
+            is wrong, see `robid.frf.checks`.
 
     Source:
         Wernholt and Moberg (2008), eq. 2; METHODS sec. 4.
@@ -55,6 +57,8 @@ def estimate_frf(
     n_freq = len(record.excited_lines)
     blocks, silent = compensated.select(np.arange(n_freq)), compensated.select(np.arange(n_freq, len(lines)))
     _check_blocks(record, blocks)
+    findings = check_record(record)
+    refuse_faults(record, findings)
     estimate = ESTIMATORS[options.estimator](blocks)
     response = estimate.response
     residual = blocks.acceleration - response @ blocks.torque
@@ -87,7 +91,7 @@ def estimate_frf(
         output_names=record.output_names,
         torque_unit=record.torque_unit,
         torque_hold=record.torque_hold,
-        notes=(*record.notes, *_notes(total)),
+        notes=(*record.notes, *_notes(total), *_places(record, findings)),
         coherence=multiple_coherence(residual, blocks.acceleration, noise)[None],
         silent_lines=silent.lines,
         silent_level=levels.level[None],
@@ -148,6 +152,12 @@ def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[t
 def _rms(torque: ComplexArray) -> FloatArray:
     """RMS of each motor over realizations and experiments (n_in,), from its complex amplitudes."""
     return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
+
+
+def _places(record: Record, findings: list[Finding]) -> tuple[str, ...]:
+    """What was found in this configuration, as notes."""
+    angles = np.array2string(np.rad2deg(record.configurations[0]), precision=1)
+    return tuple(f"Configuration at {angles} deg: {finding.what}; {finding.remedy}." for finding in findings)
 
 
 def _notes(total: ComplexArray | None) -> tuple[str, ...]:

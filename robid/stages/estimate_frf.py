@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.parts import Parts
@@ -63,6 +64,9 @@ def _run(job: Job) -> str:
     frf = concatenate([frf_from_artifact(parts.read(index)) for index in range(n_conf)])
     write_artifact(job.output, frf_to_artifact(frf, job.provenance(STAGE.name)))
     parts.finish()
+    for note in frf.notes:
+        if note not in record.notes:
+            job.progress.warn(note)
     return figures(frf)
 
 
@@ -81,13 +85,24 @@ def _law(motor: Motor) -> TorqueLaw:
 
 def figures(frf: Frf) -> str:
     """Says what was estimated, in a phrase."""
-    relative = np.sqrt(frf.element_variance()) / np.abs(frf.response)
-    diagonal = np.diagonal(relative, axis1=-2, axis2=-1)
+    deviation = _relative(np.sqrt(frf.element_variance()), frf)
     text = f"{frf.response.shape[2]} x {frf.response.shape[3]} response at {counted(len(frf.lines), 'line')}"
-    if np.any(diagonal > 0):
-        text += f", standard deviation {100 * float(np.median(diagonal)):.2g} % (median, diagonal)"
+    if deviation > 0:
+        text += f", standard deviation {100 * deviation:.2g} % (median, diagonal)"
+    text += _distortion(frf)
     removed = float(frf.removed_torque_rms.max(initial=0.0))
     return f"{text}, up to {removed:.2g} {frf.torque_unit} RMS of friction subtracted" if removed > 0 else text
+
+
+def _distortion(frf: Frf) -> str:
+    """Says how large distortion and noise are beside the response."""
+    kinds = {"odd": frf.distortion("odd"), "even": frf.distortion("even"), "noise": frf.silent_noise_response}
+    told = [f"{kind} {100 * _relative(value, frf):.2g} %" for kind, value in kinds.items() if value is not None]
+    return f", at silent lines {', '.join(told)}" if told else ""
+
+
+def _relative(level: FloatArray, frf: Frf) -> float:
+    return float(np.median(np.diagonal(level / np.abs(frf.response), axis1=-2, axis2=-1)))
 
 
 STAGE = Stage(
