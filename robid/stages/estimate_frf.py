@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,15 +13,14 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
-from robid.artifacts.store import read_artifact, write_artifact
-from robid.frf.estimate import concatenate, estimate_frf
+from robid.artifacts.store import read_artifact, read_outline
+from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.options import EstimateOptions
 from robid.robot.description import Motor
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.signals.friction import TorqueLaw
-from robid.signals.record import Record
 from robid.stages.slices import delay_s, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
@@ -35,7 +36,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
 @dataclass(frozen=True)
 class _Task:
     parts: Parts
-    record: Record
+    record: Path
     index: int
     options: EstimateOptions
     laws: tuple[TorqueLaw, ...] | None
@@ -43,27 +44,26 @@ class _Task:
 
 
 def _estimate_part(task: _Task) -> None:
-    frf = estimate_frf(task.record, task.options, task.laws, task.delay_s)
+    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index))
+    frf = estimate_frf(record, task.options, task.laws, task.delay_s)
     task.parts.write(task.index, frf_to_artifact(frf, Provenance(stage=STAGE.name)))
 
 
 def _run(job: Job) -> str:
-    record = record_from_artifact(read_artifact(job.inputs["record"], RECORD))
+    path = job.inputs["record"]
     options = job.campaign.estimate
     laws, delay = None, 0.0
     if options.compensation == "nominal":
         laws = tuple(_law(joint.motor) for joint in job.loaded.robot.to_robot().joints)
         delay = delay_s(job.loaded, job.campaign)
-    n_conf = len(record.configurations)
+    n_conf = read_outline(path, RECORD).n_rows
     parts = Parts(job.output, FRF, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
-    tasks = [_Task(parts, record.select(index), index, options, laws, delay) for index in todo]
+    tasks = [_Task(parts, path, index, options, laws, delay) for index in todo]
     job.map(_estimate_part, tasks, lambda _index, _result: job.progress.advance())
-    frf = concatenate([frf_from_artifact(parts.read(index)) for index in range(n_conf)])
-    write_artifact(job.output, frf_to_artifact(frf, job.provenance(STAGE.name)))
-    parts.finish()
-    return figures(frf)
+    parts.merge(n_conf, job.provenance(STAGE.name))
+    return figures(frf_from_artifact(read_artifact(job.output, FRF, row=index)) for index in range(n_conf))
 
 
 def _law(motor: Motor) -> TorqueLaw:
@@ -79,14 +79,17 @@ def _law(motor: Motor) -> TorqueLaw:
     )
 
 
-def figures(frf: Frf) -> str:
-    """Says what was estimated, in a phrase."""
-    relative = np.sqrt(frf.element_variance()) / np.abs(frf.response)
-    diagonal = np.diagonal(relative, axis1=-2, axis2=-1)
+def figures(frfs: Iterable[Frf]) -> str:
+    """Says what was estimated, in a phrase, from the responses of all configurations in any pieces."""
+    relative, removed = [], 0.0
+    for frf in frfs:
+        elements = np.sqrt(frf.element_variance()) / np.abs(frf.response)
+        relative.append(np.diagonal(elements, axis1=-2, axis2=-1))
+        removed = max(removed, float(frf.removed_torque_rms.max(initial=0.0)))
+    diagonal = np.concatenate(relative)
     text = f"{frf.response.shape[2]} x {frf.response.shape[3]} response at {counted(len(frf.lines), 'line')}"
     if np.any(diagonal > 0):
         text += f", standard deviation {100 * float(np.median(diagonal)):.2g} % (median, diagonal)"
-    removed = float(frf.removed_torque_rms.max(initial=0.0))
     return f"{text}, up to {removed:.2g} {frf.torque_unit} RMS of friction subtracted" if removed > 0 else text
 
 
