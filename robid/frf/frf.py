@@ -4,11 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
+
+CONFIGURATION_WISE = (
+    "configurations",
+    "response",
+    "input_factor",
+    "element_scale",
+    "total_covariance",
+    "noise_covariance",
+    "sensitivity",
+    "removed_torque_rms",
+)
+"""Fields of an `Frf` whose first axis is the configuration."""
 
 
 @dataclass(frozen=True)
@@ -71,17 +83,9 @@ class Frf:
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
         chosen = np.asarray(configurations)
-        return replace(
-            self,
-            configurations=self.configurations[chosen],
-            response=self.response[chosen],
-            input_factor=self.input_factor[chosen],
-            element_scale=self.element_scale[chosen],
-            total_covariance=None if self.total_covariance is None else self.total_covariance[chosen],
-            noise_covariance=None if self.noise_covariance is None else self.noise_covariance[chosen],
-            sensitivity=self.sensitivity[chosen],
-            removed_torque_rms=self.removed_torque_rms[chosen],
-        )
+        held: dict[str, Any] = {name: getattr(self, name) for name in CONFIGURATION_WISE}
+        part: dict[str, Any] = {name: None if value is None else value[chosen] for name, value in held.items()}
+        return replace(self, **part)
 
     @property
     def hold_period_s(self) -> float | None:
