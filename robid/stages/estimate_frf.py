@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.parts import Parts
@@ -43,10 +44,21 @@ class _Task:
     delay_s: float
 
 
-def _estimate_part(task: _Task) -> None:
+@dataclass(frozen=True)
+class _Brief:
+    """What the phrase about a campaign needs of some of its configurations."""
+
+    size: str
+    relative_std: FloatArray
+    removed_rms: float
+    torque_unit: str
+
+
+def _estimate_part(task: _Task) -> _Brief:
     record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index))
     frf = estimate_frf(record, task.options, task.laws, task.delay_s)
     task.parts.write(task.index, frf_to_artifact(frf, Provenance(stage=STAGE.name)))
+    return _brief(frf)
 
 
 def _run(job: Job) -> str:
@@ -61,9 +73,10 @@ def _run(job: Job) -> str:
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     tasks = [_Task(parts, path, index, options, laws, delay) for index in todo]
-    job.map(_estimate_part, tasks, lambda _index, _result: job.progress.advance())
+    briefs = [_brief(frf_from_artifact(parts.read(index))) for index in range(n_conf) if index not in todo]
+    briefs += job.map(_estimate_part, tasks, lambda _index, _result: job.progress.advance())
     parts.merge(n_conf, job.provenance(STAGE.name))
-    return figures(frf_from_artifact(read_artifact(job.output, FRF, row=index)) for index in range(n_conf))
+    return _phrase(briefs)
 
 
 def _law(motor: Motor) -> TorqueLaw:
@@ -79,18 +92,28 @@ def _law(motor: Motor) -> TorqueLaw:
     )
 
 
-def figures(frfs: Iterable[Frf]) -> str:
-    """Says what was estimated, in a phrase, from the responses of all configurations in any pieces."""
-    relative, removed = [], 0.0
-    for frf in frfs:
-        elements = np.sqrt(frf.element_variance()) / np.abs(frf.response)
-        relative.append(np.diagonal(elements, axis1=-2, axis2=-1))
-        removed = max(removed, float(frf.removed_torque_rms.max(initial=0.0)))
-    diagonal = np.concatenate(relative)
-    text = f"{frf.response.shape[2]} x {frf.response.shape[3]} response at {counted(len(frf.lines), 'line')}"
+def figures(frf: Frf) -> str:
+    """Says what was estimated, in a phrase."""
+    return _phrase([_brief(frf)])
+
+
+def _brief(frf: Frf) -> _Brief:
+    relative = np.sqrt(frf.element_variance()) / np.abs(frf.response)
+    return _Brief(
+        size=f"{frf.response.shape[2]} x {frf.response.shape[3]} response at {counted(len(frf.lines), 'line')}",
+        relative_std=np.diagonal(relative, axis1=-2, axis2=-1),
+        removed_rms=float(frf.removed_torque_rms.max(initial=0.0)),
+        torque_unit=frf.torque_unit,
+    )
+
+
+def _phrase(briefs: Sequence[_Brief]) -> str:
+    text, unit = briefs[0].size, briefs[0].torque_unit
+    diagonal = np.concatenate([brief.relative_std for brief in briefs])
     if np.any(diagonal > 0):
         text += f", standard deviation {100 * float(np.median(diagonal)):.2g} % (median, diagonal)"
-    return f"{text}, up to {removed:.2g} {frf.torque_unit} RMS of friction subtracted" if removed > 0 else text
+    removed = max(brief.removed_rms for brief in briefs)
+    return f"{text}, up to {removed:.2g} {unit} RMS of friction subtracted" if removed > 0 else text
 
 
 STAGE = Stage(

@@ -227,4 +227,4 @@ def _figures(path: str, run: _Run) -> str:
         return design_excitation.figures(excitation.excitation, len(excitation.configurations))
     if name == "record":
         return simulate_or_acquire.figures(run.shapes[owner], excitation.excitation.period_s)
-    return estimate_frf.figures([run.frfs[owner]])
+    return estimate_frf.figures(run.frfs[owner])
