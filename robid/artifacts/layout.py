@@ -22,7 +22,7 @@ from robid.artifacts.artifact import Attribute, Label, digest_rows, normalise_at
 # What h5py raises on damaged files, seen by flipping bytes.
 DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, OverflowError, MemoryError)
 
-_LARGE_BYTES = 1 << 16
+_LARGE_BYTES = 1 << 14
 _CHUNK_BYTES = 1 << 18
 
 

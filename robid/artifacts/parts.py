@@ -99,11 +99,24 @@ class Parts:
                 write_header(file, Header(self._kind.name, self._kind.version, digest, provenance), attributes)
                 for name, values in shared.items():
                     write_dataset(file, name, labels[name], values)
-                for index, path in enumerate(paths):
-                    visit(path, self._kind, partial(_copy_rows, file, labels, index))
+                self._copy_rows(file, paths, {name: label for name, label in labels.items() if label.by_row})
             self._read_back(unfinished)
         shutil.rmtree(self.folder, ignore_errors=True)
         return digest
+
+    def _copy_rows(self, file: h5py.File, paths: Sequence[Path], labels: Mapping[str, Label]) -> None:
+        # Kept open: closing a dataset empties its cache of chunks.
+        targets: dict[str, h5py.Dataset] = {}
+
+        def copy(index: int, source: h5py.File) -> None:
+            for name, label in labels.items():
+                if index == 0:
+                    targets[name] = create_dataset(file, name, label, source[name].dtype)
+                if index < targets[name].shape[0]:
+                    copy_row(source[name], targets[name], index)
+
+        for index, path in enumerate(paths):
+            visit(path, self._kind, partial(copy, index))
 
     def _read_back(self, unfinished: Path) -> None:
         try:
@@ -117,16 +130,6 @@ class Parts:
 
     def _path(self, index: int) -> Path:
         return self.folder / f"{index:05d}{self._suffix}"
-
-
-def _copy_rows(file: h5py.File, labels: Mapping[str, Label], index: int, source: h5py.File) -> None:
-    for name, label in labels.items():
-        if not label.by_row:
-            continue
-        if index == 0:
-            create_dataset(file, name, label, source[name].dtype)
-        if index < file[name].shape[0]:
-            copy_row(source[name], file[name], index)
 
 
 def _join(name: str, labels: Sequence[Label]) -> Label:
