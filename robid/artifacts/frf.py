@@ -2,7 +2,7 @@
 
 Schema history:
     1.0: first version.
-    1.1: coherence, levels at the silent lines, response without compensation.
+    1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
 """
 
 from __future__ import annotations
@@ -39,6 +39,15 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "coefficient_names": Column("1", ("coefficient",)),
         "coefficient_relative_std": Column("1", ("coefficient",), "Standard deviation of the relative error"),
         "removed_torque_rms": Column(frf.torque_unit, ("configuration", "input"), "What compensation removed"),
+        "coefficient_offset": Column("1", ("coefficient",), "Distance of the subtracted coefficient from the file's"),
+        "uncompensated_response": Column(
+            f"rad/s^2/{torque}", ("configuration", *response), "The response without compensation"
+        ),
+        "law_names": Column("1", ("value",), "Values of the subtracted torque laws"),
+        "law_values": Column(
+            "N m; rad; rad/s; samples; 1", ("value",), "By their names: N m, rad, rad/s, samples or 1"
+        ),
+        "law_std": Column("N m; rad; rad/s; samples; 1", ("value",), "Their standard deviations"),
         "input_names": Column("1", ("input",)),
         "output_names": Column("1", ("output",)),
         "notes": Column("1", ("note",)),
@@ -47,9 +56,6 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "silent_level": Column("rad/s^2", silent, "RMS amplitude of the output residual there"),
         "silent_noise": Column("rad/s^2", silent, "The part of it that is noise"),
         "silent_doubt": Column("rad/s^2", silent, "What interpolating the response may add"),
-        "uncompensated_response": Column(
-            f"rad/s^2/{torque}", ("configuration", *response), "Response without compensation"
-        ),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)
 

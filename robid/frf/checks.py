@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
 from robid.frf.timing import Shift, agreed, find_shifts, measure_jitter, period_differences, sparse_samples
 from robid.signals.record import Record
@@ -24,6 +23,7 @@ SATURATED_SHARE = 0.005
 STILL_SHARE = 0.25
 """Share of the time in which a motor stands still above which it is told."""
 
+_WHERE = "configuration at"
 _STILL_SPEED = 0.05
 _FAR_MORE = 3
 _NEAR = 0.01
@@ -69,9 +69,22 @@ def refuse_faults(record: Record, findings: list[Finding]) -> None:
     """
     fatal = [finding for finding in findings if finding.fatal]
     if fatal:
-        where = f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
         remedies = dict.fromkeys(finding.remedy for finding in fatal)
-        raise DataError("; ".join(one.what for one in fatal), where=where, remedy="; ".join(remedies))
+        raise DataError("; ".join(one.what for one in fatal), where=_where(record), remedy="; ".join(remedies))
+
+
+def finding_notes(record: Record, findings: list[Finding]) -> tuple[str, ...]:
+    """Writes findings as notes, see `is_finding`."""
+    return tuple(f"In the {_where(record)}: {finding.what}; {finding.remedy}." for finding in findings)
+
+
+def is_finding(note: str) -> bool:
+    """Whether a note of a frequency response is a finding in one of its configurations."""
+    return note.startswith(f"In the {_WHERE}")
+
+
+def _where(record: Record) -> str:
+    return f"{_WHERE} {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
 
 
 def _timing(record: Record) -> list[Finding]:
@@ -151,7 +164,7 @@ def _saturated_share(torque: FloatArray) -> FloatArray:
     return share
 
 
-def _share_at_top(signal: FloatArray, at_top: NDArray[np.bool_]) -> float:
+def _share_at_top(signal: FloatArray, at_top: BoolArray) -> float:
     """Share of samples at the highest value, if there are far more of them than next to it."""
     below = signal[~at_top]
     if not below.size:

@@ -10,8 +10,8 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS
-from robid.frf.checks import Finding, check_record, refuse_faults
-from robid.frf.compensation import coefficient_names, disturbance, no_disturbance, record_motion
+from robid.frf.checks import check_record, finding_notes, refuse_faults
+from robid.frf.compensation import coefficient_names, disturbance, law_table, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
 from robid.frf.frf import CONFIGURATION_WISE, Frf
@@ -34,7 +34,7 @@ def estimate_frf(
     Args:
         record: Record of a single configuration.
         options: Estimator, compensation and pooling.
-        laws: Torque nonlinearities per motor, for `compensation: nominal`.
+        laws: Torque laws per motor to subtract, where there is compensation: the robot file's or identified ones.
         delay_s: Delay from recorded to applied torque, hold excluded [s].
 
     Returns:
@@ -56,6 +56,7 @@ def estimate_frf(
     compensated = replace(measured, torque=measured.torque - removed.torque)
     n_freq = len(record.excited_lines)
     blocks, silent = compensated.select(np.arange(n_freq)), compensated.select(np.arange(n_freq, len(lines)))
+    plain = measured.select(np.arange(n_freq))
     _check_blocks(record, blocks)
     findings = check_record(record)
     refuse_faults(record, findings)
@@ -67,7 +68,8 @@ def estimate_frf(
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
     levels = silent_levels(silent, blocks.lines, response)
-    names, deviation = _coefficients(record, laws)
+    names, deviation, offset = _coefficients(record, laws)
+    table = ((), np.zeros(0), np.zeros(0)) if laws is None else law_table(record, laws)
     sensitivity = np.concatenate(
         [_sensitivity(response, removed.derivative[:, :, :n_freq], estimate.weights), _scale_sensitivity(response)]
     )
@@ -86,12 +88,17 @@ def estimate_frf(
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
         removed_torque_rms=_rms(removed.torque[:, :n_freq])[None],
+        coefficient_offset=offset[deviation > 0],
+        uncompensated_response=None if laws is None else ESTIMATORS[options.estimator](plain).response[None],
+        law_names=table[0],
+        law_values=table[1],
+        law_std=table[2],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
         output_names=record.output_names,
         torque_unit=record.torque_unit,
         torque_hold=record.torque_hold,
-        notes=(*record.notes, *_notes(total), *_places(record, findings)),
+        notes=(*record.notes, *_notes(total), *finding_notes(record, findings)),
         coherence=multiple_coherence(residual, blocks.acceleration, noise)[None],
         silent_lines=silent.lines,
         silent_level=levels.level[None],
@@ -140,24 +147,24 @@ def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
     return np.asarray(-response * np.eye(n_in)[:, None, None, :])
 
 
-def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray]:
+def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Name, standard deviation and distance from the robot file's of every coefficient, the torques' scales last."""
     scale = np.zeros(record.torque.shape[-1]) if record.torque_relative_std is None else record.torque_relative_std
     names = tuple(f"{name}.torque_scale" for name in record.input_names)
     if laws is None:
-        return names, scale
-    coefficients = coefficient_names(record)
-    return coefficients + names, np.concatenate([np.array([law.coefficient_std for law in laws]).T.ravel(), scale])
+        return names, scale, np.zeros_like(scale)
+    deviation = np.ravel(np.transpose([law.coefficient_std for law in laws]))
+    offset = np.ravel(np.transpose([law.offset for law in laws]))
+    return (
+        coefficient_names(record) + names,
+        np.concatenate([deviation, scale]),
+        np.concatenate([offset, np.zeros_like(scale)]),
+    )
 
 
 def _rms(torque: ComplexArray) -> FloatArray:
     """RMS of each motor over realizations and experiments (n_in,), from its complex amplitudes."""
     return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
-
-
-def _places(record: Record, findings: list[Finding]) -> tuple[str, ...]:
-    """What was found in this configuration, as notes."""
-    angles = np.array2string(np.rad2deg(record.configurations[0]), precision=1)
-    return tuple(f"Configuration at {angles} deg: {finding.what}; {finding.remedy}." for finding in findings)
 
 
 def _notes(total: ComplexArray | None) -> tuple[str, ...]:

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
+
+Level = Literal["odd", "even", "noise"]
+LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
 
 _NEIGHBOURS = 4
 """Silent lines whose mean power stands for an excited line."""
@@ -60,6 +62,12 @@ class Frf:
         coefficient_names: Name of each compensated coefficient.
         coefficient_relative_std (n_coef,): Standard deviation of its relative error, from the robot file.
         removed_torque_rms (n_conf, n_in): RMS of the torque that compensation removed [N m].
+        coefficient_offset (n_coef,): How far each coefficient, as it was subtracted, is from the robot file's; None
+            for no distance.
+        uncompensated_response (n_conf, n_freq, n_out, n_in): The response without compensation, or None.
+        law_names: Name of each value of the subtracted torque laws, `<motor>.<value>`.
+        law_values (n_law,): The values, in the units of `robid.signals.friction.VALUES`.
+        law_std (n_law,): Their standard deviations.
         sampling_period_s: Sampling period of the experiment [s].
         input_names: Name of each input.
         output_names: Name of each output.
@@ -73,7 +81,6 @@ class Frf:
         silent_noise (n_conf, n_silent, n_out): The part of it that is noise, or None with a single period.
         silent_doubt (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
             a level that does not exceed it says nothing.
-        uncompensated_response (n_conf, n_freq, n_out, n_in): `response` as it is without compensation, or None.
     """
 
     frequency_hz: FloatArray
@@ -93,6 +100,11 @@ class Frf:
     sampling_period_s: float
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
+    coefficient_offset: FloatArray | None = None
+    uncompensated_response: ComplexArray | None = None
+    law_names: tuple[str, ...] = ()
+    law_values: FloatArray = field(default_factory=lambda: np.zeros(0))
+    law_std: FloatArray = field(default_factory=lambda: np.zeros(0))
     torque_unit: str = "N m"
     torque_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: tuple[str, ...] = field(default=())
@@ -101,7 +113,6 @@ class Frf:
     silent_level: FloatArray | None = None
     silent_noise: FloatArray | None = None
     silent_doubt: FloatArray | None = None
-    uncompensated_response: ComplexArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
@@ -147,30 +158,28 @@ class Frf:
         """Whether only odd lines were excited, so that even and odd distortion come apart."""
         return bool(np.all(self.lines % 2 == 1))
 
-    def distortion(self, parity: Literal["odd", "even"]) -> FloatArray | None:
-        """Level at silent lines of one parity, brought to the excited lines and to the response's unit.
-
-        The mean power of the nearest silent lines takes the place of the output residual's variance.
+    def residual_level(self, kind: Level) -> FloatArray | None:
+        """Level of the silent lines, brought to the excited lines: mean power of the nearest ones.
 
         Args:
-            parity: Odd nonlinearities show at odd lines, even ones at even lines.
+            kind: Level of the odd or the even lines, noise included: odd nonlinearities show at odd lines, even
+                ones at even lines. Or noise alone, of both.
 
         Returns:
-            Deviation of each element (n_conf, n_freq, n_out, n_in) that residuals of that level give, noise
-            included; None where there are no such lines.
+            Amplitude of the output residual (n_conf, n_freq, n_out) [rad/s^2]; None where there are no such lines.
         """
-        return self._at_excited(self.silent_level, self.silent_lines % 2 == (parity == "odd"))
-
-    @property
-    def silent_noise_response(self) -> FloatArray | None:
-        """Noise at the silent lines, like `distortion`."""
-        return self._at_excited(self.silent_noise, np.ones(len(self.silent_lines), bool))
-
-    def _at_excited(self, amplitude: FloatArray | None, chosen: NDArray[np.bool_]) -> FloatArray | None:
+        chosen = (self.silent_lines % 2 == (kind == "odd")) | (kind == "noise")
+        amplitude = self.silent_noise if kind == "noise" else self.silent_level
         if amplitude is None or not chosen.any():
             return None
         distance = np.abs(self.silent_lines[chosen] - self.lines[:, None])
         nearest = np.argsort(distance, axis=1, kind="stable")[:, :_NEIGHBOURS]
-        power = (amplitude[:, chosen][:, nearest] ** 2).mean(axis=2)
+        return np.asarray(np.sqrt((amplitude[:, chosen][:, nearest] ** 2).mean(axis=2)))
+
+    def response_level(self, kind: Level) -> FloatArray | None:
+        """Deviation of each element (n_conf, n_freq, n_out, n_in) that residuals of `residual_level` give."""
+        level = self.residual_level(kind)
+        if level is None:
+            return None
         columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
-        return np.asarray(np.sqrt(power[..., :, None] * columns[..., None, :]))
+        return np.asarray(level[..., :, None] * np.sqrt(columns)[..., None, :])

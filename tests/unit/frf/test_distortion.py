@@ -63,10 +63,10 @@ def test_linear_loop_shows_its_noise_and_nothing_else():
 def test_distortion_in_the_unit_of_the_response_is_its_scatter():
     record, _ = loop_record(cubic=100.0, realizations=12)
     frf = estimate_frf(record, PLAIN)
-    ratio = frf.distortion("odd") / np.sqrt(frf.element_variance())
+    ratio = frf.response_level("odd") / np.sqrt(frf.element_variance())
     # What odd lines left out show is what the excited ones suffer, up to terms that follow the input's phase.
     assert 0.4 < np.median(ratio) < 1.6
-    assert np.median(frf.distortion("even")) < 1e-6 * np.median(frf.distortion("odd"))
+    assert np.median(frf.response_level("even")) < 1e-6 * np.median(frf.response_level("odd"))
     assert frf.tells_parity
 
 
@@ -97,7 +97,7 @@ def test_a_full_grid_has_no_silent_lines():
     frf = estimate_frf(replace(few, excited_lines=np.array([4, 5])), PLAIN)
     assert frf.silent_lines.size == 0
     assert frf.silent_level.shape == (1, 0, 2)
-    assert frf.distortion("odd") is None
+    assert frf.response_level("odd") is None
     assert not frf.tells_parity
     assert estimate_frf(few, PLAIN).silent_lines.tolist() == [4]
 
