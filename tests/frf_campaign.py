@@ -28,6 +28,9 @@ class _NoProgress:
     def advance(self):
         """Ignored."""
 
+    def warn(self, text):
+        """Ignored."""
+
 
 def write_campaign(path, first: Record, n_conf: int) -> None:
     """Writes a record of configurations that differ by their noise, one at a time."""

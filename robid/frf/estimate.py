@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS
 from robid.frf.checks import check_record, finding_notes, refuse_faults
@@ -98,7 +98,7 @@ def estimate_frf(
         output_names=record.output_names,
         torque_unit=record.torque_unit,
         torque_hold=record.torque_hold,
-        notes=(*record.notes, *_notes(total), *finding_notes(record, findings)),
+        notes=(*record.notes, *_notes(total, blocks.lines, silent.lines), *finding_notes(record, findings)),
         coherence=multiple_coherence(residual, blocks.acceleration, noise)[None],
         silent_lines=silent.lines,
         silent_level=levels.level[None],
@@ -167,7 +167,15 @@ def _rms(torque: ComplexArray) -> FloatArray:
     return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
 
 
-def _notes(total: ComplexArray | None) -> tuple[str, ...]:
-    if total is not None:
-        return ()
-    return ("One realization: the covariance holds noise only, no distortion by nonlinearities.",)
+def _notes(total: ComplexArray | None, excited: IntArray, silent: IntArray) -> tuple[str, ...]:
+    """What the data cannot tell."""
+    notes = []
+    if total is None:
+        notes.append("One realization: the covariance holds noise only, no distortion by nonlinearities.")
+    if not silent.size:
+        notes.append(
+            "Every line of the band is excited: distortion by nonlinearities cannot be told from the response."
+        )
+    elif not np.all(excited % 2):
+        notes.append("Even lines are excited: distortion at silent lines does not tell odd from even nonlinearities.")
+    return tuple(notes)

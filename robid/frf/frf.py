@@ -153,11 +153,6 @@ class Frf:
         variance = self.element_variance(noise_only=True)
         return np.asarray(np.abs(self.response) ** 2 / np.maximum(variance, np.finfo(float).tiny))
 
-    @property
-    def tells_parity(self) -> bool:
-        """Whether only odd lines were excited, so that even and odd distortion come apart."""
-        return bool(np.all(self.lines % 2 == 1))
-
     def residual_level(self, kind: Level) -> FloatArray | None:
         """Level of the silent lines, brought to the excited lines: mean power of the nearest ones.
 

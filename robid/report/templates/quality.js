@@ -45,9 +45,9 @@ robid.quality = (() => {
       const noise = level(chosen, "noise", row, column);
       values.push(chosen.measured[row][column].map((value, index) => (value === null ? null : Math.round(10 * (value - noise[index])) / 10)));
     }));
-    const height = Math.max(pairs.length * 13, 60) + 60;
+    const height = Math.max(pairs.length * 13, 110) + 54;
     const figure = layout({
-      width: host.clientWidth, height, margin: { l: 128, r: 70, t: 8, b: 46 },
+      width: host.clientWidth, height, margin: { l: 128, r: 92, t: 8, b: 46 },
       xaxis: frequencyAxis(response.frequency),
       yaxis: axis({ tickvals: pairs.map((_, index) => index), ticktext: pairs, range: [pairs.length - 0.5, -0.5], showgrid: false, tickfont: { size: pairs.length > 12 ? 9 : 11, color: colour("muted") } }),
     });
@@ -61,7 +61,8 @@ robid.quality = (() => {
 
   function drawCoherence(host, response, chosen) {
     const figure = layout({
-      width: host.clientWidth, height: 190, margin: { l: 128, r: 70, t: 8, b: 46 },
+      showlegend: response.outputs.length > 1, legend: { font: { size: 11, color: colour("muted") }, x: 1.01, xanchor: "left", y: 1, tracegroupgap: 0 },
+      width: host.clientWidth, height: 190, margin: { l: 128, r: 92, t: 8, b: 46 },
       xaxis: frequencyAxis(response.frequency),
       yaxis: axis({ type: "log", title: title("1 − coherence"), exponentformat: "power", dtick: 1 }),
     });

@@ -67,7 +67,6 @@ def test_distortion_in_the_unit_of_the_response_is_its_scatter():
     # What odd lines left out show is what the excited ones suffer, up to terms that follow the input's phase.
     assert 0.4 < np.median(ratio) < 1.6
     assert np.median(frf.response_level("even")) < 1e-6 * np.median(frf.response_level("odd"))
-    assert frf.tells_parity
 
 
 def test_coherence_is_the_share_of_power_that_noise_leaves():
@@ -98,8 +97,10 @@ def test_a_full_grid_has_no_silent_lines():
     assert frf.silent_lines.size == 0
     assert frf.silent_level.shape == (1, 0, 2)
     assert frf.response_level("odd") is None
-    assert not frf.tells_parity
+    assert any("Every line of the band is excited" in note for note in frf.notes)
     assert estimate_frf(few, PLAIN).silent_lines.tolist() == [4]
+    mixed = estimate_frf(replace(few, excited_lines=np.array([3, 6])), PLAIN)
+    assert any("does not tell odd from even" in note for note in mixed.notes)
 
 
 def test_doubt_bounds_the_interpolation_where_a_resonance_hides_between_lines():
@@ -117,3 +118,10 @@ def test_doubt_bounds_the_interpolation_where_a_resonance_hides_between_lines():
     assert levels.noise is None
     found = interpolate_response(sparse, response[sparse - 1], sparse)
     np.testing.assert_allclose(found, response[sparse - 1], rtol=1e-12)
+
+
+def test_signal_to_noise_is_that_of_each_element():
+    frf = estimate_frf(loop_record(noise=1e-5)[0], PLAIN)
+    expected = np.abs(frf.response) ** 2 / frf.element_variance(noise_only=True)
+    np.testing.assert_allclose(frf.signal_to_noise, expected)
+    assert replace(frf, noise_covariance=None).signal_to_noise is None

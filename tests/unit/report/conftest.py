@@ -60,7 +60,7 @@ def synthetic_frf(response, frequency_hz, configurations, relative, inputs, outp
         input_factor=np.broadcast_to(np.eye(n_in, dtype=complex), (n_conf, n_freq, n_in, n_in)),
         element_scale=np.ones((n_conf, n_out, n_in)),
         total_covariance=covariance,
-        noise_covariance=None,
+        noise_covariance=0.25 * covariance,
         total_degrees_of_freedom=36.0,
         noise_degrees_of_freedom=0.0,
         sensitivity=np.zeros((n_conf, 0, n_freq, n_out, n_in), complex),
@@ -71,6 +71,12 @@ def synthetic_frf(response, frequency_hz, configurations, relative, inputs, outp
         input_names=inputs,
         output_names=outputs,
         notes=("Friction was subtracted with the robot file's coefficients.",),
+        coherence=np.broadcast_to(1 - 1e-4 * np.geomspace(1, 9, n_freq)[:, None], (n_conf, n_freq, n_out)),
+        silent_lines=np.arange(2 * n_freq),
+        silent_level=np.repeat(level, 2, axis=1) * np.where(np.arange(2 * n_freq) % 2, 0.7, 0.2)[:, None],
+        silent_noise=np.repeat(level, 2, axis=1) / 10,
+        silent_doubt=np.zeros((n_conf, 2 * n_freq, n_out)),
+        uncompensated_response=1.2 * response,
     )
 
 
@@ -205,8 +211,12 @@ def arm_report(n_conf=3, n_validation=2, n_freq=60):
                 2880.0,
                 (20.0,),
                 "rad/s",
-                tuple(
-                    PeakRow(axis, what, unit, limit * share, limit)
+                detection_lines=11,
+                period_s=5.0,
+                crest_factor=1.83,
+                worst_snr_db=17.3,
+                peaks=tuple(
+                    PeakRow(axis, what, unit, limit * share, limit, limit * share / 4)
                     for axis, share in zip(AXES, (0.31, 0.42, 0.93, 0.55, 0.6, 1.08), strict=True)
                     for what, unit, limit in (("torque", "N m", 60.0), ("speed", "rad/s", 470.0))
                 ),

@@ -56,7 +56,7 @@ def test_all_figures_are_drawn_without_a_complaint(which, tmp_path, request):
     _, _, n_out, n_in = content.fits[0].frf.response.shape
     assert len(re.findall(r'class="cell"', html)) == n_out * n_in
     assert len(re.findall(r'class="subplot ', html)) >= n_out * n_in
-    for role in ("ratios", "costs", "starts"):
+    for role in ("ratios", "costs", "starts", "ratio", "coherence"):
         assert re.search(
             rf'class="[^"]*js-plotly-plot[^"]*" data-role="{role}"|data-role="{role}" class="[^"]*js-plotly-plot', html
         ), role

@@ -124,6 +124,7 @@ def test_every_row_is_on_the_page(arm_page, arm_content):
         "1 min 11 s",
         "108 %",
         "61.37",
+        "5.0 s 1.83 17.3 dB",
         "not seen",
     ):
         assert words in text
@@ -145,6 +146,31 @@ def test_the_figures_hold_the_data(arm_page, arm_content):
     springs = data["ratios"][0]
     assert springs["title"] == "Springs"
     assert springs["rows"][0]["truth"] == pytest.approx(fit.parameters[0].truth / fit.parameters[0].nominal, rel=1e-4)
+
+
+def test_the_figures_hold_distortion_noise_and_the_response_before_compensation(arm_page, arm_content):
+    frf = arm_content.fits[0].frf
+    chosen = embedded(arm_page)["fits"][0]["responses"][0]["configurations"][1]
+
+    def drawn(kind):
+        return np.array(chosen[kind])[:, None] + np.array(chosen["factor"])[None]
+
+    for kind in ("odd", "even"):
+        expected = 20 * np.log10(np.moveaxis(frf.response_level(kind)[1], 0, -1))
+        np.testing.assert_allclose(drawn(kind), expected, atol=0.11)
+    ratio = np.array(chosen["measured"]) - drawn("noise")
+    np.testing.assert_allclose(ratio, 10 * np.log10(np.moveaxis(frf.signal_to_noise[1], 0, -1)), atol=0.12)
+    before = 10 ** (np.array(chosen["uncompensated"]) / 20)
+    np.testing.assert_allclose(before, np.moveaxis(np.abs(frf.uncompensated_response[1]), 0, -1), rtol=2e-3)
+    np.testing.assert_allclose(chosen["incoherence"], 1 - frf.coherence[1].T, rtol=6e-3)
+
+
+def test_what_is_not_known_is_not_drawn(bench_content):
+    fit = bench_content.fits[0]
+    names = ("noise_covariance", "coherence", "silent_level", "uncompensated_response")
+    bare = replace(fit, frf=replace(fit.frf, **dict.fromkeys(names)))
+    chosen = embedded(render(replace(bench_content, fits=(bare,))))["fits"][0]["responses"][0]["configurations"][0]
+    assert all(chosen[name] is None for name in ("noise", "incoherence", "odd", "even", "uncompensated"))
 
 
 def test_the_band_holds_the_truth_as_often_as_its_level_says(arm_content):
@@ -200,7 +226,7 @@ def test_without_truth_there_are_no_truth_columns(bench_page, arm_page):
 
 def test_without_covariance_the_page_says_so_in_the_data(bench_content):
     fit = bench_content.fits[0]
-    bare = replace(fit, frf=replace(fit.frf, total_covariance=None))
+    bare = replace(fit, frf=replace(fit.frf, total_covariance=None, noise_covariance=None))
     data = embedded(render(replace(bench_content, fits=(bare,))))
     assert data["fits"][0]["responses"][0]["configurations"][0]["radius"] is None
 

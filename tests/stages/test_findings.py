@@ -1,0 +1,73 @@
+"""What estimate-frf finds wrong with a record reaches the user."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frf_campaign import make_job, random_record, write_campaign
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.store import read_artifact
+from robid.backends.map import make_map
+from robid.errors import DataError
+from robid.signals.multisine import time_signal
+from robid.stages.estimate_frf import STAGE
+
+
+class Heard:
+    """A progress that keeps what it is warned of."""
+
+    def __init__(self):
+        self.warnings = []
+
+    def expect(self, total, unit, done=0):
+        """Ignored."""
+
+    def advance(self):
+        """Ignored."""
+
+    def warn(self, text):
+        self.warnings.append(text)
+
+
+def periodic_record(n_sample):
+    """Six motors that follow a multisine with all lines of the band."""
+    record = random_record(n_sample)
+    generator, lines = np.random.default_rng(4), record.excited_lines
+    shape = (2, *record.torque.shape[1:3], lines.size, 6)
+    spectra = generator.standard_normal(shape) * np.exp(2j * np.pi * generator.random(shape))
+    torque, position = (time_signal(spectrum, lines, n_sample)[None, :, :, None] for spectrum in spectra)
+    shape = record.torque.shape
+    return replace(record, torque=np.tile(torque, (1, 1, 1, 2, 1, 1)), position=np.broadcast_to(position, shape).copy())
+
+
+def run_stage(tmp_path, record, n_conf=2):
+    path, output, heard = tmp_path / "record.h5", tmp_path / "frf.h5", Heard()
+    write_campaign(path, record, n_conf)
+    with make_map("serial", 1) as parallel_map:
+        STAGE.run(replace(make_job(path, output, "none", parallel_map), progress=heard))
+    return heard.warnings, frf_from_artifact(read_artifact(output, FRF)).notes
+
+
+def test_findings_are_told_and_kept(tmp_path):
+    record = periodic_record(512)
+    record.position[0, 2, 3, :, :300, 1] = record.position[0, 2, 3, :, :1, 1]
+    warnings, notes = run_stage(tmp_path, record)
+    assert len(warnings) == 1  # both configurations are at the same angles
+    assert "axis2: the motor stood still for" in warnings[0]
+    assert "realization 3, experiment 4" in warnings[0]
+    assert warnings[0] in notes
+
+
+def test_nothing_is_told_of_a_good_record(tmp_path):
+    warnings, notes = run_stage(tmp_path, periodic_record(512))
+    assert warnings == []
+    assert not any(note.startswith("In the configuration") for note in notes)
+
+
+def test_dropped_samples_stop_the_stage(tmp_path):
+    record = periodic_record(512)
+    record.position[0, 1, 2, 1, 200:-1] = record.position[0, 1, 2, 1, 201:]
+    record.torque[0, 1, 2, 1, 200:-1] = record.torque[0, 1, 2, 1, 201:]
+    with pytest.raises(DataError, match="realization 2, experiment 3: 1 sample missing in period 2 near sample 20"):
+        run_stage(tmp_path, record, n_conf=1)
