@@ -20,6 +20,9 @@ _LEFT = 0.5
 _UNUSUAL = 3.0
 """Mean square difference of two periods over the usual one above which a channel tells of a fault."""
 
+_LEFT_OF_LITTLE = 0.1
+"""The same where chance explains much: in a short part of a period, or a difference that is as large as usual."""
+
 _FLOOR = 1e-12
 
 
@@ -182,11 +185,13 @@ def _locate(record: Record, scale: FloatArray, realization: int, experiment: int
         return None
     part = slice(best.at, None) if best.after else slice(0, best.at)
     before, behind = (((late - early)[part] ** 2).sum(axis=0), _left(early, late, best)[part].sum(axis=0))
-    if behind[telling].sum() >= _LEFT * before[telling].sum():
-        return None
     n_sample = len(early)
-    edge = n_sample // _WINDOWS
-    whole = (best.at < edge) if best.after else (best.at > n_sample - edge)
+    length = n_sample - best.at if best.after else best.at
+    whole = length > n_sample - n_sample // _WINDOWS
+    unusual = 4 * length >= n_sample and before[telling].sum() > _UNUSUAL * length * np.count_nonzero(telling)
+    limit = _LEFT if whole or unusual else _LEFT_OF_LITTLE
+    if behind[telling].sum() >= limit * before[telling].sum():
+        return None
     channels = tuple(np.flatnonzero(telling & (behind < _LEFT * before)).tolist())
     sample = best.at if best.after else best.at - n_sample
     return Shift(realization, experiment, pair + 1, best.lost, sample, whole, channels)
