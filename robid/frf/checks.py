@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
-from robid.frf.timing import Shift, agreed, find_shifts, measure_jitter, period_differences, sparse_samples
+from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
 from robid.signals.record import Record
 
 JITTER_LIMIT = 0.1
@@ -94,8 +94,8 @@ def _timing(record: Record) -> list[Finding]:
     shifts = find_shifts(record, found)
     if shifts:
         n_real, n_exp, n_pair = found.difference.shape[:3]
-        common = agreed(shifts, n_real * n_exp * n_pair)
-        return [_wrong_period(record, int(-common[0]))] if len(common) else [_dropped(record, shifts)]
+        lost = common_shift(shifts, n_real * n_exp * n_pair)
+        return [_wrong_period(record, -lost) if lost else _dropped(record, shifts)]
     jitter, sigmas = measure_jitter(found)
     if jitter < JITTER_LIMIT or sigmas < JITTER_SIGMAS:
         return []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, rfft
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray
 from robid.signals.record import Record
 
 _WINDOWS = 16
@@ -232,7 +232,8 @@ def _best_shift(sound: FloatArray, other: FloatArray, segment: slice) -> int:
     return ahead if ahead <= n_sample // 2 else ahead - n_sample
 
 
-def agreed(shifts: list[Shift], pairs: int) -> IntArray:
-    """The one shift (1,) of all pairs of periods as a whole, or nothing (0,)."""
-    lost = np.unique([shift.lost for shift in shifts if shift.whole])
-    return np.asarray(lost if len(lost) == 1 and sum(shift.whole for shift in shifts) == pairs else lost[:0], int)
+def common_shift(shifts: list[Shift], pairs: int) -> int:
+    """Samples by which most pairs of periods are shifted as a whole, all alike; 0 where they do not agree."""
+    lost = {shift.lost for shift in shifts if shift.whole}
+    agree = len(lost) == 1 and 2 * sum(shift.whole for shift in shifts) > pairs
+    return lost.pop() if agree else 0
