@@ -23,7 +23,7 @@ smoothing speed, lag [samples], ripple over its amplitude."""
 _MIN_LINES = 14  # two for each coefficient
 _MIN_EXCITED = 4
 _MIN_EXPLAINED = 0.5
-_SIGNIFICANT = 4.0
+_SIGNIFICANT = 2.0  # friction as strong as the noise
 _ITERATIONS = 12
 _TOLERANCE = 0.1  # of the standard deviation
 _REALIZATIONS = 2

@@ -9,6 +9,7 @@ import pytest
 
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
+from tolerances import RECOVERY_SIGMA
 
 OUTPUTS = {
     "designs/best.h5",
@@ -64,11 +65,12 @@ def test_friction_identified_at_the_silent_lines(shop):
     answer = shop.robid("run", "small.yaml")
     assert answer.code == 0, answer.err
     frf = frf_from_artifact(read_artifact(shop.runs / "estimation/frf.h5", FRF))
-    values = dict(zip(frf.law_names, frf.law_values, strict=True))
+    found = dict(zip(frf.law_names, zip(frf.law_values, frf.law_std, strict=True), strict=True))
     truth = json.loads((shop.runs / "estimation" / "truth.json").read_text())["values"]
     for joint in ("turn", "lift"):
-        assert abs(truth[f"{joint}.level"]) > 0.02
-        assert values[f"{joint}.coulomb_nm"] == pytest.approx(0.2 * (1 + truth[f"{joint}.level"]), rel=0.03)
+        value, std = found[f"{joint}.coulomb_nm"]
+        assert abs(value - 0.2 * (1 + truth[f"{joint}.level"])) < RECOVERY_SIGMA * std
+        assert std < 0.03
     assert any("silent lines of 1 configuration: they explain at least 9" in note for note in frf.notes)
     summary = json.loads((shop.runs / "summary.json").read_text())
     assert summary["fits.elastic.springs.worst_error"] < 0.02
@@ -79,7 +81,7 @@ def test_too_few_silent_lines_are_a_data_error(shop):
     shop.change("{compensation: nominal}", "{compensation: silent_lines}")
     answer = shop.robid("run", "small.yaml")
     assert answer.code == 4
-    assert "0 lines of the excited band are silent" in answer.flat
+    assert "lines of the excited band are silent" in answer.flat
     assert "`compensation: nominal`" in answer.flat
 
 
