@@ -16,9 +16,6 @@ from robid.errors import SettingsError
 from robid.signals.crest import reduce_crest, reduce_crest_with_motion
 from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
 
-_MOTION_EFFORT = 2
-"""Iterations where the motion counts too, over those of the reference alone: six times the phases at once."""
-
 UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m"}
 
 
@@ -181,9 +178,7 @@ def _phases(
         return phases
     loop = _needed(loop)
     speed = 1j * loop.omega[:, None, None] * loop.gains(loop.central(), options.inject)[1]
-    return reduce_crest_with_motion(
-        phases, amplitude, lines, speed, iterations=_MOTION_EFFORT * options.phase_iterations
-    )
+    return reduce_crest_with_motion(phases, amplitude, lines, speed, iterations=options.phase_iterations)
 
 
 def _needed(loop: NominalLoop | None) -> NominalLoop:
