@@ -164,16 +164,17 @@ def _amplitude(options: ExcitationOptions, rms: FloatArray, n_lines: int, loop: 
 def _phases(
     options: ExcitationOptions, amplitude: FloatArray, lines: IntArray, realization: int, loop: NominalLoop | None
 ) -> FloatArray:
-    """Phases (n_motor, n_lines) of one realization."""
+    """Phases (n_motor, n_lines) of one realization; a start beyond one per motor goes to the worst motor so far."""
     n_motor, n_lines = amplitude.shape
     shifts = np.angle(orthogonal_matrix(n_motor))
-    phases = np.empty(amplitude.shape)
-    for motor in range(n_motor):
-        generator = np.random.default_rng([options.seed, 2, realization, motor])
-        starts = generator.uniform(0, 2 * np.pi, (-(-options.phase_starts // n_motor), n_lines))
-        phases[motor] = reduce_crest(
-            starts, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations
-        )
+    generators = [np.random.default_rng([options.seed, 2, realization, motor]) for motor in range(n_motor)]
+    phases, crest = np.zeros(amplitude.shape), np.full(n_motor, np.inf)
+    for _ in range(max(options.phase_starts, n_motor)):
+        motor = int(np.argmax(crest))
+        start = generators[motor].uniform(0, 2 * np.pi, n_lines)
+        found, peak = reduce_crest(start, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations)
+        if peak < crest[motor]:
+            phases[motor], crest[motor] = found, peak
     if options.crest_at == "reference":
         return phases
     loop = _needed(loop)

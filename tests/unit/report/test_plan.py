@@ -33,7 +33,7 @@ def test_each_motor_shows_peaks_against_limits_and_its_weakest_line():
         assert f"{plan.speed_peak[:, motor].max():.2g}/100" in rows[name]
         assert f"{excitation.crest_factor[..., motor].max():.2f}" in rows[name]
         assert f" {plan.snr_db[:, :, motor, motor].min():.0f} " in rows[name]
-    assert "takes 16.0 s" in text
+    assert "takes 32.0 s" in text
     assert "…" not in text
 
 
