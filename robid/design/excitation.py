@@ -171,7 +171,7 @@ def _phases(
     phases, crest = np.zeros(amplitude.shape), np.full(n_motor, np.inf)
     for _ in range(max(options.phase_starts, n_motor)):
         motor = int(np.argmax(crest))
-        start = generators[motor].uniform(0, 2 * np.pi, n_lines)
+        start = generators[motor].uniform(0, 2 * np.pi, (n_lines,))
         found, peak = reduce_crest(start, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations)
         if peak < crest[motor]:
             phases[motor], crest[motor] = found, peak
