@@ -15,6 +15,7 @@ from robid.frf.covariance import element_scale, noise_covariance, total_covarian
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
+from robid.frf.transient import robust_blocks
 from robid.signals.friction import KINDS, TorqueLaw
 from robid.signals.record import Record
 
@@ -46,7 +47,10 @@ def estimate_frf(
     """
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
-    measured = record_blocks(record, record.excited_lines)
+    if options.estimator == "robust_local":
+        measured = robust_blocks(record, record.excited_lines, options)
+    else:
+        measured = record_blocks(record, record.excited_lines)
     removed = _removed(record, laws, delay_s)
     blocks = replace(measured, torque=measured.torque - removed[0]) if len(removed) else measured
     _check_blocks(record, blocks)
