@@ -21,6 +21,15 @@ class EstimateOptions:
     local_order: int = field(
         default=2, metadata={"description": "Order of the local polynomials of response and transient.", "ge": 0}
     )
+    local_denominator: int = field(
+        default=0,
+        metadata={
+            "description": "Order of the denominator of `local` and `local_periodic`; 0 is a polynomial, 2 follows"
+            " a resonance.",
+            "ge": 0,
+            "le": 4,
+        },
+    )
     local_half_width_lines: int | None = field(
         default=None,
         metadata={
