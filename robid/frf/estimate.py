@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, BlockEstimate
-from robid.frf.compensation import disturbance
+from robid.frf.compensation import Disturbance, coefficient_names, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
 from robid.frf.transient import robust_blocks
-from robid.signals.friction import KINDS, TorqueLaw
+from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 
 _CONDITION_LIMIT = 1e6
@@ -28,19 +28,24 @@ class _Spectra:
     """What an estimator reads: blocks without the removed torque, that torque, and windows over the lines."""
 
     blocks: Blocks
-    removed: ComplexArray
+    removed: Disturbance
     windows: Windows | None = None
+
+    @property
+    def removed_torque(self) -> ComplexArray:
+        """The removed torque at the lines (n_real, n_freq, n_in, n_exp)."""
+        return self.removed.torque if self.windows is None else self.removed.torque[:, self.windows.lines]
 
 
 @dataclass(frozen=True)
 class _Found:
-    """An estimate with the covariance of its output residual and the removed torque in its weights' order."""
+    """An estimate, its output residual's covariance, and the removed torque in the order of its weights."""
 
     estimate: BlockEstimate
     element_scale: FloatArray
     total: ComplexArray | None
     total_freedom: float
-    removed: ComplexArray
+    derivative: ComplexArray
 
 
 def estimate_frf(
@@ -77,7 +82,7 @@ def estimate_frf(
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     names, deviation = _coefficients(record, laws)
     sensitivity = np.concatenate(
-        [_sensitivity(response, found.removed, found.estimate.weights), _scale_sensitivity(response)]
+        [_sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)]
     )
     return Frf(
         frequency_hz=record.frequency_hz,
@@ -93,7 +98,7 @@ def estimate_frf(
         sensitivity=sensitivity[None, deviation > 0],
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
-        removed_torque_rms=_removed_rms(spectra, record)[None],
+        removed_torque_rms=_rms(spectra.removed_torque)[None],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
         output_names=record.output_names,
@@ -130,10 +135,9 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
     if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
         message = "the record holds NaN or infinite samples"
         raise DataError(message, where=_where(record), remedy="acquire the record again")
-    removed = _removed(source, lines, laws, delay_s)
-    if len(removed):
-        blocks = replace(blocks, torque=blocks.torque - removed[0])
-    return _Spectra(blocks, removed, windows)
+    motion = None if laws is None else record_motion(source, lines, delay_s)
+    removed = no_disturbance(source, lines) if motion is None or laws is None else disturbance(motion, laws)
+    return _Spectra(replace(blocks, torque=blocks.torque - removed.torque), removed, windows)
 
 
 def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _Found:
@@ -145,14 +149,14 @@ def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _
     total, freedom = total_covariance(residual, blocks.torque.shape[2], options.pooled_lines)
     per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
     scale = element_scale(per_block, estimate.input_factor, total)
-    return _Found(estimate, scale, total, freedom, spectra.removed)
+    return _Found(estimate, scale, total, freedom, spectra.removed.derivative)
 
 
 def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> _Found:
     """An estimate over neighbouring lines; its covariance is that of the local fits' residuals."""
     fit = local_fit(spectra.blocks, windows, options)
-    removed = windows.joined(spectra.removed)
-    return _Found(fit, fit.element_scale, fit.covariance, fit.freedom, removed)
+    derivative = windows.joined(spectra.removed.derivative)
+    return _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative)
 
 
 def _channels(record: Record) -> tuple[int, int]:
@@ -178,17 +182,9 @@ def _check_blocks(record: Record, blocks: Blocks) -> None:
         raise DataError(message, where=_where(record), remedy=remedy)
 
 
-def _removed(record: Record, lines: IntArray, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> ComplexArray:
-    """Torque of each coefficient (n_kind, n_real, n_freq, n_in, n_exp); n_kind is 0 without compensation."""
-    if laws is None:
-        n_real, n_exp = record.torque.shape[1:3]
-        return np.zeros((0, n_real, len(lines), len(record.input_names), n_exp), complex)
-    return disturbance(record, laws, lines, delay_s)
-
-
-def _sensitivity(response: ComplexArray, removed: ComplexArray, weights: ComplexArray) -> ComplexArray:
+def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:
     """Derivative (n_coef, n_freq, n_out, n_in) of the response with respect to each motor's each coefficient."""
-    moved = np.einsum("krfje,rfei->kfji", removed, weights)
+    moved = np.einsum("krfje,rfei->kfji", derivative, weights)
     each = np.einsum("foj,kfji->kjfoi", response, moved)
     return np.asarray(each.reshape(-1, *response.shape))
 
@@ -204,15 +200,13 @@ def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[t
     names = tuple(f"{name}.torque_scale" for name in record.input_names)
     if laws is None:
         return names, scale
-    coefficients = tuple(f"{name}.{kind}" for kind in KINDS for name in record.input_names)
+    coefficients = coefficient_names(record)
     return coefficients + names, np.concatenate([np.array([law.coefficient_std for law in laws]).T.ravel(), scale])
 
 
-def _removed_rms(spectra: _Spectra, record: Record) -> FloatArray:
-    if not len(spectra.removed):
-        return np.zeros(len(record.input_names))
-    nominal = spectra.removed[0] if spectra.windows is None else spectra.removed[0][:, spectra.windows.lines]
-    return np.asarray(np.sqrt(2 * (np.abs(nominal) ** 2).sum(axis=1).mean(axis=(0, -1))))
+def _rms(torque: ComplexArray) -> FloatArray:
+    """RMS of each motor over realizations and experiments (n_in,), from its complex amplitudes."""
+    return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
 
 
 def _notes(total: ComplexArray | None) -> tuple[str, ...]:

@@ -169,7 +169,7 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         observed = observed + denominator.change
     centre = fit.centre(observed, n_in)
     residual = fit.residual(observed)
-    turn: ComplexArray = np.asarray(np.linalg.inv(centre[..., :n_in]) if indirect else np.eye(n_in)[None], complex)
+    turn = np.asarray(np.linalg.inv(centre[..., :n_in]) if indirect else np.eye(n_in)[None], complex)
     response = np.swapaxes(turn @ centre[..., n_in:], 1, 2) if indirect else np.swapaxes(centre, 1, 2)
     output = _output_part(residual, response, n_in) if indirect else residual
     gain = turn @ fit.gain(n_in)
