@@ -103,6 +103,16 @@ class Excitation:
         """Excited frequencies (n_freq,) [Hz]."""
         return np.asarray(self.excited_lines / self.period_s)
 
+    def first_experiments(self, count: int | None) -> Excitation:
+        """Returns the first experiments of every block, all of them without a count."""
+        kept = slice(count)
+        return replace(
+            self,
+            reference=self.reference[:, kept],
+            spectrum=self.spectrum[:, kept],
+            crest_factor=self.crest_factor[:, kept],
+        )
+
 
 def design_excitation(
     options: ExcitationOptions, n_motor: int, realizations: int, sampling_period_s: float

@@ -133,7 +133,8 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
 
     N is a matrix polynomial in the frequency, D a polynomial common to all outputs (1 without
     `local_denominator`), T the transient of each experiment (`local` only). Where the reference was recorded,
-    torque and acceleration are both fitted to it and the response is their ratio, as the loop is closed.
+    torque and acceleration are both fitted to it and the response is their ratio, as the loop is closed. The
+    covariance is of first order in the noise: the denominator's is underestimated where noise is large.
 
     Args:
         blocks: Spectra at the windows' bins.
@@ -147,35 +148,41 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         Pintelon and Schoukens (2012), System Identification, 2nd ed., ch. 7; McKelvey and Guerin (2012), IFAC
         SYSID (rational); METHODS sec. 4.
     """
-    n_in = blocks.torque.shape[2]
+    n_in, n_power = blocks.torque.shape[2], options.local_order + 1
     torque, acceleration = windows.rows(blocks.torque), windows.rows(blocks.acceleration)
     indirect = blocks.reference is not None
     regressor = torque if blocks.reference is None else windows.rows(blocks.reference)
     explained = np.concatenate([torque, acceleration], axis=-1) if indirect else acceleration
-    powers = windows.offset[:, :, None] ** np.arange(options.local_order + 1)
+    powers = windows.offset[:, :, None] ** np.arange(n_power)
     silence = _transient_projection(powers) if options.estimator == "local" else None
-    columns = powers[:, None, :, :, None] * regressor[:, :, :, None, :]
-    fit = _Fit(_flat(columns.reshape(*regressor.shape[:3], -1), silence))
+    fit = _Fit(_flat(_products(powers, regressor), silence), n_in)
     observed = _flat(explained, silence)
-    own = 0 if silence is None else powers.shape[2]
-    n_row = observed.shape[1] - regressor.shape[1] * own
-    freedom = float(n_row - powers.shape[2] * n_in - options.local_denominator)
+    own = regressor.shape[1] * n_power * (silence is not None)
+    freedom = float(observed.shape[1] - own - n_power * n_in - options.local_denominator)
+    denominator = None
     if options.local_denominator:
         degrees = np.arange(1, options.local_denominator + 1)
-        scaled = (windows.offset[:, :, None] ** degrees)[:, None, :, :, None] * explained[:, :, :, None, :]
-        products = _flat(scaled.reshape(*explained.shape[:3], -1), silence)
-        products = products.reshape(*products.shape[:2], degrees.size, -1)
-        denominator = _Denominator(fit, observed, products)
+        products = _flat(_products(windows.offset[:, :, None] ** degrees, explained), silence)
+        denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.size, -1))
         observed = observed + denominator.change
-    centre = fit.centre(observed, n_in)
-    residual = fit.residual(observed)
-    turn = np.asarray(np.linalg.inv(centre[..., :n_in]) if indirect else np.eye(n_in)[None], complex)
-    response = np.swapaxes(turn @ centre[..., n_in:], 1, 2) if indirect else np.swapaxes(centre, 1, 2)
-    output = _output_part(residual, response, n_in) if indirect else residual
+    return _estimate(fit, observed, denominator, freedom, n_in, indirect=indirect)
+
+
+def _estimate(
+    fit: _Fit, observed: ComplexArray, denominator: _Denominator | None, freedom: float, n_in: int, *, indirect: bool
+) -> LocalEstimate:
+    """Reads the response off a fit; of an indirect one the first observations are the torques."""
+    centre, output = fit.centre(observed, n_in), fit.residual(observed)
+    turn = np.eye(n_in)[None].astype(complex)
+    response = np.swapaxes(centre, 1, 2)
+    if indirect:
+        turn = np.linalg.inv(centre[..., :n_in])
+        response = np.swapaxes(turn @ centre[..., n_in:], 1, 2)
+        output = _output_part(output, response, n_in)
     gain = turn @ fit.gain(n_in)
     covariance = np.einsum("fro,frp->fop", output, output.conj()) / freedom
     scale: FloatArray = np.ones(response.shape[1:])
-    if options.local_denominator:
+    if denominator is not None:
         slope = turn[:, None] @ denominator.sensitivity(n_in)
         slope = _output_part(slope, response[:, None], n_in) if indirect else slope
         scale = _element_scale(slope, denominator.covariance(freedom), gain, covariance)
@@ -185,10 +192,11 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
 class _Fit:
     """Least squares of all lines at once by QR."""
 
-    def __init__(self, columns: ComplexArray) -> None:
+    def __init__(self, columns: ComplexArray, n_in: int) -> None:
         self._orthonormal, self._triangle = np.linalg.qr(columns)
-        size = np.linalg.norm(self._triangle, axis=1, keepdims=True)
-        if (size == 0).any() or np.linalg.cond(self._triangle / size).max() > _CONDITION_LIMIT:
+        size = np.linalg.norm(self._triangle, axis=1).reshape(len(columns), -1, n_in).max(axis=1)
+        scaled = self._triangle / np.tile(size, columns.shape[2] // n_in)[:, None]
+        if not (size > 0).all() or np.linalg.cond(scaled).max() > _CONDITION_LIMIT:
             message = "the spectrum around a line is too empty to determine a local model of every motor's response"
             remedy = "use `robust_local` for sparse lines of periodic data; else excite all motors, or widen the window"
             raise DataError(message, remedy=remedy)
@@ -247,6 +255,11 @@ class _Denominator:
 def _windows(bins: IntArray, index: IntArray, lines: IntArray) -> Windows:
     distance = (bins[index] - bins[lines][:, None]).astype(float)
     return Windows(index, distance / np.maximum(np.abs(distance).max(axis=1, keepdims=True), 1), lines)
+
+
+def _products(powers: FloatArray, spectra: ComplexArray) -> ComplexArray:
+    """Powers (n_freq, width, n) times spectra (n_freq, n_exp, width, m), joined to columns n m."""
+    return (powers[:, None, :, :, None] * spectra[:, :, :, None, :]).reshape(*spectra.shape[:3], -1)
 
 
 def _transient_projection(powers: FloatArray) -> FloatArray:

@@ -27,7 +27,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings = {f"{section}.configurations": to_plain(campaign.configurations)}
     acquire = None if campaign.source is None else campaign.source.acquire
     if acquire is None:
-        read = ("excitation", "realizations", "payload_kg")
+        read = ("excitation", "realizations", "experiments", "payload_kg")
         settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
         settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
     else:
@@ -76,6 +76,7 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     controller = require_controller(job.loaded)
     period = controller.sampling_period_s
     excitation = design_excitation(job.campaign.excitation, len(robot.joints), job.campaign.realizations, period)
+    excitation = excitation.first_experiments(job.campaign.experiments)
     model = build_model(robot)
     rest = solve_statics(model, configurations)
     linear = linearize(model, rest)
