@@ -10,7 +10,14 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, BlockEstimate
-from robid.frf.compensation import Disturbance, coefficient_names, disturbance, no_disturbance, record_motion
+from robid.frf.compensation import (
+    Disturbance,
+    coefficient_names,
+    disturbance,
+    law_table,
+    no_disturbance,
+    record_motion,
+)
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
@@ -59,7 +66,7 @@ def estimate_frf(
     Args:
         record: Record of a single configuration.
         options: Estimator, compensation and pooling.
-        laws: Torque nonlinearities per motor, for `compensation: nominal`.
+        laws: Torque laws per motor to subtract, where there is compensation: the robot file's or identified ones.
         delay_s: Delay from recorded to applied torque, hold excluded [s].
 
     Returns:
@@ -80,7 +87,8 @@ def estimate_frf(
     blocks = spectra.blocks if windows is None else spectra.blocks.select(windows.lines)
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
-    names, deviation = _coefficients(record, laws)
+    names, deviation, offset = _coefficients(record, laws)
+    table = ((), np.zeros(0), np.zeros(0)) if laws is None else law_table(record, laws)
     sensitivity = np.concatenate(
         [_sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)]
     )
@@ -99,6 +107,11 @@ def estimate_frf(
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
         removed_torque_rms=_rms(spectra.removed_torque)[None],
+        coefficient_offset=offset[deviation > 0],
+        uncompensated_response=None if laws is None else _uncompensated(spectra, options)[None],
+        law_names=table[0],
+        law_values=table[1],
+        law_std=table[2],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
         output_names=record.output_names,
@@ -163,6 +176,14 @@ def _channels(record: Record) -> tuple[int, int]:
     return len(record.input_names), len(record.output_names)
 
 
+def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
+    """The response (n_freq, n_out, n_in) of the torque as recorded."""
+    measured = replace(spectra.blocks, torque=spectra.blocks.torque + spectra.removed.torque)
+    if spectra.windows is None:
+        return ESTIMATORS[options.estimator](measured).response
+    return local_fit(measured, spectra.windows, options).response
+
+
 def _where(record: Record) -> str:
     return f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
 
@@ -195,13 +216,19 @@ def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
     return np.asarray(-response * np.eye(n_in)[:, None, None, :])
 
 
-def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray]:
+def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Name, standard deviation and distance from the robot file's of every coefficient, the torques' scales last."""
     scale = np.zeros(record.torque.shape[-1]) if record.torque_relative_std is None else record.torque_relative_std
     names = tuple(f"{name}.torque_scale" for name in record.input_names)
     if laws is None:
-        return names, scale
-    coefficients = coefficient_names(record)
-    return coefficients + names, np.concatenate([np.array([law.coefficient_std for law in laws]).T.ravel(), scale])
+        return names, scale, np.zeros_like(scale)
+    deviation = np.ravel(np.transpose([law.coefficient_std for law in laws]))
+    offset = np.ravel(np.transpose([law.offset for law in laws]))
+    return (
+        coefficient_names(record) + names,
+        np.concatenate([deviation, scale]),
+        np.concatenate([offset, np.zeros_like(scale)]),
+    )
 
 
 def _rms(torque: ComplexArray) -> FloatArray:

@@ -168,6 +168,9 @@ def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
     elif count < n_motor and campaign.estimate.estimator != "local_periodic":
         message = f"{count} experiments do not separate {n_motor} motors: use the estimator `local_periodic`"
         yield (*field, "estimate", "estimator"), message
+    if count < n_motor and campaign.estimate.compensation == "silent_lines":
+        message = f"needs a block of {n_motor} experiments, not {count}: use `compensation: nominal` or `none`"
+        yield (*field, "estimate", "compensation"), message
 
 
 def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
