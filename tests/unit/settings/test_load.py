@@ -176,7 +176,8 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
         ),
         (
             "source: &source",
-            "experiments: 1\n    estimate: {estimator: local_periodic, compensation: silent_lines}\n    source: &source",
+            "experiments: 1\n    estimate: {estimator: local_periodic, compensation: silent_lines}\n"
+            "    source: &source",
             "campaigns.measured.estimate.compensation",
             "needs a block of 2 experiments, not 1",
         ),
