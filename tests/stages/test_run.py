@@ -56,6 +56,33 @@ def test_sensors_are_recorded_estimated_and_fitted(shop):
     assert summary["fits.elastic.springs.worst_error"] < 0.02
 
 
+def test_friction_identified_at_the_silent_lines(shop):
+    for _ in range(2):
+        shop.change("{compensation: nominal}", "{compensation: silent_lines, silent_configurations: 1}")
+    shop.change("friction_relative: 0.1", "friction_relative: 0.4")
+    shop.change("period_s: 0.5", "period_s: 1")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 0, answer.err
+    frf = frf_from_artifact(read_artifact(shop.runs / "estimation/frf.h5", FRF))
+    values = dict(zip(frf.law_names, frf.law_values, strict=True))
+    truth = json.loads((shop.runs / "estimation" / "truth.json").read_text())["values"]
+    for joint in ("turn", "lift"):
+        assert abs(truth[f"{joint}.level"]) > 0.02
+        assert values[f"{joint}.coulomb_nm"] == pytest.approx(0.2 * (1 + truth[f"{joint}.level"]), rel=0.03)
+    assert any("silent lines of 1 configuration: they explain at least 9" in note for note in frf.notes)
+    summary = json.loads((shop.runs / "summary.json").read_text())
+    assert summary["fits.elastic.springs.worst_error"] < 0.02
+
+
+def test_too_few_silent_lines_are_a_data_error(shop):
+    shop.change("count: 14", "count: 34, grid: full, detection_share: 0")
+    shop.change("{compensation: nominal}", "{compensation: silent_lines}")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 4
+    assert "0 lines of the excited band are silent" in answer.flat
+    assert "`compensation: nominal`" in answer.flat
+
+
 def test_a_run_ends_with_table_verdict_and_report(done):
     answer = done.robid("run", "small.yaml")
     assert answer.code == 0
