@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -106,6 +106,16 @@ class Excitation:
     def frequency_hz(self) -> FloatArray:
         """Excited frequencies (n_freq,) [Hz]."""
         return np.asarray(self.excited_lines / self.period_s)
+
+    def first_experiments(self, count: int | None) -> Excitation:
+        """Returns the first experiments of every block, all of them without a count."""
+        kept = slice(count)
+        return replace(
+            self,
+            reference=self.reference[:, kept],
+            spectrum=self.spectrum[:, kept],
+            crest_factor=self.crest_factor[:, kept],
+        )
 
 
 def design_excitation(

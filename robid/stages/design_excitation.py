@@ -35,7 +35,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings = {f"{section}.configurations": to_plain(campaign.configurations)}
     acquire = None if campaign.source is None else campaign.source.acquire
     if acquire is None:
-        read = ("excitation", "realizations", "periods", "payload_kg")
+        read = ("excitation", "realizations", "experiments", "periods", "payload_kg")
         settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
         settings[f"{section}.source.simulate.transient_periods"] = _transient_periods(campaign)
         settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
@@ -87,6 +87,7 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     lines, _ = choose_lines(options, period_s)
     loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
     excitation = design_excitation(options, len(robot.joints), campaign.realizations, period_s, loop)
+    excitation = excitation.first_experiments(campaign.experiments)
     transient = _transient_periods(campaign)
     return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
 
