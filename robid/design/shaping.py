@@ -10,7 +10,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.design.candidates import KINDS, log_slopes
 from robid.design.loop import NominalLoop
 from robid.design.snr import residual_covariance
-from robid.frf.estimate import pool
+from robid.frf.covariance import pool
 from robid.robot.linearize import LinearModel
 from robid.robot.response import jacobian, nominal_parameters, response
 
