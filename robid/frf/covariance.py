@@ -45,12 +45,21 @@ def noise_covariance(scatter: ComplexArray, freedom: int, pooled: int) -> tuple[
     return pool(covariance, pooled), float(whole * min(pooled, n_freq))
 
 
-def element_scale(per_block: ComplexArray, factor: ComplexArray, total: ComplexArray | None) -> FloatArray:
-    """Sample variance of each element's mean over that of the Kronecker product (n_out, n_in), mean over lines."""
-    n_real = per_block.shape[0]
+def element_scale(
+    errors: ComplexArray, factor: ComplexArray, total: ComplexArray | None, n_exp: int
+) -> FloatArray:
+    """Sample variance of each element over that of the Kronecker product (n_out, n_in), mean over the lines.
+
+    Args:
+        errors (n_real, n_freq, n_out, n_in): `V_m W_m`, what each realization's residual adds to the response.
+        factor (n_freq, n_in, n_in): Input factor of the structured covariance.
+        total (n_freq, n_out, n_out): Its other factor, or None where there is only one realization.
+        n_exp: Experiments of each realization.
+    """
     if total is None:
-        return np.ones(per_block.shape[2:])
-    sample = per_block.var(axis=0) / (n_real - 1)
+        return np.ones(errors.shape[2:])
+    whole, n_in = len(errors) * n_exp, errors.shape[-1]
+    sample = (np.abs(errors) ** 2).sum(axis=0) * whole / (whole - n_in)
     rows = np.real(np.diagonal(total, axis1=-2, axis2=-1))
     columns = np.real(np.diagonal(factor, axis1=-2, axis2=-1))
     product = rows[:, :, None] * columns[:, None, :]

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.frf.blocks import ESTIMATORS
+from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, NEEDS_SQUARE_BLOCKS
 from robid.frf.compensation import disturbance
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.frf import CONFIGURATION_WISE, Frf
@@ -49,14 +49,14 @@ def estimate_frf(
     measured = record_blocks(record, record.excited_lines)
     removed = _removed(record, laws, delay_s)
     blocks = replace(measured, torque=measured.torque - removed[0]) if len(removed) else measured
-    _check_blocks(record, blocks)
+    _check_blocks(record, blocks, options.estimator)
     estimate = ESTIMATORS[options.estimator](blocks)
-    response = estimate.response
+    response, input_factor = estimate.response, estimate.input_factor
     residual = blocks.acceleration - response @ blocks.torque
     total, total_freedom = total_covariance(residual, len(record.input_names), options.pooled_lines)
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
-    per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
+    scale = element_scale(residual @ estimate.weights, input_factor, total, residual.shape[-1])
     names, deviation = _coefficients(record, laws)
     sensitivity = np.concatenate([_sensitivity(response, removed, estimate.weights), _scale_sensitivity(response)])
     return Frf(
@@ -64,8 +64,8 @@ def estimate_frf(
         lines=record.excited_lines,
         configurations=record.configurations,
         response=response[None],
-        input_factor=estimate.input_factor[None],
-        element_scale=element_scale(per_block, estimate.input_factor, total)[None],
+        input_factor=input_factor[None],
+        element_scale=scale[None],
         total_covariance=None if total is None else total[None],
         noise_covariance=None if noise is None else noise[None],
         total_degrees_of_freedom=total_freedom,
@@ -94,20 +94,38 @@ def concatenate(parts: list[Frf]) -> Frf:
     return replace(parts[0], **whole)
 
 
-def _check_blocks(record: Record, blocks: Blocks) -> None:
+def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:
     where = f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
-    n_in, n_exp = blocks.torque.shape[-2:]
-    if n_exp != n_in:
+    n_real, n_freq, n_in, n_exp = blocks.torque.shape
+    square = estimator in NEEDS_SQUARE_BLOCKS
+    if n_exp != n_in if square else n_real * n_exp < n_in:
         message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
         raise DataError(message, where=where, remedy="record as many experiments per realization as there are motors")
     if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
         raise DataError("the record holds NaN or infinite samples", where=where, remedy="acquire the record again")
-    condition = np.linalg.cond(blocks.torque).max(axis=0)
+    together = np.moveaxis(blocks.torque, 0, -2).reshape(1, n_freq, n_in, -1)
+    condition = np.linalg.cond(blocks.torque if square else together).max(axis=0)
     worst = int(np.argmax(condition))
     if condition[worst] > _CONDITION_LIMIT:
         frequency = record.frequency_hz[worst]
         message = f"the experiments do not excite every motor at {frequency:.3g} Hz (condition {condition[worst]:.1e})"
         raise DataError(message, where=where, remedy="excite all motors, or check that the lines are those played")
+    if estimator in NEEDS_REFERENCE:
+        _check_reference(record, blocks, estimator, where)
+
+
+def _check_reference(record: Record, blocks: Blocks, estimator: str, where: str) -> None:
+    if blocks.reference is None:
+        remedy = "choose `logarithmic`, or import what was injected with the log"
+        raise DataError(f"estimator `{estimator}` needs the reference, which the record lacks", where=where, remedy=remedy)
+    n_freq, n_in = blocks.torque.shape[1:3]
+    together = np.moveaxis(blocks.reference, 0, -2).reshape(1, n_freq, n_in, -1)
+    size = np.linalg.svd(blocks.reference if estimator in NEEDS_SQUARE_BLOCKS else together, compute_uv=False)
+    lost = ~(size[..., -1] > size[..., 0] / _CONDITION_LIMIT).all(axis=0)
+    if lost.any():
+        frequency = record.frequency_hz[int(np.argmax(lost))]
+        message = f"estimator `{estimator}`: the reference does not excite every motor at {frequency:.3g} Hz"
+        raise DataError(message, where=where, remedy="choose `logarithmic`, or check the imported reference")
 
 
 def _removed(record: Record, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> ComplexArray:

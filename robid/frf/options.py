@@ -10,8 +10,13 @@ from typing import Literal
 class EstimateOptions:
     """How a record becomes a frequency response."""
 
-    estimator: Literal["logarithmic", "arithmetic"] = field(
-        default="logarithmic", metadata={"description": "How the blocks' responses are averaged."}
+    estimator: Literal["logarithmic", "arithmetic", "joint", "h1", "indirect"] = field(
+        default="logarithmic",
+        metadata={
+            "description": "How the blocks' responses are averaged: logarithmic or arithmetic mean of Y U^-1; joint "
+            "input-output with the recorded reference as instrument; h1 (least squares, biased in closed loop); "
+            "indirect (closed-loop responses from the recorded reference)."
+        },
     )
     compensation: Literal["none", "nominal"] = field(
         default="nominal", metadata={"description": "Friction subtracted from the torque: none, or the robot file's."}
