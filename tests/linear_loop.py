@@ -100,26 +100,36 @@ class Loop:
     def noise(self, periods):
         """Covariance (n_freq, 4, 4) of (torque, acceleration) amplitudes of the mean over the periods.
 
-        Exact for a stationary loop: autocovariances under the triangular window of the whole length.
+        Exact for a stationary loop, leakage and the removal of drift included.
         """
         A, B, C, D = self.matrices()
         B, D = B[:, 2:], D[:, 2:]
         states = solve_discrete_lyapunov(A, B @ B.T)
-        length = periods * N_SAMPLE
-        later = A @ states @ C.T + B @ D.T
-        total = np.broadcast_to(length * (C @ states @ C.T + D @ D.T), (LINES.size, 4, 4)).astype(complex)
-        for lag in range(1, length):
-            part = (length - lag) * (C @ later) * np.exp(-1j * OMEGA * STEP_S * lag)[:, None, None]
-            total = total + part + np.swapaxes(part, 1, 2).conj()
+        auto, later = [C @ states @ C.T + D @ D.T], A @ states @ C.T + B @ D.T
+        for _ in range(periods * N_SAMPLE - 1):
+            auto.append(C @ later)
             later = A @ later
-        factor = np.concatenate([np.ones((LINES.size, 2)), np.repeat(-(OMEGA**2)[:, None], 2, axis=1)], axis=1)
-        return total * factor[:, :, None] * factor[:, None, :] / length**2
+        auto = np.array(auto)
+        weights = np.fft.fft(amplitude_weights(periods), 2 * len(auto))
+        overlap = np.fft.ifft(weights[:, None] * weights.conj())[..., : len(auto)].repeat(2, axis=0).repeat(2, axis=1)
+        ahead = np.einsum("tij,ijkt->kij", auto, overlap)
+        return ahead + np.swapaxes(ahead, 1, 2).conj() - auto[0] * np.moveaxis(overlap[..., 0], -1, 0)
 
     def residual_noise(self, periods):
         """Covariance of the output residual V = Y - G U, and of V with the torque, both (n_freq, 2, 2)."""
         both = self.noise(periods)
         take = np.concatenate([-self.response(), np.broadcast_to(np.eye(2), (LINES.size, 2, 2))], axis=2)
         return take @ both @ np.swapaxes(take, 1, 2).conj(), take @ both[:, :, :2]
+
+
+def amplitude_weights(periods):
+    """What the samples of torque and angle are multiplied by in the mean's amplitudes (2, n_freq, n_sample)."""
+    time = np.arange(periods * N_SAMPLE)
+    wave = np.exp(-1j * STEP_S * np.outer(OMEGA, time)) / time.size
+    ramp = wave[:, :N_SAMPLE] @ ((np.arange(N_SAMPLE) + 0.5) / N_SAMPLE - 0.5) * periods
+    slope = np.gradient(np.eye(periods), axis=0).mean(axis=0) if periods > 1 else np.zeros(1)
+    drift = ramp[:, None] * np.repeat(slope, N_SAMPLE) / N_SAMPLE
+    return np.array([wave, -(OMEGA**2)[:, None] * (wave - drift)])
 
 
 def transfer(A, B, C):
