@@ -22,7 +22,7 @@ def total_covariance(residual: ComplexArray, n_in: int, pooled: int) -> tuple[Co
     freedom = n_exp * n_real - n_in
     if n_real < 2 or freedom < 1:
         return None, 0.0
-    covariance = np.einsum("rfoe,rfpe->fop", residual, residual.conj()) / freedom
+    covariance = _outer(residual.transpose(1, 2, 0, 3)) / freedom
     return pool(covariance, pooled), float(freedom * min(pooled, n_freq))
 
 
@@ -41,13 +41,11 @@ def noise_covariance(scatter: ComplexArray, freedom: int, pooled: int) -> tuple[
     if freedom < 1:
         return None, 0.0
     whole = n_real * n_exp * freedom
-    covariance = np.einsum("rafoe,rafpe->fop", scatter, scatter.conj()) / whole
+    covariance = _outer(scatter.transpose(2, 3, 0, 1, 4)) / whole
     return pool(covariance, pooled), float(whole * min(pooled, n_freq))
 
 
-def element_scale(
-    errors: ComplexArray, factor: ComplexArray, total: ComplexArray | None, n_exp: int
-) -> FloatArray:
+def element_scale(errors: ComplexArray, factor: ComplexArray, total: ComplexArray | None, n_exp: int) -> FloatArray:
     """Sample variance of each element over that of the Kronecker product (n_out, n_in), mean over the lines.
 
     Args:
@@ -69,6 +67,16 @@ def element_scale(
 
 def pool(covariance: ComplexArray, count: int) -> ComplexArray:
     """Averages covariances (n_freq, n, n) over `count` neighbouring lines, fewer at the edges."""
-    half = count // 2
-    n_freq = covariance.shape[0]
-    return np.array([covariance[max(0, k - half) : min(n_freq, k + half + 1)].mean(axis=0) for k in range(n_freq)])
+    half, n_freq = count // 2, len(covariance)
+    total, members = np.zeros_like(covariance), np.zeros((n_freq, 1, 1))
+    for offset in range(-min(half, n_freq - 1), min(half, n_freq - 1) + 1):
+        here, there = slice(max(0, -offset), n_freq - max(0, offset)), slice(max(0, offset), n_freq + min(0, offset))
+        total[here] += covariance[there]
+        members[here] += 1
+    return np.asarray(total / members)
+
+
+def _outer(vectors: ComplexArray) -> ComplexArray:
+    """Sum of the outer products (n_freq, n_out, n_out) of vectors (n_freq, n_out, ...)."""
+    flat = vectors.reshape(*vectors.shape[:2], -1)
+    return np.asarray(flat @ np.swapaxes(flat, 1, 2).conj())

@@ -99,15 +99,14 @@ def concatenate(parts: list[Frf]) -> Frf:
 
 def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:
     where = f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
-    n_real, n_freq, n_in, n_exp = blocks.torque.shape
+    n_real, _, n_in, n_exp = blocks.torque.shape
     square = estimator in NEEDS_SQUARE_BLOCKS
     if n_exp != n_in if square else n_real * n_exp < n_in:
         message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
         raise DataError(message, where=where, remedy="record as many experiments per realization as there are motors")
     if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
         raise DataError("the record holds NaN or infinite samples", where=where, remedy="acquire the record again")
-    together = np.moveaxis(blocks.torque, 0, -2).reshape(1, n_freq, n_in, -1)
-    condition = np.linalg.cond(blocks.torque if square else together).max(axis=0)
+    condition = _condition(blocks.torque, square=square)
     worst = int(np.argmax(condition))
     if condition[worst] > _CONDITION_LIMIT:
         frequency = record.frequency_hz[worst]
@@ -120,15 +119,22 @@ def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:
 def _check_reference(record: Record, blocks: Blocks, estimator: str, where: str) -> None:
     if blocks.reference is None:
         remedy = "choose `logarithmic`, or import what was injected with the log"
-        raise DataError(f"estimator `{estimator}` needs the reference, which the record lacks", where=where, remedy=remedy)
-    n_freq, n_in = blocks.torque.shape[1:3]
-    together = np.moveaxis(blocks.reference, 0, -2).reshape(1, n_freq, n_in, -1)
-    size = np.linalg.svd(blocks.reference if estimator in NEEDS_SQUARE_BLOCKS else together, compute_uv=False)
-    lost = ~(size[..., -1] > size[..., 0] / _CONDITION_LIMIT).all(axis=0)
+        raise DataError(
+            f"estimator `{estimator}` needs the reference, which the record lacks", where=where, remedy=remedy
+        )
+    lost = ~(_condition(blocks.reference, square=estimator in NEEDS_SQUARE_BLOCKS) < _CONDITION_LIMIT)
     if lost.any():
         frequency = record.frequency_hz[int(np.argmax(lost))]
         message = f"estimator `{estimator}`: the reference does not excite every motor at {frequency:.3g} Hz"
         raise DataError(message, where=where, remedy="choose `logarithmic`, or check the imported reference")
+
+
+def _condition(inputs: ComplexArray, *, square: bool) -> FloatArray:
+    """Condition (n_freq,) of the worst of the blocks (n_real, n_freq, n_in, n_exp), or of all of them together."""
+    if square:
+        return np.asarray(np.linalg.cond(inputs, 1).max(axis=0))
+    power = (inputs @ np.swapaxes(inputs, -1, -2).conj()).sum(axis=0)
+    return np.asarray(np.sqrt(np.linalg.cond(power, 1)))
 
 
 def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:

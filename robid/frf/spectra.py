@@ -64,9 +64,9 @@ def record_blocks(record: Record, lines: IntArray) -> Blocks:
         The spectra, averaged over the periods.
     """
     factor = acceleration_factor(record, lines)
-    torque, torque_scatter = _mean_and_scatter(record.torque[0], lines, np.ones(1))
-    acceleration, acceleration_scatter = _mean_and_scatter(remove_drift(record.position[0]), lines, factor)
-    reference = None if record.reference is None else line_amplitudes(record.reference[0], lines)
+    torque, torque_scatter = _mean_and_scatter(record.torque[0], lines)
+    acceleration, acceleration_scatter = _mean_and_scatter(record.position[0], lines, factor)
+    reference = None if record.reference is None else rfft(record.reference[0], axis=-2, norm="forward")[..., lines, :]
     return Blocks(
         lines=lines,
         torque=torque,
@@ -115,8 +115,12 @@ def remove_drift(angle: FloatArray) -> FloatArray:
     if angle.shape[2] < 2:
         return angle
     per_period = np.gradient(angle.mean(axis=3), axis=2)
-    ramp = (np.arange(angle.shape[3]) + 0.5) / angle.shape[3] - 0.5
-    return np.asarray(angle - per_period[:, :, :, None] * ramp[:, None])
+    return np.asarray(angle - per_period[:, :, :, None] * _ramp(angle.shape[3])[:, None])
+
+
+def _ramp(n_sample: int) -> FloatArray:
+    """Rises by one over a period, its mean zero."""
+    return np.asarray((np.arange(n_sample) + 0.5) / n_sample - 0.5)
 
 
 def _experiments_last(spectrum: ComplexArray) -> ComplexArray:
@@ -124,8 +128,10 @@ def _experiments_last(spectrum: ComplexArray) -> ComplexArray:
     return np.asarray(np.moveaxis(spectrum, 1, -1))
 
 
-def _mean_and_scatter(samples: FloatArray, lines: IntArray, factor: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Mean over the periods, times `factor`, and deviations that stand for its noise, see `Blocks`.
+def _mean_and_scatter(
+    samples: FloatArray, lines: IntArray, factor: FloatArray | None = None
+) -> tuple[ComplexArray, ComplexArray]:
+    """Mean over the periods and deviations that stand for its noise, see `Blocks`.
 
     Noise that does not repeat jumps at the ends of a period and leaks over its lines; the jumps of successive
     periods cancel in their mean, whose leakage falls with the square of the number of periods P. Deviations under
@@ -134,19 +140,31 @@ def _mean_and_scatter(samples: FloatArray, lines: IntArray, factor: FloatArray) 
     Args:
         samples (n_real, n_exp, n_period, n_sample, n_channel): Signals.
         lines (n_freq,): DFT lines of one period.
-        factor (n_freq, n_channel): What to multiply the spectra by.
+        factor (n_freq, n_channel): What turns angles, whose drift is removed, into accelerations; None for torques.
 
     Returns:
         Mean (n_real, n_freq, n_channel, n_exp) and scatter (n_real, 2 n_period, n_freq, n_channel, n_exp).
     """
+    n_period = samples.shape[2]
+    plain, below, above = np.split(_around(samples, lines, factor), 3, axis=-2)
+    hann = (plain - 0.5 * (below + above)) / np.sqrt(1.5)
+    scatter = [
+        (each - each.mean(axis=2, keepdims=True)) * np.sqrt(share / n_period)
+        for each, share in ((plain, 1 / (n_period + 1)), (hann, n_period / (n_period + 1)))
+    ]
+    return _experiments_last(plain.mean(axis=2)), np.asarray(np.concatenate(scatter, axis=2).transpose(0, 2, 3, 4, 1))
+
+
+def _around(samples: FloatArray, lines: IntArray, factor: FloatArray | None) -> ComplexArray:
+    """Amplitudes of each period at the lines, their lower and their upper neighbours (..., 3 n_freq, n_channel)."""
     n_period, n_sample = samples.shape[2:4]
     last = n_sample // 2
     around = np.concatenate([lines, np.abs(lines - 1), last - np.abs(last - lines - 1)])
-    plain, below, above = np.split(line_amplitudes(samples, around), 3, axis=-2)
-    hann = (plain - 0.5 * (below + above)) / np.sqrt(1.5)
-    scatter = [
-        (spectrum - spectrum.mean(axis=2, keepdims=True)) * factor * np.sqrt(share / n_period)
-        for spectrum, share in ((plain, 1 / (n_period + 1)), (hann, n_period / (n_period + 1)))
-    ]
-    mean = plain.mean(axis=2) * factor
-    return _experiments_last(mean), np.asarray(np.concatenate(scatter, axis=2).transpose(0, 2, 3, 4, 1))
+    spectrum = rfft(samples, axis=-2, norm="forward")
+    chosen = spectrum[..., around, :]
+    if factor is None:
+        return np.asarray(chosen)
+    if n_period > 1:
+        per_period = np.gradient(spectrum[..., 0, :].real, axis=2)
+        chosen -= per_period[..., None, :] * rfft(_ramp(n_sample), norm="forward")[around, None]
+    return np.asarray(chosen * np.tile(factor, (3, 1)))

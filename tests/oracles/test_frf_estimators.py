@@ -60,9 +60,7 @@ def test_every_estimator_in_closed_loop_is_python_controls_response(estimator):
         torques.append(torque)
         angles.append(angle)
     shape = (N_SAMPLE, 2, *reference.shape[:2], 1)
-    torque, angle = (
-        np.array(each[-N_SAMPLE:]).reshape(shape).transpose(2, 3, 4, 0, 1) for each in (torques, angles)
-    )
+    torque, angle = (np.array(each[-N_SAMPLE:]).reshape(shape).transpose(2, 3, 4, 0, 1) for each in (torques, angles))
     found = estimate_frf(loop_record(reference, torque, angle), EstimateOptions(estimator, "none")).response[0]
     wanted = np.moveaxis(plant(np.exp(1j * OMEGA * STEP_S)), -1, 0) * -(OMEGA**2)[:, None, None]
     np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import exp1
 
-from linear_loop import LINES, MOTORS, Loop, draw_reference, loop_record
+from linear_loop import MOTORS, Loop, draw_reference, loop_record
 from robid.frf.blocks import ESTIMATORS
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
@@ -116,7 +116,9 @@ def test_covariance_with_one_realization(runs):
     residual, _ = LINEAR.residual_noise(4)
     ratios = (outcome.variance / variance, outcome.claimed / variance, outcome.claimed / outcome.variance)
     row = [ratio.mean() for ratio in (*ratios, diagonal(outcome.noise) / diagonal(residual))]
-    show(f"{runs} runs, M = 1, P = 4: empirical/theory, claimed/theory, claimed/empirical, noise/theory", [("all", *row)])
+    show(
+        f"{runs} runs, M = 1, P = 4: empirical/theory, claimed/theory, claimed/empirical, noise/theory", [("all", *row)]
+    )
     np.testing.assert_allclose(row, 1, atol=0.1 + 0.6 / np.sqrt(runs))
 
 
@@ -129,7 +131,10 @@ def test_bias_of_least_squares_is_seen_and_that_of_the_instrument_is_not(runs):
     seen = {name: projection(each, bias, variance) for name, each in error.items()}
     # Both share most of the noise: their difference shows the bias far more sharply than either.
     seen["h1 - joint"] = projection(error["h1"] - error["joint"], bias, variance)
-    show(f"{runs} runs, bias along theory's for least squares: standard errors, multiple", [(k, *v) for k, v in seen.items()])
+    show(
+        f"{runs} runs, bias along theory's for least squares: standard errors, multiple",
+        [(k, *v) for k, v in seen.items()],
+    )
     assert seen["h1"][0] > 10 * np.sqrt(runs / 500)
     assert all(abs(seen[name][0]) < 4 for name in names[:3])
     np.testing.assert_allclose(seen["h1 - joint"][1], 1, atol=0.1)
