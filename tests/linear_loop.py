@@ -1,4 +1,4 @@
-"""Two motors on one elastic load under sampled speed control with coloured noise, and the exact theory of its spectra."""
+"""Two motors on one elastic load under sampled speed control with coloured noise, and its exact theory."""
 
 from dataclasses import dataclass
 
