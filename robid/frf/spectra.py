@@ -11,7 +11,7 @@ from scipy.fft import rfft
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.signals.record import Record
 
-_FEW_LINES = 128
+_FEW_LINES = 16
 """Up to so many lines a matrix product is faster than an FFT."""
 
 
@@ -112,15 +112,18 @@ def remove_drift(angle: FloatArray) -> FloatArray:
     Returns:
         The angles without drift, of the same shape; unchanged when there is only one period.
     """
-    if angle.shape[2] < 2:
-        return angle
-    per_period = np.gradient(angle.mean(axis=3), axis=2)
-    return np.asarray(angle - per_period[:, :, :, None] * _ramp(angle.shape[3])[:, None])
+    return np.asarray(angle - _drift(angle) * _ramp(angle.shape[3])) if angle.shape[2] > 1 else angle
+
+
+def _drift(angle: FloatArray) -> FloatArray:
+    """Drift of each angle (n_real, n_exp, n_period, 1, n_out) over one period [rad]; 0 when there is only one."""
+    means = angle.mean(axis=3, keepdims=True)
+    return np.asarray(np.gradient(means, axis=2)) if angle.shape[2] > 1 else np.zeros_like(means)
 
 
 def _ramp(n_sample: int) -> FloatArray:
-    """Rises by one over a period, its mean zero."""
-    return np.asarray((np.arange(n_sample) + 0.5) / n_sample - 0.5)
+    """A rise of 1 over one period, without mean (n_sample, 1)."""
+    return ((np.arange(n_sample) + 0.5) / n_sample - 0.5)[:, None]
 
 
 def _experiments_last(spectrum: ComplexArray) -> ComplexArray:
@@ -166,5 +169,5 @@ def _around(samples: FloatArray, lines: IntArray, factor: FloatArray | None) -> 
         return np.asarray(chosen)
     if n_period > 1:
         per_period = np.gradient(spectrum[..., 0, :].real, axis=2)
-        chosen -= per_period[..., None, :] * rfft(_ramp(n_sample), norm="forward")[around, None]
+        chosen -= per_period[..., None, :] * rfft(_ramp(n_sample), axis=0, norm="forward")[around]
     return np.asarray(chosen * np.tile(factor, (3, 1)))
