@@ -66,7 +66,7 @@ def record_blocks(record: Record, lines: IntArray) -> Blocks:
     factor = acceleration_factor(record, lines)
     torque, torque_scatter = _mean_and_scatter(record.torque[0], lines)
     acceleration, acceleration_scatter = _mean_and_scatter(record.position[0], lines, factor)
-    reference = None if record.reference is None else rfft(record.reference[0], axis=-2, norm="forward")[..., lines, :]
+    reference = None if record.reference is None else line_amplitudes(record.reference[0], lines)
     return Blocks(
         lines=lines,
         torque=torque,
