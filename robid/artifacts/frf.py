@@ -2,7 +2,7 @@
 
 Schema history:
     1.0: first version.
-    1.1: `coefficient_offset`, `uncompensated_response`, the torque laws.
+    1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
     torque = frf.torque_unit if frf.torque_unit.isalnum() else f"({frf.torque_unit})"
     response = ("frequency", "output", "input")
     covariance = ("configuration", "frequency", "output", "output")
+    silent = ("configuration", "silent", "output")
     table = {
         "frequency_hz": Column("Hz", ("frequency",), "Excited frequencies"),
         "lines": Column("1", ("frequency",), "Their DFT lines"),
@@ -50,6 +51,11 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "input_names": Column("1", ("input",)),
         "output_names": Column("1", ("output",)),
         "notes": Column("1", ("note",)),
+        "coherence": Column("1", ("configuration", "frequency", "output"), "Share of power that the response explains"),
+        "silent_lines": Column("1", ("silent",), "Lines of the band that were not excited"),
+        "silent_level": Column("rad/s^2", silent, "RMS amplitude of the output residual there"),
+        "silent_noise": Column("rad/s^2", silent, "The part of it that is noise"),
+        "silent_doubt": Column("rad/s^2", silent, "What interpolating the response may add"),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)
 

@@ -52,6 +52,10 @@ class Disturbance:
     torque: ComplexArray
     derivative: ComplexArray
 
+    def first(self, count: int) -> Disturbance:
+        """Returns it at the first lines."""
+        return Disturbance(self.torque[:, :count], self.derivative[:, :, :count])
+
 
 def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling: int = 2) -> Motion:
     """Prepares the evaluation of torque laws.
@@ -109,7 +113,7 @@ def disturbance(motion: Motion, laws: Sequence[TorqueLaw]) -> Disturbance:
 
 
 def no_disturbance(record: Record, lines: IntArray) -> Disturbance:
-    """A disturbance of zero without coefficients."""
+    """A disturbance of zero without coefficients, at some DFT lines."""
     n_real, n_exp = record.torque.shape[1:3]
     torque = np.zeros((n_real, len(lines), len(record.input_names), n_exp), complex)
     return Disturbance(torque, torque[None][:0])

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, NEEDS_SQUARE_BLOCKS, BlockEstimate
+from robid.frf.checks import check_record, finding_notes, refuse_faults
 from robid.frf.compensation import (
     Disturbance,
     coefficient_names,
@@ -19,6 +20,7 @@ from robid.frf.compensation import (
     record_motion,
 )
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
+from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
 from robid.frf.options import EstimateOptions
@@ -32,10 +34,11 @@ _CONDITION_LIMIT = 1e6
 
 @dataclass(frozen=True)
 class _Spectra:
-    """What an estimator reads: blocks without the removed torque, that torque, and windows over the lines."""
+    """What an estimator reads: blocks without the removed torque, that torque, silent lines and windows over lines."""
 
     blocks: Blocks
     removed: Disturbance
+    silent: Blocks
     windows: Windows | None = None
 
     @property
@@ -73,7 +76,8 @@ def estimate_frf(
         The response with its covariance; configuration axis kept.
 
     Raises:
-        DataError: If an experiment block does not excite every input, or the data are not finite.
+        DataError: If an experiment block does not excite every input, the data are not finite, or their time base
+            is wrong, see `robid.frf.checks`.
 
     Source:
         Wernholt and Moberg (2008), eq. 2; METHODS sec. 4.
@@ -81,12 +85,16 @@ def estimate_frf(
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
     spectra = _spectra(record, options, laws, delay_s)
+    findings = check_record(record)
+    refuse_faults(record, findings)
     windows = spectra.windows
     found = _by_blocks(record, spectra, options) if windows is None else _by_windows(spectra, windows, options)
     response = found.estimate.response
     blocks = spectra.blocks if windows is None else spectra.blocks.select(windows.lines)
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
+    residual = blocks.acceleration - response @ blocks.torque
+    levels = silent_levels(spectra.silent, blocks.lines, response)
     names, deviation, offset = _coefficients(record, laws)
     table = ((), np.zeros(0), np.zeros(0)) if laws is None else law_table(record, laws)
     sensitivity = np.concatenate(
@@ -117,7 +125,12 @@ def estimate_frf(
         output_names=record.output_names,
         torque_unit=record.torque_unit,
         torque_hold=record.torque_hold,
-        notes=(*record.notes, *_notes(found.total)),
+        notes=(*record.notes, *_notes(found.total), *finding_notes(record, findings)),
+        coherence=multiple_coherence(residual, blocks.acceleration, noise)[None],
+        silent_lines=spectra.silent.lines,
+        silent_level=levels.level[None],
+        silent_noise=None if levels.noise is None else levels.noise[None],
+        silent_doubt=levels.doubt[None],
     )
 
 
@@ -129,28 +142,39 @@ def concatenate(parts: list[Frf]) -> Frf:
         return np.concatenate(present) if present else None
 
     whole: dict[str, Any] = {name: joined(name) for name in CONFIGURATION_WISE}
-    return replace(parts[0], **whole)
+    return replace(parts[0], **whole, notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)))
 
 
 def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> _Spectra:
-    """Transforms the record at the lines that the estimator reads."""
-    source, lines, windows = record, record.excited_lines, None
+    """Transforms the record at the lines that the estimator reads and at the silent ones."""
+    n_freq = len(record.excited_lines)
+    lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
+    blocks, removed = record_blocks(record, lines), _removed(record, lines, laws, delay_s)
+    silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
+    blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.first(n_freq), None
+    if options.estimator == "robust_local":
+        blocks = robust_blocks(record, record.excited_lines, options)
     if options.estimator in LOCAL:
-        n_exp, n_in, n_out = record.torque.shape[1] * record.torque.shape[2], *_channels(record)
-        half = half_width(options, n_exp, n_in, n_out)
+        n_in, n_out = len(record.input_names), len(record.output_names)
+        half = half_width(options, record.torque.shape[1] * record.torque.shape[2], n_in, n_out)
+        windows = line_windows(record.excited_lines, half)
         if options.estimator == "local":
             source = record.as_one_period()
             lines, windows = bin_windows(source.excited_lines, half, source.torque.shape[4] // 2)
-        else:
-            windows = line_windows(lines, half)
-    robust = options.estimator == "robust_local"
-    blocks = robust_blocks(record, lines, options) if robust else record_blocks(source, lines)
+            blocks, removed = record_blocks(source, lines), _removed(source, lines, laws, delay_s)
     if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
         message = "the record holds NaN or infinite samples"
         raise DataError(message, where=_where(record), remedy="acquire the record again")
-    motion = None if laws is None else record_motion(source, lines, delay_s)
-    removed = no_disturbance(source, lines) if motion is None or laws is None else disturbance(motion, laws)
-    return _Spectra(replace(blocks, torque=blocks.torque - removed.torque), removed, windows)
+    return _Spectra(_without(blocks, removed), removed, silent, windows)
+
+
+def _removed(record: Record, lines: IntArray, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> Disturbance:
+    """Torque of the laws along the motion at some lines, zero without laws."""
+    return no_disturbance(record, lines) if laws is None else disturbance(record_motion(record, lines, delay_s), laws)
+
+
+def _without(blocks: Blocks, removed: Disturbance) -> Blocks:
+    return replace(blocks, torque=blocks.torque - removed.torque)
 
 
 def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _Found:
@@ -169,10 +193,6 @@ def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -
     fit = local_fit(spectra.blocks, windows, options)
     derivative = windows.joined(spectra.removed.derivative)
     return _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative)
-
-
-def _channels(record: Record) -> tuple[int, int]:
-    return len(record.input_names), len(record.output_names)
 
 
 def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:

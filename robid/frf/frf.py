@@ -10,6 +10,12 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 
+Level = Literal["odd", "even", "noise"]
+LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
+
+_NEIGHBOURS = 4
+"""Silent lines whose mean power stands for an excited line."""
+
 CONFIGURATION_WISE = (
     "configurations",
     "response",
@@ -19,6 +25,10 @@ CONFIGURATION_WISE = (
     "noise_covariance",
     "sensitivity",
     "removed_torque_rms",
+    "coherence",
+    "silent_level",
+    "silent_noise",
+    "silent_doubt",
     "uncompensated_response",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
@@ -64,6 +74,13 @@ class Frf:
         torque_unit: Unit that stands for N m.
         torque_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
         notes: What the estimator wants the reader to know.
+        coherence (n_conf, n_freq, n_out): Share of each output's power that the response explains.
+        silent_lines (n_silent,): Lines of the band that were not excited.
+        silent_level (n_conf, n_silent, n_out): RMS amplitude of `Y - G U` there, see `robid.frf.distortion`
+            [rad/s^2].
+        silent_noise (n_conf, n_silent, n_out): The part of it that is noise, or None with a single period.
+        silent_doubt (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
+            a level that does not exceed it says nothing.
     """
 
     frequency_hz: FloatArray
@@ -91,6 +108,11 @@ class Frf:
     torque_unit: str = "N m"
     torque_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: tuple[str, ...] = field(default=())
+    coherence: FloatArray | None = None
+    silent_lines: IntArray = field(default_factory=lambda: np.zeros(0, int))
+    silent_level: FloatArray | None = None
+    silent_noise: FloatArray | None = None
+    silent_doubt: FloatArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
@@ -145,3 +167,41 @@ class Frf:
         freedom = self.degrees_of_freedom
         quantile = freedom * np.expm1(-np.log1p(-level) / freedom) if freedom > 0 else 0.0
         return np.asarray(np.sqrt(self.element_variance() * quantile))
+
+    def signal_to_noise(self) -> FloatArray | None:
+        """Power of each element over the variance that noise gives it (n_conf, n_freq, n_out, n_in), or None."""
+        if self.noise_covariance is None:
+            return None
+        variance = self.element_variance(noise_only=True)
+        return np.asarray(np.abs(self.response) ** 2 / np.maximum(variance, np.finfo(float).tiny))
+
+    @property
+    def tells_parity(self) -> bool:
+        """Whether only odd lines were excited, so that even and odd distortion come apart."""
+        return bool(np.all(self.lines % 2 == 1))
+
+    def residual_level(self, kind: Level) -> FloatArray | None:
+        """Level of the silent lines, brought to the excited lines: mean power of the nearest ones.
+
+        Args:
+            kind: Level of the odd or the even lines, noise included: odd nonlinearities show at odd lines, even
+                ones at even lines. Or noise alone, of both.
+
+        Returns:
+            Amplitude of the output residual (n_conf, n_freq, n_out) [rad/s^2]; None where there are no such lines.
+        """
+        chosen = (self.silent_lines % 2 == (kind == "odd")) | (kind == "noise")
+        amplitude = self.silent_noise if kind == "noise" else self.silent_level
+        if amplitude is None or not chosen.any():
+            return None
+        distance = np.abs(self.silent_lines[chosen] - self.lines[:, None])
+        nearest = np.argsort(distance, axis=1, kind="stable")[:, :_NEIGHBOURS]
+        return np.asarray(np.sqrt((amplitude[:, chosen][:, nearest] ** 2).mean(axis=2)))
+
+    def response_level(self, kind: Level) -> FloatArray | None:
+        """Deviation of each element (n_conf, n_freq, n_out, n_in) that residuals of `residual_level` give."""
+        level = self.residual_level(kind)
+        if level is None:
+            return None
+        columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
+        return np.asarray(level[..., :, None] * np.sqrt(columns)[..., None, :])

@@ -200,6 +200,7 @@ class PeakRow:
         unit: SI unit of both.
         predicted: Predicted peak.
         limit: Limit.
+        rms: Predicted RMS, or None.
     """
 
     channel: str
@@ -207,6 +208,7 @@ class PeakRow:
     unit: str
     predicted: float
     limit: float
+    rms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -222,6 +224,10 @@ class ExcitationRow:
         rms: RMS of the injected signal, one for all channels or one each.
         rms_unit: Its unit.
         peaks: Predicted peaks against limits.
+        detection_lines: Number of odd lines left out on purpose.
+        period_s: Length of a period [s], or None.
+        crest_factor: The highest of all experiments, or None.
+        worst_snr_db: Lowest predicted signal-to-noise ratio of all lines and motors [dB], or None.
     """
 
     campaign: str
@@ -232,6 +238,10 @@ class ExcitationRow:
     rms: tuple[float, ...]
     rms_unit: str
     peaks: tuple[PeakRow, ...] = ()
+    detection_lines: int = 0
+    period_s: float | None = None
+    crest_factor: float | None = None
+    worst_snr_db: float | None = None
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,10 @@ def _response_data(role: str, campaign: str, frf: Frf, model: ComplexArray, leve
                 "model": _decibels(model[index]),
                 "model_phase": _phase(model[index]),
                 "radius": _per_element(radius[index], 3) if radius[index].any() else None,
+                "uncompensated": None
+                if frf.uncompensated_response is None
+                else _decibels(frf.uncompensated_response[index]),
+                **_quality(frf, index),
             }
         )
     return {
@@ -79,6 +83,30 @@ def _response_data(role: str, campaign: str, frf: Frf, model: ComplexArray, leve
         "unit": pretty_unit(f"rad/(s^2 {frf.torque_unit})"),
         "configurations": configurations,
     }
+
+
+def _quality(frf: Frf, index: int) -> dict[str, Any]:
+    """Levels per output and the factor per input, in dB: an element's level is the sum of the two."""
+    inputs = np.sqrt(np.real(np.diagonal(frf.input_factor[index], axis1=-2, axis2=-1)))
+    noise = None
+    if frf.noise_covariance is not None:
+        noise = np.sqrt(np.real(np.diagonal(frf.noise_covariance[index], axis1=-2, axis2=-1)))
+    odd, even = frf.residual_level("odd"), frf.residual_level("even")
+    return {
+        "factor": _level(inputs),
+        "noise": None if noise is None else _level(noise),
+        "odd": None if odd is None else _level(odd[index]),
+        "even": None if even is None else _level(even[index]),
+        "incoherence": None
+        if frf.coherence is None or not np.isfinite(frf.coherence[index]).all()
+        else [[_rounded(value, 3) for value in row] for row in 1 - frf.coherence[index].T],
+    }
+
+
+def _level(amplitude: FloatArray) -> list[Any]:
+    """Amplitudes (n_freq, n_channel) in dB, the frequency axis last."""
+    decibels = 20 * np.log10(np.maximum(amplitude, _SMALLEST)).T
+    return [[_fixed(value, 1) for value in row] for row in decibels]
 
 
 def _decibels(response: ComplexArray) -> list[Any]:

@@ -267,6 +267,7 @@ class PeakLine:
 
     channel: str
     quantity: str
+    rms: str
     predicted: str
     limit: str
     share: float
@@ -283,6 +284,7 @@ def peak_lines(row: ExcitationRow) -> list[PeakLine]:
         PeakLine(
             channel=peak.channel,
             quantity=peak.quantity,
+            rms=MISSING if peak.rms is None else f"{significant(peak.rms, 3)} {pretty_unit(peak.unit)}",
             predicted=f"{significant(peak.predicted, 3)} {pretty_unit(peak.unit)}",
             limit=f"{significant(peak.limit, 3)} {pretty_unit(peak.unit)}",
             share=peak.predicted / peak.limit if peak.limit else float("nan"),

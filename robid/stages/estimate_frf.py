@@ -15,8 +15,9 @@ from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
+from robid.frf.checks import is_finding
 from robid.frf.estimate import estimate_frf
-from robid.frf.frf import Frf
+from robid.frf.frf import LEVELS, Frf, Level
 from robid.frf.options import EstimateOptions
 from robid.frf.silent import LawEstimate, combine_laws, identify_laws, start_laws
 from robid.robot.description import Motor
@@ -52,8 +53,10 @@ class _Brief:
 
     size: str
     relative_std: FloatArray
+    levels: dict[Level, FloatArray]
     removed_rms: float
     torque_unit: str
+    findings: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -119,6 +122,8 @@ def _run(job: Job) -> str:
     briefs = [_brief(frf_from_artifact(parts.read(index))) for index in range(n_conf) if index not in todo]
     briefs += job.map(_estimate_part, tasks, lambda _index, _result: job.progress.advance())
     parts.merge(n_conf, job.provenance(STAGE.name))
+    for finding in dict.fromkeys(finding for brief in briefs for finding in brief.findings):
+        job.progress.warn(finding)
     return _phrase(briefs)
 
 
@@ -142,12 +147,14 @@ def figures(frf: Frf) -> str:
 
 
 def _brief(frf: Frf) -> _Brief:
-    relative = np.sqrt(frf.element_variance()) / np.abs(frf.response)
+    levels = {kind: frf.response_level(kind) for kind in LEVELS}
     return _Brief(
         size=f"{frf.response.shape[2]} x {frf.response.shape[3]} response at {counted(len(frf.lines), 'line')}",
-        relative_std=np.diagonal(relative, axis1=-2, axis2=-1),
+        relative_std=_relative(np.sqrt(frf.element_variance()), frf),
+        levels={kind: _relative(level, frf) for kind, level in levels.items() if level is not None},
         removed_rms=float(frf.removed_torque_rms.max(initial=0.0)),
         torque_unit=frf.torque_unit,
+        findings=tuple(note for note in frf.notes if is_finding(note)),
     )
 
 
@@ -156,8 +163,15 @@ def _phrase(briefs: Sequence[_Brief]) -> str:
     diagonal = np.concatenate([brief.relative_std for brief in briefs])
     if np.any(diagonal > 0):
         text += f", standard deviation {100 * float(np.median(diagonal)):.2g} % (median, diagonal)"
+    levels = {kind: np.median(np.concatenate([brief.levels[kind] for brief in briefs])) for kind in briefs[0].levels}
+    if levels:
+        text += f", at silent lines {', '.join(f'{kind} {100 * float(level):.2g} %' for kind, level in levels.items())}"
     removed = max(brief.removed_rms for brief in briefs)
     return f"{text}, up to {removed:.2g} {unit} RMS of friction subtracted" if removed > 0 else text
+
+
+def _relative(level: FloatArray, frf: Frf) -> FloatArray:
+    return np.asarray(np.diagonal(level / np.abs(frf.response), axis1=-2, axis2=-1))
 
 
 STAGE = Stage(

@@ -173,6 +173,9 @@ def _excitation(run: _Run, campaign: str) -> ExcitationRow:
         rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
         rms_unit=UNITS[excitation.kind],
         peaks=_peaks(run.excitations[campaign], run.frfs[campaign].input_names),
+        detection_lines=len(excitation.detection_lines),
+        period_s=excitation.period_s,
+        crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
     )
 
 
@@ -181,14 +184,14 @@ def _peaks(content: CampaignExcitation, names: tuple[str, ...]) -> tuple[PeakRow
     if plan is None:
         return ()
     quantities = (
-        ("speed", "rad/s", plan.speed_peak, plan.speed_limit),
-        ("torque", "N m", plan.torque_peak, plan.torque_limit),
-        ("arm excursion", "rad", plan.excursion_peak, plan.excursion_limit),
+        ("speed", "rad/s", plan.speed_rms, plan.speed_peak, plan.speed_limit),
+        ("torque", "N m", plan.torque_rms, plan.torque_peak, plan.torque_limit),
+        ("arm excursion", "rad", plan.excursion_rms, plan.excursion_peak, plan.excursion_limit),
     )
     return tuple(
-        PeakRow(name, quantity, unit, float(peak[:, motor].max()), float(limit[motor]))
+        PeakRow(name, quantity, unit, float(peak[:, motor].max()), float(limit[motor]), float(rms[:, motor].max()))
         for motor, name in enumerate(names)
-        for quantity, unit, peak, limit in quantities
+        for quantity, unit, rms, peak, limit in quantities
     )
 
 

@@ -29,6 +29,9 @@ class Progress(Protocol):
     def advance(self) -> None:
         """Says that one more is done."""
 
+    def warn(self, text: str) -> None:
+        """Tells what the user should know before using the result."""
+
 
 @dataclass(frozen=True)
 class Plan:

@@ -85,6 +85,10 @@ class Bar:
         """Says that one more is done."""
         self.bars.advance(self.task)
 
+    def warn(self, text: str) -> None:
+        """Tells what the user should know before using the result."""
+        self.shell.warn(f"{self.label}: {text}")
+
 
 def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
     """Wraps between words in a terminal, never within one, so that paths stay whole; elsewhere a line is a line."""

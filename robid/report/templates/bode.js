@@ -62,8 +62,24 @@
     ];
   }
 
+  // Levels of distortion and noise in the response's unit, and the response before compensation.
+  function levels(response, chosen, view, row, column, axes, width) {
+    if (view === "phase") return [];
+    const lines = robid.quality.KINDS.filter(({ name }) => chosen[name]).map(({ name, shade, dash, label }) => ({
+      ...axes, x: response.frequency, y: robid.quality.level(chosen, name, row, column), type: "scatter", mode: "lines",
+      line: { color: colour(shade), width, dash }, hovertemplate: `${label} %{y:.1f}<extra></extra>`,
+    }));
+    if (chosen.uncompensated) lines.push({
+      ...axes, x: response.frequency, y: chosen.uncompensated[row][column], type: "scatter", mode: "lines",
+      line: { color: colour("faint"), width, dash: "dash" }, hovertemplate: "before compensation %{y:.2f}<extra></extra>",
+    });
+    return lines;
+  }
+
   function magnitudeRange(response, chosen) {
-    const all = [...chosen.measured.flat(2), ...chosen.model.flat(2)].filter((y) => y !== null && y > -500);
+    const below = robid.quality.KINDS.filter(({ name }) => chosen[name])
+      .flatMap(({ name }) => response.outputs.flatMap((_, row) => response.inputs.flatMap((__, column) => robid.quality.level(chosen, name, row, column))));
+    const all = [...chosen.measured.flat(2), ...chosen.model.flat(2), ...below].filter((y) => y !== null && y > -500);
     if (!all.length) return [-60, 0];
     const low = Math.min(...all), high = Math.max(...all);
     const pad = Math.max(0.04 * (high - low), 2);
@@ -106,7 +122,9 @@
         const frame = { showline: true, mirror: true, linecolor: row === column ? colour("faint") : colour("line"), linewidth: 1 };
         figure[`xaxis${suffix}`] = axis({ ...frame, type: "log", domain: [left, right], anchor: `y${suffix}`, range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), tickangle: 0, showticklabels: row === place.outputs - 1 });
         figure[`yaxis${suffix}`] = axis({ ...frame, domain: [Math.max(bottom, 0), Math.min(top, 1)], anchor: `x${suffix}`, range, dtick: view === "phase" ? 90 : decibelStep(range, place.cellHeight), tick0: 0, showticklabels: column === 0 });
-        all.push(...traces(curves(response, chosen, view, row, column), { xaxis: `x${suffix}`, yaxis: `y${suffix}` }, place.cellWidth < 260 ? { line: 1.1, dot: 3.6 } : { line: 1.4, dot: 5 }));
+        const axes = { xaxis: `x${suffix}`, yaxis: `y${suffix}` };
+        all.push(...traces(curves(response, chosen, view, row, column), axes, place.cellWidth < 260 ? { line: 1.1, dot: 3.6 } : { line: 1.4, dot: 5 }));
+        all.push(...levels(response, chosen, view, row, column, axes, place.cellWidth < 260 ? 0.8 : 1.1));
       }
     }
     const label = { showarrow: false, xref: "paper", yref: "paper", font: { size: 12, color: colour("ink") } };
@@ -146,6 +164,7 @@
     const all = [
       ...traces(curves(response, chosen, "magnitude", row, column), { xaxis: "x", yaxis: "y" }, style),
       ...traces(curves(response, chosen, "phase", row, column), { xaxis: "x", yaxis: "y2" }, style),
+      ...levels(response, chosen, "magnitude", row, column, { xaxis: "x", yaxis: "y" }, 1.3),
     ];
     Plotly.react("enlarged-plot", all, figure, robid.zoomable);
     dialog.querySelectorAll("[data-move]").forEach((button) => {
@@ -173,7 +192,7 @@
     const band = chosen.radius
       ? `Shaded: the circle that holds the true response with ${fit.level} probability, cut off at ${-FLOOR_DB} dB below the measurement.`
       : "No covariance is known for these data, so there is no uncertainty band.";
-    return view === "phase" ? band : `Magnitude in dB relative to 1 ${response.unit}. ${band}`;
+    return view === "phase" ? band : `Magnitude in dB relative to 1 ${response.unit}. ${band}${robid.quality.describe(chosen)}`;
   }
 
   // ---------------------------------------------------------------- selectors
@@ -209,7 +228,7 @@
       element("button", { type: "button", "aria-label": "next configuration", onclick: () => step(1) }, "→"));
     host.append(element("label", {}, "Configuration", stepper), element("span", { class: "segments" }, ...views));
     const key = element("span", { class: "key" });
-    key.innerHTML = `<span><i class="dot"></i>measured</span><span><i class="area"></i>${fit.level} band</span><span><i class="stroke"></i>model</span>`;
+    key.innerHTML = `<span><i class="dot"></i>measured</span><span><i class="area"></i>${fit.level} band</span><span><i class="stroke"></i>model</span>${robid.quality.key(fit)}`;
     host.append(key);
   }
 
@@ -239,6 +258,7 @@
       Plotly.react(plot, figure.traces, figure.layout, robid.still);
       place(response, g);
       article.querySelector('[data-role="caption"]').textContent = describe(fit, response, chosen, state.view);
+      robid.quality.draw(article, response, chosen);
     }
 
     controls(article.querySelector('[data-role="controls"]'), fit, state, draw);

@@ -1,0 +1,215 @@
+"""Checks of a record against what spoils a frequency response without being seen in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray
+from robid.errors import DataError
+from robid.frf.timing import Shift, agreed, find_shifts, measure_jitter, period_differences, sparse_samples
+from robid.signals.record import Record
+
+JITTER_LIMIT = 0.1
+"""Standard deviation of the sampling instants above which a record is refused [samples]."""
+
+JITTER_SIGMAS = 5.0
+"""Standard deviations by which jitter must stand out to be believed."""
+
+SATURATED_SHARE = 0.005
+"""Share of samples at a torque's extreme value above which it is told."""
+
+STILL_SHARE = 0.25
+"""Share of the time in which a motor stands still above which it is told."""
+
+_WHERE = "configuration at"
+_STILL_SPEED = 0.05
+_FAR_MORE = 3
+_NEAR = 0.01
+_MOVED = 1.5
+_SHOWN = 3
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something wrong with a record.
+
+    Attributes:
+        kind: `period`, `dropped`, `jitter`, `saturation` or `still`.
+        what: What is wrong, with channel, experiment, realization, period and sample where they are known.
+        remedy: What to do next.
+        fatal: Whether the record cannot be used.
+    """
+
+    kind: str
+    what: str
+    remedy: str
+    fatal: bool
+
+
+def check_record(record: Record) -> list[Finding]:
+    """Looks for a wrong period, dropped samples, jitter, saturated torques and motors that stood still.
+
+    Args:
+        record: Finite record of a single configuration, simulated or measured.
+
+    Returns:
+        What was found; nothing else is looked at where the time base is wrong. Experiments, realizations, periods
+        and samples are numbered from 1.
+    """
+    return _timing(record) or [*_saturation(record), *_still(record)]
+
+
+def refuse_faults(record: Record, findings: list[Finding]) -> None:
+    """Raises what is fatal among findings, all at once.
+
+    Raises:
+        DataError: With every fatal finding.
+    """
+    fatal = [finding for finding in findings if finding.fatal]
+    if fatal:
+        remedies = dict.fromkeys(finding.remedy for finding in fatal)
+        raise DataError("; ".join(one.what for one in fatal), where=_where(record), remedy="; ".join(remedies))
+
+
+def finding_notes(record: Record, findings: list[Finding]) -> tuple[str, ...]:
+    """Writes findings as notes, see `is_finding`."""
+    return tuple(f"In the {_where(record)}: {finding.what}; {finding.remedy}." for finding in findings)
+
+
+def is_finding(note: str) -> bool:
+    """Whether a note of a frequency response is a finding in one of its configurations."""
+    return note.startswith(f"In the {_WHERE}")
+
+
+def _where(record: Record) -> str:
+    return f"{_WHERE} {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
+
+
+def _timing(record: Record) -> list[Finding]:
+    found = period_differences(record)
+    if found is None:
+        return []
+    shifts = find_shifts(record, found)
+    if shifts:
+        n_real, n_exp, n_pair = found.difference.shape[:3]
+        common = agreed(shifts, n_real * n_exp * n_pair)
+        return [_wrong_period(record, int(-common[0]))] if len(common) else [_dropped(record, shifts)]
+    jitter, sigmas = measure_jitter(found)
+    if jitter < JITTER_LIMIT or sigmas < JITTER_SIGMAS:
+        return []
+    what = f"the sampling instants jitter by {jitter:.2g} samples RMS ({sigmas:.0f} standard deviations above none)"
+    return [Finding("jitter", what, "record with a clock shared by generator and logger, or resample by time", True)]
+
+
+def _wrong_period(record: Record, longer: int) -> Finding:
+    stated = record.torque.shape[4]
+    real = stated + longer
+    what = f"the signals repeat every {real} samples, not every {stated}: the period is off by {abs(longer)}"
+    period_s = real * record.sampling_period_s
+    return Finding("period", what, f"set the period to {period_s:.9g} s, or correct the sampling period", True)
+
+
+def _dropped(record: Record, shifts: list[Shift]) -> Finding:
+    first = {(one.realization, one.experiment): one for one in reversed(shifts)}
+    told = "; ".join(_place(record, one) for one in list(first.values())[::-1][:_SHOWN])
+    more = f" and in {len(first) - _SHOWN} more experiments" if len(first) > _SHOWN else ""
+    remedy = "record these experiments again, or leave their realization out"
+    return Finding("dropped", f"the time base is broken: {told}{more}", remedy, True)
+
+
+def _place(record: Record, shift: Shift) -> str:
+    count = abs(shift.lost)
+    noun = f"{count} sample{'s' if count > 1 else ''} {'missing' if shift.lost > 0 else 'too many'}"
+    n_sample = record.torque.shape[4]
+    if shift.whole:
+        place = f"between periods {shift.period} and {shift.period + 1}"
+    elif shift.sample < 0:
+        place = f"in period {shift.period} near sample {n_sample + shift.sample + 1}"
+    else:
+        place = f"in period {shift.period + 1} near sample {shift.sample + 1}"
+    names = [f"{name} torque" for name in record.input_names] + list(record.output_names)
+    everywhere = len(shift.channels) > len(names) / 2
+    channels = "all channels" if everywhere else ", ".join(names[index] for index in shift.channels)
+    return f"realization {shift.realization + 1}, experiment {shift.experiment + 1}: {noun} {place} ({channels})"
+
+
+def _saturation(record: Record) -> list[Finding]:
+    chosen = sparse_samples(record)
+    if not chosen.count:
+        return []
+    worst = _saturated_share(record.torque[0][..., chosen.here, :])
+    findings = []
+    for motor in np.flatnonzero(worst.max(axis=(0, 1)) > SATURATED_SHARE):
+        share = worst[..., motor]
+        place = _worst_place(share)
+        what = f"{record.input_names[motor]}: torque saturates for {100 * share.max():.2g} % of the time ({place})"
+        findings.append(Finding("saturation", what, "lower the excitation of this motor", False))
+    return findings
+
+
+def _saturated_share(torque: FloatArray) -> FloatArray:
+    """Share of samples (n_real, n_exp, n_motor) at the highest or lowest value."""
+    share = np.zeros((*torque.shape[:2], torque.shape[-1]))
+    for sign in (1, -1):
+        signal = sign * torque
+        top = signal.max(axis=(2, 3), keepdims=True)
+        span = top - signal.min(axis=(2, 3), keepdims=True)
+        at_top = signal >= top - 1e-6 * span
+        count = at_top.sum(axis=(2, 3))
+        for place in np.argwhere(count > SATURATED_SHARE / 2 * signal.shape[2] * signal.shape[3]):
+            real, exp, motor = map(int, place)
+            share[real, exp, motor] += _share_at_top(signal[real, exp, ..., motor], at_top[real, exp, ..., motor])
+    return share
+
+
+def _share_at_top(signal: FloatArray, at_top: BoolArray) -> float:
+    """Share of samples at the highest value, if there are far more of them than next to it."""
+    below = signal[~at_top]
+    if not below.size:
+        return 0.0
+    following = float(below.max())
+    near = np.count_nonzero(below > following - _NEAR * (following - float(below.min())))
+    return float(at_top.mean()) if np.count_nonzero(at_top) > _FAR_MORE * near else 0.0
+
+
+def _still(record: Record) -> list[Finding]:
+    motors = [name for name in record.input_names if name in record.output_names]
+    columns = [record.output_names.index(name) for name in motors]
+    moved = [column for column in columns if record.output_names[column] not in record.accelerations]
+    if not moved:
+        return []
+    chosen = sparse_samples(record)
+    if not chosen.count:
+        return []
+    step = (record.position[0][..., chosen.after, :] - record.position[0][..., chosen.before, :])[..., moved]
+    mean = step.mean(axis=2)
+    usual = np.sqrt((mean**2).mean(axis=(0, 1, 2)))
+    noise = _noise(step)
+    share = (np.abs(mean) < _STILL_SPEED * usual).mean(axis=2)
+    findings = []
+    for index, column in enumerate(moved):
+        name = record.output_names[column]
+        what, part = "", share[..., index]
+        if usual[index] < _MOVED * noise[index] or usual[index] == 0:
+            what = f"{name}: the motor did not move beyond the noise of its angle"
+        elif part.max() > STILL_SHARE:
+            what = f"{name}: the motor stood still for {100 * part.max():.2g} % of the time ({_worst_place(part)})"
+        if what:
+            remedy = "raise the excitation of this motor, or keep it moving slowly against friction"
+            findings.append(Finding("still", what, remedy, False))
+    return findings
+
+
+def _noise(step: FloatArray) -> FloatArray:
+    """RMS (n_motor,) of the noise of the periods' mean, of values (n_real, n_exp, n_period, n_point, n_motor)."""
+    n_period = step.shape[2]
+    if n_period < 2:
+        return np.zeros(step.shape[-1])
+    return np.asarray(np.sqrt(step.var(axis=2, ddof=1).mean(axis=(0, 1, 2)) / n_period))
+
+
+def _worst_place(share: FloatArray) -> str:
+    real, exp = np.unravel_index(int(np.argmax(share)), share.shape)
+    return f"realization {real + 1}, experiment {exp + 1}"

@@ -1,0 +1,112 @@
+"""What a linear robot would not show: coherence at the excited lines, distortion at the silent ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.frf.spectra import Blocks
+
+_SHORTEST = 4
+
+
+@dataclass(frozen=True)
+class SilentLevels:
+    """Output residual at lines that were not excited, as amplitudes of one experiment.
+
+    Attributes:
+        level (n_silent, n_out): RMS of `Y - G U` over realizations and experiments.
+        noise (n_silent, n_out): Part of it that the periods show to be noise, or None with a single period.
+        doubt (n_silent, n_out): What the interpolation error of G alone may amount to.
+    """
+
+    level: FloatArray
+    noise: FloatArray | None
+    doubt: FloatArray
+
+
+def silent_lines(excited: IntArray) -> IntArray:
+    """All lines of the band that are not excited."""
+    return np.setdiff1d(np.arange(excited.min(), excited.max() + 1), excited)
+
+
+def silent_levels(silent: Blocks, lines: IntArray, response: ComplexArray) -> SilentLevels:
+    """Residual at silent lines, corrected for feedback.
+
+    What appears at a silent line was made by the robot (nonlinearity, noise) and fed back by the controller as
+    torque; `Y - G U` takes out the linear robot's answer to that torque. Real and imaginary part of G's elements
+    are interpolated over the logarithm of frequency by cubics that do not overshoot. That is wrong where a
+    resonance is narrower than the lines' distance: `doubt` tells how much.
+
+    Args:
+        silent: Spectra at the silent lines, compensated as those at the excited ones were.
+        lines (n_freq,): Excited lines.
+        response (n_freq, n_out, n_in): Response at the excited lines.
+
+    Returns:
+        The levels; all empty without silent lines.
+    """
+    between = interpolate_response(lines, response, silent.lines)
+    level = _rms(silent.acceleration - between @ silent.torque)
+    noise = None
+    if silent.scatter_freedom:
+        scatter = silent.acceleration_scatter - between @ silent.torque_scatter
+        noise = np.sqrt((np.abs(scatter) ** 2).sum(axis=1).mean(axis=(0, -1)) / silent.scatter_freedom)
+    error = _interpolation_error(lines, response, silent.lines)
+    power = (np.abs(silent.torque) ** 2).mean(axis=(0, -1))
+    doubt = np.sqrt(np.einsum("foi,fi->fo", error**2, power))
+    return SilentLevels(level, None if noise is None else np.asarray(noise), np.asarray(doubt))
+
+
+def interpolate_response(lines: IntArray, response: ComplexArray, wanted: IntArray) -> ComplexArray:
+    """Response at lines in between (n_wanted, n_out, n_in), see `silent_levels`; the ends are held outside."""
+    if not len(wanted) or len(lines) < 2:
+        return np.broadcast_to(response[:1], (len(wanted), *response.shape[1:])).copy()
+    inside = np.log(np.clip(wanted, lines[0], lines[-1]))
+    parts = PchipInterpolator(np.log(lines), np.stack([response.real, response.imag], axis=-1))(inside)
+    return np.asarray(parts[..., 0] + 1j * parts[..., 1])
+
+
+def multiple_coherence(residual: ComplexArray, acceleration: ComplexArray, noise: ComplexArray | None) -> FloatArray:
+    """Share of each output's power that the response explains, corrected for the freedom its estimate took.
+
+    Args:
+        residual (n_real, n_freq, n_out, n_exp): `Y - G U`.
+        acceleration (n_real, n_freq, n_out, n_exp): Y.
+        noise (n_freq, n_out, n_out): Noise covariance of the residual, for blocks that leave no freedom: there
+            the residual vanishes whatever the data. None where it is not known.
+
+    Returns:
+        (n_freq, n_out), within 0 and 1; NaN where neither realizations nor periods tell.
+    """
+    n_real, _, _, n_exp = residual.shape
+    freedom = (n_real - 1) * n_exp
+    power = (np.abs(acceleration) ** 2).mean(axis=(0, -1))
+    if freedom:
+        lost = (np.abs(residual) ** 2).sum(axis=(0, -1)) / freedom
+    elif noise is not None:
+        lost = np.real(np.diagonal(noise, axis1=-2, axis2=-1))
+    else:
+        return np.full(power.shape, np.nan)
+    return np.asarray(np.clip(1 - lost / np.maximum(power, np.finfo(float).tiny), 0, 1))
+
+
+def _interpolation_error(lines: IntArray, response: ComplexArray, wanted: IntArray) -> FloatArray:
+    """Magnitude (n_wanted, n_out, n_in) of the interpolation's error, at most that of lines twice as far apart."""
+    if len(lines) < _SHORTEST or not len(wanted):
+        return np.zeros((len(wanted), *response.shape[1:]))
+    error = np.zeros(response.shape)
+    for first in (0, 1):
+        kept = np.union1d(np.arange(first, len(lines), 2), [0, len(lines) - 1])
+        left = np.setdiff1d(np.arange(len(lines)), kept)
+        guess = interpolate_response(lines[kept], response[kept], lines[left])
+        error[left] = np.abs(guess - response[left])
+    right = np.clip(np.searchsorted(lines, wanted), 1, len(lines) - 1)
+    return np.asarray(np.maximum(error[right - 1], error[right]))
+
+
+def _rms(spectra: ComplexArray) -> FloatArray:
+    return np.asarray(np.sqrt((np.abs(spectra) ** 2).mean(axis=(0, -1))))

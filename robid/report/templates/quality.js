@@ -1,0 +1,84 @@
+"use strict";
+// Distortion, noise and coherence of the measured response, beside the Bode matrix and with its selectors.
+robid.quality = (() => {
+  const { colour, axis, layout, title, logTicks, hover } = robid;
+  const KINDS = [
+    { name: "odd", shade: "warn", dash: "solid", label: "odd distortion" },
+    { name: "even", shade: "ok", dash: "solid", label: "even distortion" },
+    { name: "noise", shade: "other", dash: "dot", label: "noise" },
+  ];
+
+  const level = (chosen, name, row, column) => chosen[name][row].map((value, index) => value + chosen.factor[column][index]);
+
+  function key(fit) {
+    const any = (test) => fit.responses.some((response) => response.configurations.some(test));
+    const shown = KINDS.filter(({ name }) => any((one) => one[name]));
+    const lines = shown.map(({ shade, dash, label }) => `<span><i class="line" style="border-top: 2px ${dash === "dot" ? "dotted" : "solid"} var(--${shade})"></i>${label}</span>`);
+    if (any((one) => one.uncompensated)) lines.push('<span><i class="line" style="border-top: 2px dashed var(--faint)"></i>before compensation</span>');
+    return lines.join("");
+  }
+
+  function describe(chosen) {
+    const distorted = chosen.odd || chosen.even
+      ? " Distortion: what the lines that were not excited show, corrected for feedback and noise included, as a deviation of the averaged response." : "";
+    return distorted + (chosen.noise ? " Noise: the deviation that the periods' scatter gives." : "");
+  }
+
+  // Edges halfway between the lines, on the logarithmic axis.
+  function edges(x) {
+    const logs = x.map(Math.log10);
+    if (logs.length < 2) return [10 ** (logs[0] - 0.01), 10 ** (logs[0] + 0.01)];
+    const inner = logs.slice(1).map((value, index) => (value + logs[index]) / 2);
+    return [2 * logs[0] - inner[0], ...inner, 2 * logs[logs.length - 1] - inner[inner.length - 1]].map((value) => 10 ** value);
+  }
+
+  function frequencyAxis(frequency) {
+    const outer = edges(frequency);
+    const ticks = logTicks(frequency[0], frequency[frequency.length - 1]);
+    return axis({ type: "log", range: [Math.log10(outer[0]), Math.log10(outer[outer.length - 1])], tickvals: ticks, ticktext: ticks.map(String), title: title("Frequency [Hz]"), showgrid: false });
+  }
+
+  function drawRatio(host, response, chosen) {
+    const pairs = [], values = [];
+    response.outputs.forEach((output, row) => response.inputs.forEach((input, column) => {
+      pairs.push(`${output} / ${input}`);
+      const noise = level(chosen, "noise", row, column);
+      values.push(chosen.measured[row][column].map((value, index) => (value === null ? null : Math.round(10 * (value - noise[index])) / 10)));
+    }));
+    const height = Math.max(pairs.length * 13, 60) + 60;
+    const figure = layout({
+      width: host.clientWidth, height, margin: { l: 128, r: 70, t: 8, b: 46 },
+      xaxis: frequencyAxis(response.frequency),
+      yaxis: axis({ tickvals: pairs.map((_, index) => index), ticktext: pairs, range: [pairs.length - 0.5, -0.5], showgrid: false, tickfont: { size: pairs.length > 12 ? 9 : 11, color: colour("muted") } }),
+    });
+    Plotly.react(host, [{
+      type: "heatmap", x: edges(response.frequency), y: pairs.map((_, index) => index), z: values, zmin: 0, zmax: 80, colorscale: "Viridis",
+      customdata: pairs.map((pair) => response.frequency.map((hz) => [pair, hz])),
+      colorbar: { title: { text: "dB", font: { size: 11, color: colour("muted") } }, thickness: 12, tickfont: { size: 11, color: colour("muted") }, outlinewidth: 0 },
+      hovertemplate: "%{customdata[0]} at %{customdata[1]:.4~r} Hz: %{z:.1f} dB<extra></extra>",
+    }], figure, hover);
+  }
+
+  function drawCoherence(host, response, chosen) {
+    const figure = layout({
+      width: host.clientWidth, height: 190, margin: { l: 128, r: 70, t: 8, b: 46 },
+      xaxis: frequencyAxis(response.frequency),
+      yaxis: axis({ type: "log", title: title("1 − coherence"), exponentformat: "power", dtick: 1 }),
+    });
+    Plotly.react(host, response.outputs.map((name, row) => ({
+      type: "scatter", mode: "lines", x: response.frequency, y: chosen.incoherence[row].map((value) => Math.max(value, 1e-12)), name,
+      line: { width: 1.2, color: colour(["measured", "model", "ok", "other", "warn", "bad"][row % 6]) },
+      hovertemplate: `${name} %{y:.2~e}<extra></extra>`,
+    })), figure, hover);
+  }
+
+  function draw(article, response, chosen) {
+    for (const [role, present, drawing] of [["ratio", chosen.noise, drawRatio], ["coherence", chosen.incoherence, drawCoherence]]) {
+      const host = article.querySelector(`[data-role="${role}"]`);
+      host.parentElement.hidden = !present;
+      if (present) drawing(host, response, chosen);
+    }
+  }
+
+  return { KINDS, level, key, describe, draw };
+})();
