@@ -14,10 +14,10 @@ from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.settings.experiment import Campaign
+from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.stages.slices import delay_s, line_settings, require_controller, robot_settings
+from robid.stages.slices import line_settings, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
 
@@ -25,7 +25,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     campaign = loaded.experiment.campaigns[owner]
     section = f"campaigns.{owner}"
     settings = {f"{section}.configurations": to_plain(campaign.configurations)}
-    acquire = None if campaign.source is None else campaign.source.acquire
+    acquire = played_by_others(campaign)
     if acquire is None:
         read = ("excitation", "realizations", "payload_kg")
         settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
@@ -44,8 +44,9 @@ def _run(job: Job) -> str:
     if configurations is None:
         design = design_from_artifact(read_artifact(job.inputs["design"], DESIGN))
         configurations = design.configurations[design.chosen]
-    if campaign.source is not None and campaign.source.acquire is not None:
-        excitation = _declared(campaign, campaign.source.acquire.sampling_period_s, len(robot.joints))
+    acquire = played_by_others(campaign)
+    if acquire is not None:
+        excitation = _declared(campaign, acquire.sampling_period_s, len(robot.joints))
     else:
         excitation = _designed(job, robot, configurations)
     artifact = excitation_to_artifact(
@@ -53,6 +54,12 @@ def _run(job: Job) -> str:
     )
     write_artifact(job.output, artifact)
     return figures(excitation, len(configurations))
+
+
+def played_by_others(campaign: Campaign) -> Acquire | None:
+    """Returns the logs of a campaign whose excitation is not designed here: those without references."""
+    acquire = None if campaign.source is None else campaign.source.acquire
+    return None if acquire is None or acquire.references else acquire
 
 
 def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Excitation:
@@ -79,7 +86,7 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     model = build_model(robot)
     rest = solve_statics(model, configurations)
     linear = linearize(model, rest)
-    nominal = nominal_parameters(robot, linear, delay_s(job.loaded, job.campaign))
+    nominal = nominal_parameters(robot, linear, controller.delay_samples * period)
     sampled = response(linear, nominal, excitation.frequency_hz, period).sampled
     return predict(excitation, sampled, controller, rest.motor_torque, robot)
 
