@@ -12,8 +12,8 @@ from robid.arrays import FloatArray
 ALIKE = 0.9
 """Correlation from which a stretch of a log counts as a played period."""
 
-_MISSING = 0.01
-"""Share of a period's energy that may be missing, beyond noise, in one that counts."""
+_MISSING = 1e-3
+"""Correlation that a period may lack beyond noise: half the share of its energy that is missing."""
 
 _SILENT = 1e-6
 """Energy of a period, relative to the strongest one, below which nothing was played."""
@@ -78,8 +78,8 @@ def find_periods(logged: FloatArray, period: FloatArray) -> Match:
     mean = each.mean(axis=1)
     best = int(np.argmax(mean))
     first = best % n_sample
-    # A period of which a hundredth is missing, where play began, is none.
-    alike = mean[first::n_sample] >= max(ALIKE, 1 - 2 * (1 - mean[best]) - _MISSING / 2)
+    # A period of which a few samples are missing, where play began or ended, is none.
+    alike = mean[first::n_sample] >= max(ALIKE, 1 - 2 * (1 - mean[best]) - _MISSING)
     if mean[best] < ALIKE:
         return Match(best, 0, float(mean[best]), np.zeros(period.shape[1]))
     skipped = int(np.argmax(alike))
