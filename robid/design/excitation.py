@@ -19,6 +19,8 @@ from robid.simulate.options import Controller
 MAX_EXCURSION_RAD = float(np.radians(5.0))
 """Default limit of the arm's excursion: what is linearised must stay a perturbation."""
 
+_PLAYED_SHARE = 1e-6
+
 UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m"}
 
 
@@ -103,6 +105,18 @@ class Excitation:
         """Excited frequencies (n_freq,) [Hz]."""
         return np.asarray(self.excited_lines / self.period_s)
 
+    @property
+    def played_lines(self) -> IntArray:
+        """All lines (n_played,) that `reference` holds: excited ones, a slow motion, a sweep's edges."""
+        size = np.abs(np.fft.rfft(self.reference, axis=2)).max(axis=(0, 1, 3))
+        size[0] = size[len(size) - 1 if self.reference.shape[2] % 2 == 0 else 0] = 0
+        return np.flatnonzero(size > _PLAYED_SHARE * size.max())
+
+    @property
+    def played_hz(self) -> FloatArray:
+        """Frequencies of the played lines (n_played,) [Hz]."""
+        return np.asarray(self.played_lines / self.period_s)
+
 
 def design_excitation(
     options: ExcitationOptions, n_motor: int, realizations: int, sampling_period_s: float
@@ -121,7 +135,7 @@ def design_excitation(
     Source:
         Wernholt and Moberg (2008), sec. 4.
     """
-    rms = _rms_per_motor(options.rms, n_motor)
+    rms = rms_per_motor(options.rms, n_motor)
     excited, detection = choose_lines(options, sampling_period_s)
     amplitude = np.repeat(rms[:, None] * np.sqrt(2 / len(excited)), len(excited), axis=1)
     phase = np.empty((realizations, n_motor, len(excited)))
@@ -165,8 +179,8 @@ def predict(
 
     Args:
         excitation: The excitation.
-        response (n_conf, n_freq, n_motor, n_motor): Sampled nominal response from motor torque to motor
-            acceleration at the excited lines, hold and computation delay inside [rad/(s^2 N m)].
+        response (n_conf, n_played, n_motor, n_motor): Sampled nominal response from motor torque to motor
+            acceleration at the played lines, hold and computation delay inside [rad/(s^2 N m)].
         controller: The controller that plays it.
         static_torque (n_conf, n_motor): Motor torque that holds the arm [N m].
         robot: Names, limits, gear ratios and rotor inertias.
@@ -179,9 +193,8 @@ def predict(
         SettingsError: If a motor's speed, torque or excursion exceeds its limit in any configuration.
     """
     n_motor, n_conf = len(robot.joints), response.shape[0]
-    check_shape(
-        "response", response, "n_conf n_freq n_motor n_motor", n_freq=len(excitation.excited_lines), n_motor=n_motor
-    )
+    lines = excitation.played_lines
+    check_shape("response", response, "n_conf n_played n_motor n_motor", n_played=len(lines), n_motor=n_motor)
     check_shape("static_torque", static_torque, "n_conf n_motor", n_conf=n_conf, n_motor=n_motor)
     reach = np.stack(
         [_reach(excitation, response[i], controller, static_torque[i], robot) for i in range(n_conf)], axis=2
@@ -212,7 +225,12 @@ def predict(
     return replace(excitation, plan=plan)
 
 
-def _rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
+def rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
+    """Returns the RMS of each motor's signal (n_motor,).
+
+    Raises:
+        SettingsError: If the values do not fit the motors or are not positive.
+    """
     values = np.full(n_motor, rms, float) if np.ndim(rms) == 0 else np.asarray(rms, float)
     problems = [] if len(values) == n_motor else [f"{len(values)} values for {n_motor} motors"]
     problems += [
@@ -231,16 +249,17 @@ def _reach(
     excitation: Excitation, response: ComplexArray, controller: Controller, static_torque: FloatArray, robot: Robot
 ) -> FloatArray:
     """Minimum, maximum and RMS (3, 3, n_motor) of speed, torque and excursion in one configuration."""
-    omega = 2 * np.pi * excitation.frequency_hz
+    omega, lines, n_sample = 2 * np.pi * excitation.played_hz, excitation.played_lines, excitation.reference.shape[2]
     reference_gain, angle_gain = frequency_response(controller, robot.motor_inertia_kgm2, omega, excitation.kind)
     # U = C_r R - C_q Q with Q = -G U / w^2, for all experiments of a line at once.
     plant = -response / omega[:, None, None] ** 2
     loop = np.eye(len(robot.joints)) + angle_gain[:, :, None] * plant
-    drive = np.moveaxis(reference_gain * excitation.spectrum, (0, 1, 2, 3), (2, 3, 0, 1))
+    spectrum = np.fft.rfft(excitation.reference, axis=2)[:, :, lines] * (2 / n_sample)
+    drive = np.moveaxis(reference_gain * spectrum, (0, 1, 2, 3), (2, 3, 0, 1))
     torque = np.linalg.solve(loop, drive.reshape(*drive.shape[:2], -1))
     angle = plant @ torque
     stacked = np.stack([1j * omega[:, None, None] * angle, torque, robot.arm_per_motor @ angle])
-    signal = time_signal(np.moveaxis(stacked, -1, 1), excitation.excited_lines, excitation.reference.shape[2])
+    signal = time_signal(np.moveaxis(stacked, -1, 1), lines, n_sample)
     signal[1] += static_torque
     return np.stack([signal.min(axis=(1, 2)), signal.max(axis=(1, 2)), np.sqrt(np.mean(signal**2, axis=(1, 2)))])
 

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from robid.design.lines import choose_lines
+from robid.design.signal import check_signal
 from robid.errors import SettingsError
 from robid.settings.experiment import Campaign, Configurations, Experiment, Fit
 from robid.settings.log_checks import check_channels, check_logs
@@ -157,12 +157,12 @@ def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
 
 
 def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
-    """Chooses the lines as the design will."""
+    """Chooses the signal's lines as the design will."""
     period_s = sampling_period_s(campaign, robot)
     if period_s is None:
         return
     try:
-        choose_lines(campaign.excitation, period_s)
+        check_signal(campaign.excitation, period_s)
     except SettingsError as error:
         yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
 

@@ -8,8 +8,9 @@ from robid.arrays import FloatArray
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.excitation import Excitation, design_excitation, predict
-from robid.design.lines import choose_lines, samples_per_period
+from robid.design.excitation import Excitation, predict
+from robid.design.lines import samples_per_period
+from robid.design.signal import design_signal, signal_lines
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -65,7 +66,7 @@ def played_by_others(campaign: Campaign) -> Acquire | None:
 def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Excitation:
     """The lines of a log, which somebody else has played: there are no realizations of ours."""
     options = campaign.excitation
-    excited, detection = choose_lines(options, sampling_period_s)
+    excited, detection = signal_lines(options, sampling_period_s)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     return Excitation(
         reference=np.zeros((0, 0, n_sample, n_motor)),
@@ -82,12 +83,12 @@ def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Exc
 def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     controller = require_controller(job.loaded)
     period = controller.sampling_period_s
-    excitation = design_excitation(job.campaign.excitation, len(robot.joints), job.campaign.realizations, period)
+    excitation = design_signal(job.campaign.excitation, len(robot.joints), job.campaign.realizations, period)
     model = build_model(robot)
     rest = solve_statics(model, configurations)
     linear = linearize(model, rest)
     nominal = nominal_parameters(robot, linear, controller.delay_samples * period)
-    sampled = response(linear, nominal, excitation.frequency_hz, period).sampled
+    sampled = response(linear, nominal, excitation.played_hz, period).sampled
     return predict(excitation, sampled, controller, rest.motor_torque, robot)
 
 

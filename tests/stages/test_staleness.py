@@ -105,7 +105,9 @@ def test_every_setting_is_read_by_some_stage(file):
             if owner == "candidates":  # only chosen from, never measured
                 continue
             if file == "bench.yaml":  # was played by somebody else
-                unread -= {f"campaigns.log.excitation.{key}" for key in ("inject", "rms", "phase_iterations")}
+                unread -= {
+                    f"campaigns.log.excitation.{key}" for key in ("inject", "rms", "phase_iterations", "at_rest")
+                }
                 unread -= {"campaigns.log.realizations", "campaigns.log.outputs"}
             assert unread == set()
     if file == "small.yaml":
