@@ -100,3 +100,105 @@ def test_logs_of_a_campaign_give_the_response_of_the_record_they_come_from(done,
     response = read(done, "frf.h5", FRF, frf_from_artifact).response
     scale = np.abs(wanted.response).max(axis=(1, 2, 3), keepdims=True)
     np.testing.assert_allclose(response / scale, wanted.response / scale, atol=2e-6)
+
+
+@pytest.fixture
+def logged(done):
+    """The small experiment, its estimation campaign switched to logs of its own record."""
+    record = read(done, "record.h5", RECORD, record_from_artifact)
+    write_logs(done.folder / "logs", record, ".csv")
+    switch_to_logs(done, "csv")
+    return done
+
+
+def refuse(shop, *texts, command="simulate-or-acquire"):
+    assert shop.robid("design-excitation", "small.yaml", "--campaign", "estimation", "--force").code == 0
+    answer = shop.robid(command, "small.yaml", "--campaign", "estimation", "--force")
+    assert answer.code == 4, answer.err
+    for text in ("small.yaml: campaigns.estimation", *texts):
+        assert text in answer.flat
+    return answer.flat
+
+
+def test_the_excitation_is_designed_and_exported_before_there_is_a_log(shop):
+    switch_to_logs(shop, "csv")
+    shop.change("from: best", "list_deg: [[10, 20], [0, -10]]")
+    assert shop.robid("design-excitation", "small.yaml", "--campaign", "estimation").code == 0
+    answer = shop.robid("export", "small.yaml", "--campaign", "estimation", "--format", "csv", "--json")
+    assert len(answer.json["files"]) == 4
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 4
+    assert "log of configuration 1, realization 1, experiment 1 of campaign estimation" in answer.flat
+    assert "nor do 7 more of its 8" in answer.flat
+
+
+@pytest.mark.slow
+def test_logs_are_imported_in_parallel(logged):
+    assert logged.robid("design-excitation", "small.yaml", "--campaign", "estimation", "--force").code == 0
+    command = ("simulate-or-acquire", "small.yaml", "--campaign", "estimation", "--force")
+    assert logged.robid(*command).code == 0
+    before = logged.contents()["estimation/record.h5"]
+    assert logged.robid(*command, "--backend", "processes", "--workers", "2").code == 0
+    assert logged.contents()["estimation/record.h5"] == before
+
+
+def test_each_log_counts(logged):
+    for stage in ("design-excitation", "simulate-or-acquire"):
+        assert logged.robid(stage, "small.yaml", "--campaign", "estimation", "--force").code == 0
+    with (logged.folder / "logs" / "c2_r01_e2.csv").open("a") as file:
+        file.write("\n")
+    why = "input log of configuration 2, realization 1, experiment 2 changed"
+    assert logged.states()["estimation/record.h5"] == ("stale", why)
+
+
+def test_exchanged_logs_are_named(done):
+    record = read(done, "record.h5", RECORD, record_from_artifact)
+    order = {(0, 0, 0): (0, 1, 0), (0, 1, 0): (0, 0, 0)}
+    write_logs(done.folder / "logs", record, ".csv", order)
+    switch_to_logs(done, "csv")
+    refuse(done, "c1_r01_e1.csv", "It holds realization 2, experiment 1 of the excitation, not realization 1")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "texts"),
+    [
+        (
+            "variable: ref1",
+            "variable: reff1",
+            ("`reff1`: The log has no such", "Did you mean `ref1` or `ref2`?"),
+        ),
+        ("variable: ref2, unit: rpm", "variable: ref2", ("lift 9.549 times, as rpm for rad/s", "unit or scale")),
+        ("variable: ref2, unit: rpm", "variable: ref1", ("references of lift are not those of the excitation",)),
+        (
+            "excitation: *excitation\n",
+            "excitation: {<<: *excitation, seed: 7}\n",
+            ("holds no period of the excitation", "over all 2 realizations of 2 experiments"),
+        ),
+        (
+            "    periods: 2\n    source:\n      acquire",
+            "    periods: 3\n    source:\n      acquire",
+            ("fewer than the 3", "set periods to 2"),
+        ),
+        ("unit: ms", "unit: s", ("time unit is off by a factor of 1000",)),
+        ("format: csv", "format: mat", ("cannot be read as a MAT file",)),
+    ],
+)
+def test_a_log_that_is_not_what_was_said_is_refused(logged, old, new, texts):
+    logged.change(old, new)
+    refuse(logged, "c1_r01_e1.csv", *texts)
+
+
+def test_a_broken_line_is_located(logged):
+    path = logged.folder / "logs" / "c1_r02_e2.csv"
+    lines = path.read_text().splitlines()
+    lines[700] = lines[700].rpartition(";")[0]
+    path.write_text("\n".join(lines))
+    refuse(logged, "c1_r02_e2.csv, line 701", "6 values for 7 columns")
+
+
+def test_lost_samples_are_located(logged):
+    path = logged.folder / "logs" / "c2_r01_e1.csv"
+    lines = path.read_text().splitlines()
+    del lines[600:605]
+    path.write_text("\n".join(lines))
+    refuse(logged, "c2_r01_e1.csv", "1 gap, about 5 missing samples", "after sample 597")
