@@ -4,11 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
+
+CONFIGURATION_WISE = (
+    "configurations",
+    "response",
+    "input_factor",
+    "element_scale",
+    "total_covariance",
+    "noise_covariance",
+    "sensitivity",
+    "removed_torque_rms",
+    "uncompensated_response",
+)
+"""Fields of an `Frf` whose first axis is the configuration."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +52,12 @@ class Frf:
         coefficient_names: Name of each compensated coefficient.
         coefficient_relative_std (n_coef,): Standard deviation of its relative error, from the robot file.
         removed_torque_rms (n_conf, n_in): RMS of the torque that compensation removed [N m].
+        coefficient_offset (n_coef,): How far each coefficient, as it was subtracted, is from the robot file's; None
+            for no distance.
+        uncompensated_response (n_conf, n_freq, n_out, n_in): The response without compensation, or None.
+        law_names: Name of each value of the subtracted torque laws, `<motor>.<value>`.
+        law_values (n_law,): The values, in the units of `robid.signals.friction.VALUES`.
+        law_std (n_law,): Their standard deviations.
         sampling_period_s: Sampling period of the experiment [s].
         input_names: Name of each input.
         output_names: Name of each output.
@@ -64,6 +83,11 @@ class Frf:
     sampling_period_s: float
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
+    coefficient_offset: FloatArray | None = None
+    uncompensated_response: ComplexArray | None = None
+    law_names: tuple[str, ...] = ()
+    law_values: FloatArray = field(default_factory=lambda: np.zeros(0))
+    law_std: FloatArray = field(default_factory=lambda: np.zeros(0))
     torque_unit: str = "N m"
     torque_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: tuple[str, ...] = field(default=())
@@ -71,17 +95,9 @@ class Frf:
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
         chosen = np.asarray(configurations)
-        return replace(
-            self,
-            configurations=self.configurations[chosen],
-            response=self.response[chosen],
-            input_factor=self.input_factor[chosen],
-            element_scale=self.element_scale[chosen],
-            total_covariance=None if self.total_covariance is None else self.total_covariance[chosen],
-            noise_covariance=None if self.noise_covariance is None else self.noise_covariance[chosen],
-            sensitivity=self.sensitivity[chosen],
-            removed_torque_rms=self.removed_torque_rms[chosen],
-        )
+        held: dict[str, Any] = {name: getattr(self, name) for name in CONFIGURATION_WISE}
+        part: dict[str, Any] = {name: None if value is None else value[chosen] for name, value in held.items()}
+        return replace(self, **part)
 
     @property
     def hold_period_s(self) -> float | None:

@@ -1,67 +1,105 @@
-"""Spectra of a record at its excited lines, and of the torque nonlinearities in it."""
+"""Spectra of a record's experiment blocks at chosen lines."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import functools
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import rfft
 
-from robid.arrays import ComplexArray, FloatArray
-from robid.signals.friction import TorqueLaw, torque_regressors
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.signals.record import Record
 
-_NOISE_CUT = 2.5  # times the highest excited line
+_FEW_LINES = 128
+"""Up to so many lines a matrix product is faster than an FFT."""
 
 
 @dataclass(frozen=True)
-class Spectra:
-    """Spectra of one configuration at the excited lines.
+class Blocks:
+    """Spectra of one configuration, averaged over the periods, and the scatter of the periods.
+
+    Complex amplitudes are DFT sums over one period divided by its number of samples.
 
     Attributes:
-        torque (n_real, n_exp, n_period, n_freq, n_in): Torque [N m].
-        acceleration (n_real, n_exp, n_period, n_freq, n_out): Acceleration [rad/s^2 or m/s^2].
-        disturbance (n_kind, n_real, n_exp, n_period, n_freq, n_in): Torque per coefficient of `KINDS`, as held
-            torque at the controller's output [N m]; n_kind is 0 without compensation.
+        lines (n_freq,): DFT lines of one period.
+        torque (n_real, n_freq, n_in, n_exp): Torque [N m].
+        acceleration (n_real, n_freq, n_out, n_exp): Acceleration [rad/s^2 or m/s^2].
+        reference (n_real, n_freq, n_in, n_exp): What was injected, or None where it was not recorded.
+        torque_scatter (n_real, n_scatter, n_freq, n_in, n_exp): Deviations whose summed outer products over
+            `scatter_freedom` estimate the noise covariance of `torque`.
+        acceleration_scatter (n_real, n_scatter, n_freq, n_out, n_exp): The same of `acceleration`.
+        scatter_freedom: Complex degrees of freedom of the scatter in each experiment; 0 with a single period.
     """
 
+    lines: IntArray
     torque: ComplexArray
     acceleration: ComplexArray
-    disturbance: ComplexArray
+    reference: ComplexArray | None
+    torque_scatter: ComplexArray
+    acceleration_scatter: ComplexArray
+    scatter_freedom: int
 
-    @property
-    def nominal(self) -> ComplexArray:
-        """Nominal friction, of the shape of `torque` [N m]."""
-        return self.disturbance[0] if self.disturbance.size else np.zeros_like(self.torque)
+    def select(self, chosen: IntArray) -> Blocks:
+        """Returns the blocks at some of the lines, by index."""
+        return replace(
+            self,
+            lines=self.lines[chosen],
+            torque=self.torque[:, chosen],
+            acceleration=self.acceleration[:, chosen],
+            reference=None if self.reference is None else self.reference[:, chosen],
+            torque_scatter=self.torque_scatter[:, :, chosen],
+            acceleration_scatter=self.acceleration_scatter[:, :, chosen],
+        )
 
 
-def record_spectra(record: Record, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> Spectra:
-    """Transforms one configuration's record.
+def record_blocks(record: Record, lines: IntArray) -> Blocks:
+    """Transforms one configuration's record, drift of the angles removed.
 
     Args:
         record: Record of a single configuration.
-        laws: Friction per input, or None for no compensation; outputs must then start with the inputs' motors.
-        delay_s: Delay from recorded to applied torque, hold excluded [s].
+        lines (n_freq,): DFT lines of one period.
 
     Returns:
-        The spectra, drift of the angles removed.
+        The spectra, averaged over the periods.
     """
-    lines, n_sample = record.excited_lines, record.torque.shape[4]
+    torque = line_amplitudes(record.torque[0], lines)
+    acceleration = line_amplitudes(remove_drift(record.position[0]), lines) * acceleration_factor(record, lines)
+    reference = None if record.reference is None else line_amplitudes(record.reference[0], lines)
+    return Blocks(
+        lines=lines,
+        torque=_experiments_last(torque.mean(axis=2)),
+        acceleration=_experiments_last(acceleration.mean(axis=2)),
+        reference=None if reference is None else _experiments_last(reference),
+        torque_scatter=_scatter(torque),
+        acceleration_scatter=_scatter(acceleration),
+        scatter_freedom=torque.shape[2] - 1,
+    )
+
+
+def line_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
+    """Complex amplitudes (..., n_lines, n_channel) of samples (..., n_sample, n_channel) at some DFT lines."""
+    n_sample = samples.shape[-2]
+    if len(lines) > _FEW_LINES:
+        return np.asarray(rfft(samples, axis=-2, norm="forward")[..., lines, :])
+    parts = _dft_rows(n_sample, lines.tobytes(), lines.dtype.str) @ samples
+    amplitudes = np.empty((*parts.shape[:-2], len(lines), parts.shape[-1]), complex)
+    amplitudes.real, amplitudes.imag = parts[..., : len(lines), :], parts[..., len(lines) :, :]
+    return amplitudes
+
+
+@functools.lru_cache(maxsize=8)
+def _dft_rows(n_sample: int, lines: bytes, dtype: str) -> FloatArray:
+    """Real and imaginary rows (2 n_lines, n_sample) of the DFT, over the number of samples."""
+    turns = np.outer(np.frombuffer(lines, dtype), np.arange(n_sample)) % n_sample / n_sample
+    return np.concatenate([np.cos(2 * np.pi * turns), -np.sin(2 * np.pi * turns)]) / n_sample
+
+
+def acceleration_factor(record: Record, lines: IntArray) -> FloatArray:
+    """What turns each output's spectrum into an acceleration's (n_lines, n_out)."""
     omega = 2 * np.pi * lines / record.period_s
-    angle = remove_drift(record.position[0])
-    torque = np.fft.rfft(record.torque[0], axis=3)[:, :, :, lines] / n_sample
     is_acceleration = np.array([name in record.accelerations for name in record.output_names])
-    rate = np.where(is_acceleration, 1.0, -(omega**2)[:, None])
-    acceleration = rate * np.fft.rfft(angle, axis=3)[:, :, :, lines] / n_sample
-    if laws is None:
-        return Spectra(torque, acceleration, np.zeros((0, *torque.shape), complex))
-    n_in = torque.shape[-1]
-    angle = angle[..., :n_in] + record.position_offset_rad[0, :n_in]
-    highest = lines[-1] / record.period_s
-    torques = torque_regressors(np.moveaxis(angle, 3, 0), record.sampling_period_s, laws, _NOISE_CUT * highest)
-    spectra = np.moveaxis(np.fft.rfft(torques, axis=1)[:, lines], 1, 4) / torques.shape[1]
-    half = 0.5 * omega * record.sampling_period_s * (record.torque_hold == "zoh")
-    hold = np.sinc(half / np.pi) * np.exp(-1j * (half + omega * delay_s))
-    return Spectra(torque, acceleration, spectra / hold[:, None])
+    return np.asarray(np.where(is_acceleration, 1.0, -(omega**2)[:, None]))
 
 
 def remove_drift(angle: FloatArray) -> FloatArray:
@@ -78,3 +116,14 @@ def remove_drift(angle: FloatArray) -> FloatArray:
     per_period = np.gradient(angle.mean(axis=3), axis=2)
     ramp = (np.arange(angle.shape[3]) + 0.5) / angle.shape[3] - 0.5
     return np.asarray(angle - per_period[:, :, :, None] * ramp[:, None])
+
+
+def _experiments_last(spectrum: ComplexArray) -> ComplexArray:
+    """Reorders (n_real, n_exp, n_freq, n_channel) to (n_real, n_freq, n_channel, n_exp)."""
+    return np.asarray(np.moveaxis(spectrum, 1, -1))
+
+
+def _scatter(spectrum: ComplexArray) -> ComplexArray:
+    """Deviations of the periods (n_real, n_period, n_freq, n_channel, n_exp), scaled to the mean's noise."""
+    deviation = (spectrum - spectrum.mean(axis=2, keepdims=True)) / np.sqrt(spectrum.shape[2])
+    return np.asarray(deviation.transpose(0, 2, 3, 4, 1))

@@ -76,6 +76,15 @@ class Record:
             position_offset_rad=self.position_offset_rad[part],
         )
 
+    def realizations(self, count: int) -> Record:
+        """Returns the record of the first realizations."""
+        return replace(
+            self,
+            torque=self.torque[:, :count],
+            position=self.position[:, :count],
+            reference=None if self.reference is None else self.reference[:, :count],
+        )
+
 
 def concatenate(records: list[Record]) -> Record:
     """Joins records of single configurations along the configuration axis."""
