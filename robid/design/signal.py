@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.design.excitation import Excitation, design_excitation, rms_per_motor
 from robid.design.lines import choose_lines, samples_per_period
+from robid.design.loop import NominalLoop
 from robid.design.options import ExcitationOptions
 from robid.errors import SettingsError
 from robid.signals.chirp import chirp
@@ -23,7 +24,13 @@ LINE_SHARE = 0.03
 _ORDERS = {"speed_reference": (-1, 0, 1), "position_reference": (0, 1, 2), "torque": (0, 1)}
 
 
-def design_signal(options: ExcitationOptions, n_motor: int, realizations: int, sampling_period_s: float) -> Excitation:
+def design_signal(
+    options: ExcitationOptions,
+    n_motor: int,
+    realizations: int,
+    sampling_period_s: float,
+    loop: NominalLoop | None = None,
+) -> Excitation:
     """Designs the excitation that the options ask for, with the slow motion that they add.
 
     Every kind is one period, played by all motors at once: motor i of experiment l has all its phases turned by
@@ -34,13 +41,14 @@ def design_signal(options: ExcitationOptions, n_motor: int, realizations: int, s
         n_motor: Number of motors, and of experiments in a realization.
         realizations: Number of realizations; each has new phases, of a chirp or stepped sine one for each motor.
         sampling_period_s: Sampling period of the controller [s].
+        loop: The nominal loop at the excited lines, for a multisine that is shaped by it.
 
     Raises:
         SettingsError: If the signal cannot be made as asked.
     """
     check_signal(options, sampling_period_s)
     if options.signal == "multisine":
-        excitation = design_excitation(options, n_motor, realizations, sampling_period_s)
+        excitation = design_excitation(options, n_motor, realizations, sampling_period_s, loop)
     else:
         excitation = _design_other(options, n_motor, realizations, sampling_period_s)
     if options.slow_motion_rad_s == 0:
@@ -87,6 +95,8 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
     problems = []
     if options.signal in ("chirp", "stepped_sine"):
         problems += _sweep_problems(options, n_sample, sampling_period_s)
+    if options.signal != "multisine" and (options.amplitude, options.crest_at) != ("flat", "reference"):
+        problems.append("only a multisine is shaped by the robot (leave out amplitude and crest_at)")
     if options.slow_motion_rad_s > 0:
         problems += _slow_problems(options)
     if options.signal == "fourier" and options.at_rest and options.count <= len(_ORDERS[options.inject]):

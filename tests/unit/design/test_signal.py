@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from exact_systems import two_joint_robot, two_mass_robot
-from robid.design.excitation import predict
 from robid.design.lines import choose_lines
+from robid.design.loop import nominal_loop
 from robid.design.options import ExcitationOptions
+from robid.design.prediction import predict
 from robid.design.signal import LINE_SHARE, check_signal, design_signal, signal_lines
 from robid.errors import SettingsError
 from robid.frf.estimate import estimate_frf
@@ -133,8 +134,8 @@ def test_a_slow_motion_is_added_and_planned():
     robot = replace(robot, joints=(replace(robot.joints[0], motor=replace(robot.joints[0].motor, gear_ratio=1e3)),))
 
     def plan_of(planned):
-        motor = exact(robot, [0.0], planned.played_hz)[None]
-        return predict(planned, motor, Controller(), np.zeros((1, 1)), robot).plan
+        loop = nominal_loop(robot, Controller(), np.zeros((1, 1)), planned.frequency_hz)
+        return predict(planned, loop, options).plan
 
     slow = plan_of(excitation).speed_peak - plan_of(plain).speed_peak
     assert 15 < slow.min() <= slow.max() < 25
@@ -203,6 +204,7 @@ def test_ripple_and_friction_of_the_slow_motion_stay_off_the_excited_lines(grid)
         ({"signal": "stepped_sine", "count": 60}, "lengthen period_s"),
         ({"signal": "fourier", "at_rest": True, "count": 3}, "use at least 4 lines"),
         ({"signal": "fourier", "count": 300}, "do not fit"),
+        ({"signal": "chirp", "amplitude": "sensitivity"}, "only a multisine is shaped"),
     ],
 )
 def test_what_cannot_be_made_is_said(changes, words):
