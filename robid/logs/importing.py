@@ -86,7 +86,7 @@ def import_log(
         torque_unit=mapping.inputs[0].stands_in,
         torque_hold=mapping.inputs[0].hold,
         torque_relative_std=np.array([channel.torque_constant_relative_std for channel in mapping.inputs]),
-        notes=(*_notes(mapping, n_sample - used.stop, periods), *notes),
+        notes=(*_notes(mapping), *notes),
     )
 
 
@@ -201,15 +201,9 @@ def _unmatched(
     return [DataError(what, where=where, remedy=remedy)]
 
 
-def _notes(mapping: LogMapping, left_over: int, periods: int) -> list[str]:
-    """What the reader of the record has to know about the import."""
-    dropped = f"periods dropped: {mapping.drop_periods}, used: {periods}"
-    if mapping.references:
-        notes = [f"Imported from logs whose references match the excitation, {dropped}."]
-    else:
-        notes = [f"Imported from {mapping.file.name}, {dropped}."]
-        if left_over:
-            notes.append(f"{left_over} samples at the end of the log are not used.")
+def _notes(mapping: LogMapping) -> list[str]:
+    """What the reader of the record has to know about its torque."""
+    notes = []
     for channel in mapping.inputs:
         if channel.normalised:
             notes.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,9 @@ def acquire_configuration(
         )
         for realization, experiment in np.ndindex(campaign.realizations, n_exp)
     ]
-    return join_experiments(records, n_exp)
+    record = join_experiments(records, n_exp)
+    told = f"Imported from {Path(acquire.file).name}, periods dropped: {acquire.drop_periods}, used: {campaign.periods}"
+    return replace(record, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes))
 
 
 def _mapping(acquire: Acquire, file: Path) -> LogMapping:

@@ -12,16 +12,15 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.atomic import write_json
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.parts import Parts
-from robid.artifacts.record import RECORD, record_from_artifact, record_to_artifact
-from robid.artifacts.store import read_artifact, write_artifact
+from robid.artifacts.record import RECORD, record_to_artifact
+from robid.artifacts.store import read_artifact
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.settings.checks import configuration_count
-from robid.settings.experiment import Campaign
+from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.signals.record import Record, concatenate
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.simulate.truth import true_robot, with_imperfections
@@ -63,11 +62,8 @@ def _run(job: Job) -> str:
         message = f"campaign {job.owner} has no source, and so no record"
         raise RuntimeError(message)
     if source.acquire is not None:
-        record = _acquire(job, content)
-    else:
-        options = source.simulate or SimulateOptions()
-        record = _simulate(job, options, content)
-    return figures(record.torque.shape, record.period_s)
+        return _acquire(job, source.acquire, content)
+    return _simulate(job, source.simulate or SimulateOptions(), content)
 
 
 def figures(shape: Sequence[int], period_s: float) -> str:
@@ -98,32 +94,30 @@ def _simulate_part(task: _Task) -> None:
 class _LogTask:
     parts: Parts
     campaign: Campaign
+    acquire: Acquire
     content: CampaignExcitation
     index: int
     folder: Path
 
 
 def _acquire_part(task: _LogTask) -> None:
-    acquire = None if task.campaign.source is None else task.campaign.source.acquire
-    if acquire is not None:
-        record = acquire_configuration(task.campaign, acquire, task.content, task.index, task.folder)
-        task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
+    record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder)
+    task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
 
 
-def _acquire(job: Job, content: CampaignExcitation) -> Record:
-    n_conf = len(content.configurations)
+def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
+    campaign, n_conf, n_exp = job.campaign, len(content.configurations), len(acquire.inputs)
     parts = Parts(job.output, RECORD, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
-    tasks = [_LogTask(parts, job.campaign, content, index, job.loaded.path.parent) for index in todo]
+    folder = job.loaded.path.parent
+    tasks = [_LogTask(parts, campaign, acquire, content, index, folder) for index in todo]
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
-    record = concatenate([record_from_artifact(parts.read(index)) for index in range(n_conf)])
-    write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
-    parts.finish()
-    return record
+    parts.merge(n_conf, job.provenance(STAGE.name))
+    return figures((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
 
 
-def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> Record:
+def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
     nominal = job.loaded.robot.to_robot(job.campaign.payload_kg)
     experiment = Experiment(
         robot=true_robot(nominal, options.truth),
@@ -142,11 +136,11 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads) for i in todo]
     job.map(_simulate_part, tasks, lambda _index, _result: job.progress.advance())
-    record = concatenate([record_from_artifact(parts.read(index)) for index in range(n_conf)])
     write_json(job.output.with_name("truth.json"), _truth(job, nominal, experiment, content.configurations))
-    write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name, options.seed)))
-    parts.finish()
-    return record
+    parts.merge(n_conf, job.provenance(STAGE.name, options.seed))
+    n_real, n_exp, n_sample, _ = experiment.reference.shape
+    period_s = n_sample * experiment.controller.sampling_period_s
+    return figures((n_conf, n_real, n_exp, experiment.periods), period_s)
 
 
 def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: FloatArray) -> dict[str, Any]:

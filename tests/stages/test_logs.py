@@ -43,13 +43,13 @@ def wrap(block, start, end):
     return np.concatenate([block[-1][-start:] if start else block[-1][:0], block.ravel(), block[0][:end]])
 
 
-def write_logs(folder, record, suffix, order=None):
+def write_logs(folder, record, suffix, order=None, *, aligned=False):
     """Logs of a record: from a random moment on, in other units, signs and scales."""
     generator = np.random.default_rng(4)
     folder.mkdir()
     n_conf, n_real, n_exp, n_period, n_sample = record.torque.shape[:5]
     for index in np.ndindex(n_conf, n_real, n_exp):
-        start, end = (int(n) for n in generator.integers(0, n_sample, 2))
+        start, end = (int(n) * (not aligned) for n in generator.integers(0, n_sample, 2))
         torque, angle = record.torque[index], record.position[index] + record.position_offset_rad[index[0]]
         reference = np.broadcast_to(record.reference[index], (n_period, *record.reference[index].shape))
         columns = {
@@ -100,6 +100,24 @@ def test_logs_of_a_campaign_give_the_response_of_the_record_they_come_from(done,
     response = read(done, "frf.h5", FRF, frf_from_artifact).response
     scale = np.abs(wanted.response).max(axis=(1, 2, 3), keepdims=True)
     np.testing.assert_allclose(response / scale, wanted.response / scale, atol=2e-6)
+
+
+def test_logs_without_references_begin_where_they_are_said_to(done):
+    record = read(done, "record.h5", RECORD, record_from_artifact)
+    write_logs(done.folder / "logs", record, ".csv", aligned=True)
+    switch_to_logs(done, "csv")
+    done.change("        references: [{name: turn, variable: ref1}, {name: lift, variable: ref2, unit: rpm}]\n", "")
+    for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf"):
+        answer = done.robid(stage, "small.yaml", "--campaign", "estimation", "--force")
+        assert answer.code == 0, answer.err
+    found = read(done, "record.h5", RECORD, record_from_artifact)
+    assert found.reference is None
+    np.testing.assert_allclose(found.torque, record.torque, atol=1e-6)
+    np.testing.assert_array_equal(found.excited_lines, record.excited_lines)
+    assert found.notes[0].startswith("Imported from c{configuration}_r{realization:02d}_e{experiment}.csv, periods")
+    answer = done.robid("export", "small.yaml", "--campaign", "estimation", "--format", "csv")
+    assert answer.code == 3
+    assert "there is nothing to export" in answer.flat
 
 
 @pytest.fixture

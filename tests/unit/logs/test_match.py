@@ -195,4 +195,3 @@ def test_experiments_are_joined_realization_by_realization(tmp_path):
     np.testing.assert_array_equal(joined.reference[0], reference)
     absolute = [(part.position + part.position_offset_rad)[0, 0, 0] for part in parts]
     np.testing.assert_allclose((joined.position + joined.position_offset_rad)[0, 1, 0], absolute[2], atol=1e-12)
-    assert len(joined.notes) == 1
