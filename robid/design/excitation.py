@@ -16,9 +16,6 @@ from robid.errors import SettingsError
 from robid.signals.crest import reduce_crest, reduce_crest_with_motion
 from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
 
-_MOTION_EFFORT = 2
-"""Iterations where the motion counts too, over those of the reference alone: six times the phases at once."""
-
 _PLAYED_SHARE = 1e-6
 """Size of a line, relative to the largest, below which it holds only rounding."""
 
@@ -183,23 +180,22 @@ def _amplitude(options: ExcitationOptions, rms: FloatArray, n_lines: int, loop: 
 def _phases(
     options: ExcitationOptions, amplitude: FloatArray, lines: IntArray, realization: int, loop: NominalLoop | None
 ) -> FloatArray:
-    """Phases (n_motor, n_lines) of one realization."""
+    """Phases (n_motor, n_lines) of one realization; a start beyond one per motor goes to the worst motor so far."""
     n_motor, n_lines = amplitude.shape
     shifts = np.angle(orthogonal_matrix(n_motor))
-    phases = np.empty(amplitude.shape)
-    for motor in range(n_motor):
-        generator = np.random.default_rng([options.seed, 2, realization, motor])
-        starts = generator.uniform(0, 2 * np.pi, (-(-options.phase_starts // n_motor), n_lines))
-        phases[motor] = reduce_crest(
-            starts, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations
-        )
+    generators = [np.random.default_rng([options.seed, 2, realization, motor]) for motor in range(n_motor)]
+    phases, crest = np.zeros(amplitude.shape), np.full(n_motor, np.inf)
+    for _ in range(max(options.phase_starts, n_motor)):
+        motor = int(np.argmax(crest))
+        start = generators[motor].uniform(0, 2 * np.pi, (n_lines,))
+        found, peak = reduce_crest(start, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations)
+        if peak < crest[motor]:
+            phases[motor], crest[motor] = found, peak
     if options.crest_at == "reference":
         return phases
     loop = _needed(loop)
     speed = 1j * loop.omega[:, None, None] * loop.gains(loop.central(), options.inject)[1]
-    return reduce_crest_with_motion(
-        phases, amplitude, lines, speed, iterations=_MOTION_EFFORT * options.phase_iterations
-    )
+    return reduce_crest_with_motion(phases, amplitude, lines, speed, iterations=options.phase_iterations)
 
 
 def _needed(loop: NominalLoop | None) -> NominalLoop:

@@ -40,8 +40,12 @@ class ExcitationOptions:
     )
     seed: int = field(default=1, metadata={"description": "Seed of the phases and detection lines.", "ge": 0})
     phase_starts: int = field(
-        default=12,
-        metadata={"description": "Random starts of the crest-factor search in a block, shared by its motors.", "ge": 1},
+        default=16,
+        metadata={
+            "description": "Random starts of the crest-factor search in a block: one per motor, the rest where it is"
+            " worst; best of random draws where `phase_iterations` is 0.",
+            "ge": 1,
+        },
     )
     crest_at: Literal["reference", "reference_and_motion"] = field(
         default="reference",

@@ -10,7 +10,6 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.design.candidates import KINDS, log_slopes
 from robid.design.loop import NominalLoop
 from robid.design.snr import residual_covariance
-from robid.errors import SettingsError
 from robid.frf.covariance import pool
 from robid.robot.linearize import LinearModel
 from robid.robot.response import jacobian, nominal_parameters, response
@@ -42,18 +41,9 @@ def sensitivity_amplitude(
     Returns:
         Amplitudes (n_motor, n_lines) of the same RMS per motor.
 
-    Raises:
-        SettingsError: If the robot has no springs.
-
     Source:
         Silvey, Titterington and Torsney (1978); Zimmermann et al. (2023), eq. 4.
     """
-    if not loop.robot.springs:
-        raise SettingsError(
-            "A robot without springs has no spectrum to shape.",
-            where="excitation.amplitude",
-            remedy="Use `amplitude: flat`.",
-        )
     power = np.moveaxis(amplitude**2, 0, 1)
     each = line_information(loop, inject, angle_noise_rad, torque_noise_nm)
     score = pool(_scores(power, each, 2 * len(loop.robot.springs)).astype(complex), _SMOOTHED_LINES).real

@@ -6,6 +6,9 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 
+_SMALLEST_RATIO = 1e-12
+"""What an element that is exactly zero gets instead of a logarithm of zero."""
+
 
 def residual_covariance(
     response: ComplexArray, omega: FloatArray, angle_noise_rad: float, torque_noise_nm: float
@@ -44,7 +47,7 @@ def predicted_snr_db(
         periods: Recorded periods.
 
     Returns:
-        Signal-to-noise ratio (n_freq, n_out, n_in) [dB].
+        Signal-to-noise ratio (n_freq, n_out, n_in), at least -120 dB [dB].
 
     Source:
         METHODS sec. 4 (covariance).
@@ -54,5 +57,4 @@ def predicted_snr_db(
     factor = np.sum(np.abs(inverse) ** 2, axis=(0, 2)) / len(torque) ** 2
     noise = np.real(np.diagonal(residual, axis1=-2, axis2=-1)) / (n_sample * periods)
     variance = noise[:, :, None] * factor[:, None, :]
-    tiny = np.finfo(float).tiny
-    return np.asarray(10 * np.log10(np.maximum(np.abs(response) ** 2 / variance, tiny)))
+    return np.asarray(10 * np.log10(np.maximum(np.abs(response) ** 2 / variance, _SMALLEST_RATIO)))

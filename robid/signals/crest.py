@@ -18,7 +18,7 @@ _SAMPLES_PER_PERIOD = 16
 
 def reduce_crest(
     phases: FloatArray, amplitudes: FloatArray, lines: IntArray, shifts: FloatArray, *, iterations: int
-) -> FloatArray:
+) -> tuple[FloatArray, float]:
     """Lowers the peak of a multisine and of its phase-shifted copies at once.
 
     Minimises the L2p norm over all copies for rising p by L-BFGS with the analytic gradient. One complex FFT
@@ -26,24 +26,21 @@ def reduce_crest(
     with opposite sign after half a period, which halves the grid.
 
     Args:
-        phases (n_start, n_lines): Starting phases; the best end is returned [rad].
+        phases (n_lines,): Starting phases [rad].
         amplitudes (n_lines,): Amplitudes [any unit].
         lines (n_lines,): DFT lines.
         shifts (n_shift,): Phase added to all lines in each copy [rad].
-        iterations: Iterations at each exponent; 0 returns the first start.
+        iterations: Iterations at each exponent; 0 returns the start.
 
     Returns:
-        Phases (n_lines,) [rad]; never with a larger peak than the starts' on the evaluation grid.
+        Phases (n_lines,) [rad] and their crest factor, never above the start's, on the evaluation grid.
 
     Source:
         Guillaume, Schoukens, Pintelon and Kollar (1991), Crest-factor minimization using nonlinear Chebyshev
         approximation methods (the L2p norm).
     """
-    if iterations == 0:
-        return np.asarray(phases[0])
     norm = _CopiesNorm(amplitudes, lines, shifts)
-    ends = [_descend(norm, start, iterations) for start in phases]
-    return ends[int(np.argmin([norm.peak(end) for end in ends]))]
+    return _descend(norm, phases, iterations)
 
 
 def reduce_crest_with_motion(
@@ -61,10 +58,8 @@ def reduce_crest_with_motion(
     Returns:
         Phases (n_motor, n_lines) [rad]; the largest peak over RMS of all signals is never above the start's.
     """
-    if iterations == 0:
-        return phases
     norm = _BlockNorm(amplitudes, lines, response)
-    return _descend(norm, phases.ravel(), iterations).reshape(phases.shape)
+    return _descend(norm, phases.ravel(), iterations)[0].reshape(phases.shape)
 
 
 class _Norm:
@@ -155,13 +150,13 @@ class _BlockNorm(_Norm):
         return np.asarray(self.turns * np.exp(1j * phases.reshape(len(self.turns), 1, -1)))
 
 
-def _descend(norm: _Norm, start: FloatArray, iterations: int) -> FloatArray:
+def _descend(norm: _Norm, start: FloatArray, iterations: int) -> tuple[FloatArray, float]:
     best, best_peak = start, norm.peak(start)
     current = start
     options = {"maxiter": iterations, "maxcor": 20}
-    for level in LEVELS:
+    for level in LEVELS if iterations else ():
         current = minimize(norm, current, args=(level,), jac=True, method="L-BFGS-B", options=options).x
         peak = norm.peak(current)
         if peak < best_peak:
             best, best_peak = current, peak
-    return np.asarray(best)
+    return np.asarray(best), best_peak
