@@ -143,6 +143,22 @@ def test_a_slow_motion_is_added_and_planned():
     assert plan_of(excitation).excursion_peak.max() > 0.8 * angle
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_limits_are_used_by_all_that_is_played(kind):
+    options = options_of(kind, slow_motion_rad_s=20.0, limit_share=0.7, rms=(3.0, 4.0))
+    excitation = design_signal(options, 2, 1, STEP_S)
+    loop = nominal_loop(two_joint_robot(), Controller(), np.array([[0.3, -0.8]]), excitation.frequency_hz)
+    planned = predict(excitation, loop, options)
+    plan = planned.plan
+    shares = (plan.speed_peak / plan.speed_limit, plan.torque_peak / plan.torque_limit)
+    assert max(*(share.max() for share in shares), (plan.excursion_peak / plan.excursion_limit).max()) == pytest.approx(
+        0.7, rel=1e-6
+    )
+    factor = planned.rms / excitation.rms
+    np.testing.assert_allclose(planned.reference, factor[0] * excitation.reference, rtol=IDENTITY)
+    assert plan.snr_db.shape == (1, len(excitation.excited_lines), 2, 2)
+
+
 def test_a_slow_motion_of_angles_has_the_same_speed():
     options = replace(BASE, inject="position_reference", rms=0.1, slow_motion_rad_s=20.0, slow_motion_line=4)
     plain = replace(options, slow_motion_rad_s=0.0)
