@@ -84,18 +84,3 @@ class Record:
             position=self.position[:, :count],
             reference=None if self.reference is None else self.reference[:, :count],
         )
-
-
-def concatenate(records: list[Record]) -> Record:
-    """Joins records of single configurations along the configuration axis."""
-    first = records[0]
-    references = [record.reference for record in records if record.reference is not None]
-    return replace(
-        first,
-        configurations=np.concatenate([record.configurations for record in records]),
-        torque=np.concatenate([record.torque for record in records]),
-        position=np.concatenate([record.position for record in records]),
-        reference=np.concatenate(references) if references else None,
-        position_offset_rad=np.concatenate([record.position_offset_rad for record in records]),
-        notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
-    )
