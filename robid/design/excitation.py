@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -122,6 +122,16 @@ class Excitation:
         """Complex amplitudes (n_real, n_exp, n_played, n_motor) at the played lines [as reference]."""
         n_sample = self.reference.shape[2]
         return np.asarray(np.fft.rfft(self.reference, axis=2)[:, :, self.played_lines] * (2 / n_sample))
+
+    def first_experiments(self, count: int | None) -> Excitation:
+        """Returns the first experiments of every block, all of them without a count."""
+        kept = slice(count)
+        return replace(
+            self,
+            reference=self.reference[:, kept],
+            spectrum=self.spectrum[:, kept],
+            crest_factor=self.crest_factor[:, kept],
+        )
 
 
 def design_excitation(

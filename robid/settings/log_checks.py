@@ -28,7 +28,9 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
     """
     inside = (*field, "source", "acquire")
     counts = {"configuration": n_configuration or 1, "realization": campaign.realizations}
-    yield from _file((*inside, "file"), acquire.file, {**counts, "experiment": len(acquire.inputs)})
+    yield from _file(
+        (*inside, "file"), acquire.file, {**counts, "experiment": campaign.experiments or len(acquire.inputs)}
+    )
     every = (("inputs", acquire.inputs), ("outputs", acquire.outputs), ("references", acquire.references))
     for key, channels in every:
         names = [channel.name for channel in channels]

@@ -21,7 +21,11 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) -> dict[str, Path]:
     """Returns the path of every log by a name that says which it is; `log` where there is only one."""
-    counts = (configuration_count(loaded.experiment, campaign) or 0, campaign.realizations, len(acquire.inputs))
+    counts = (
+        configuration_count(loaded.experiment, campaign) or 0,
+        campaign.realizations,
+        experiment_count(campaign, acquire),
+    )
     paths = acquire.log_paths(loaded.path.parent, *counts)
     if len(paths) == 1:
         return {"log": paths[0]}
@@ -29,6 +33,11 @@ def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) ->
         f"log of configuration {c + 1}, realization {r + 1}, experiment {e + 1}": path
         for (c, r, e), path in zip(np.ndindex(*counts), paths, strict=True)
     }
+
+
+def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
+    """Returns the number of logged experiments of each block: as many as motors unless the campaign says less."""
+    return campaign.experiments or len(acquire.inputs)
 
 
 def acquire_configuration(
@@ -46,7 +55,7 @@ def acquire_configuration(
     Raises:
         DataError: If a log is not what was said.
     """
-    excitation, n_exp = content.excitation, len(acquire.inputs)
+    excitation, n_exp = content.excitation, experiment_count(campaign, acquire)
     records = [
         import_log(
             _mapping(acquire, acquire.log_path(folder, index, realization, experiment)),

@@ -36,7 +36,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings = {f"{section}.configurations": to_plain(campaign.configurations)}
     acquire = played_by_others(campaign)
     if acquire is None:
-        read = ("excitation", "realizations", "periods", "payload_kg")
+        read = ("excitation", "realizations", "experiments", "periods", "payload_kg")
         settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
         settings |= {f"{section}.source.{key}": value for key, value in _transient_periods(campaign).items()}
         settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
@@ -95,6 +95,7 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     lines, _ = signal_lines(options, period_s)
     loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
     excitation = design_signal(options, len(robot.joints), campaign.realizations, period_s, loop)
+    excitation = excitation.first_experiments(campaign.experiments)
     transient = next(iter(_transient_periods(campaign).values()))
     return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
 

@@ -24,7 +24,7 @@ from robid.settings.slices import to_plain
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.simulate.truth import true_robot, with_imperfections
-from robid.stages.acquire import acquire_configuration, log_files
+from robid.stages.acquire import acquire_configuration, experiment_count, log_files
 from robid.stages.slices import delay_s, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
@@ -38,7 +38,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings[f"{section}.source"] = to_plain(campaign.source)
     record, inputs = f"{owner}/record.h5", {"excitation": f"{owner}/excitation.h5"}
     if campaign.source is not None and campaign.source.acquire is not None:
-        settings[f"{section}.realizations"] = campaign.realizations
+        settings |= {f"{section}.{key}": getattr(campaign, key) for key in ("realizations", "experiments")}
         return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
     settings[f"{section}.payload_kg"] = campaign.payload_kg
     settings[f"{section}.outputs"] = to_plain(campaign.outputs)
@@ -50,7 +50,8 @@ def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
     """Torque and angle of all samples, once in the parts and once merged."""
     n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
     n_channel = 2 * n_motor + len(campaign.outputs) - 1
-    experiments = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations * n_motor
+    blocks = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations
+    experiments = blocks * (campaign.experiments or n_motor)
     samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
     return 2 * _BYTES_PER_SAMPLE * samples * n_channel
 
@@ -106,7 +107,7 @@ def _acquire_part(task: _LogTask) -> None:
 
 
 def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
-    campaign, n_conf, n_exp = job.campaign, len(content.configurations), len(acquire.inputs)
+    campaign, n_conf, n_exp = job.campaign, len(content.configurations), experiment_count(job.campaign, acquire)
     parts = Parts(job.output, RECORD, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))

@@ -71,7 +71,7 @@ def test_friction_identified_at_the_silent_lines(shop):
         value, std = found[f"{joint}.coulomb_nm"]
         assert abs(value - 0.2 * (1 + truth[f"{joint}.level"])) < RECOVERY_SIGMA * std
         assert std < 0.03
-    assert any("silent lines of 1 configuration: they explain at least 9" in note for note in frf.notes)
+    assert any("silent lines of 1 configuration: they explain at least" in note for note in frf.notes)
     summary = json.loads((shop.runs / "summary.json").read_text())
     assert summary["fits.elastic.springs.worst_error"] < 0.02
 

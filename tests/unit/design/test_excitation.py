@@ -43,3 +43,11 @@ def test_default_excitation_is_flat_enough_and_fast():
 def test_rms_that_does_not_fit_is_refused(rms, word):
     with pytest.raises(SettingsError, match=word):
         design_excitation(ExcitationOptions(rms=rms), 2, 1, STEP)
+
+
+def test_fewer_experiments_are_the_first_of_each_block():
+    whole = design_excitation(OPTIONS, 2, 3, STEP)
+    part = whole.first_experiments(1)
+    assert part.reference.shape[:2] == part.spectrum.shape[:2] == part.crest_factor.shape[:2] == (3, 1)
+    np.testing.assert_array_equal(part.reference[:, 0], whole.reference[:, 0])
+    np.testing.assert_array_equal(whole.first_experiments(None).spectrum, whole.spectrum)
