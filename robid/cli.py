@@ -33,6 +33,12 @@ from robid.report.terminal import fit_tables
 from robid.settings.load import load_experiment
 from robid.settings.schema import experiment_schema, robot_schema
 from robid.stages.export import ExportOptions, Format, check_options, export, export_plan, write_export
+from robid.stages.export_excitation import (
+    ExcitationExport,
+    check_excitation_export,
+    excitation_export_plan,
+    export_excitation,
+)
 from robid.stages.report_content import gather
 from robid.stages.stage import Stage
 from robid.stages.terminal import Shell, dataset_table, make_console, status_table
@@ -231,6 +237,10 @@ def export_model(
     fit: Annotated[
         str | None, typer.Option("--fit", help="Name of the fit; may be left out if it is the only one.")
     ] = None,
+    campaign: Annotated[
+        str | None,
+        typer.Option("--campaign", help="Name of a campaign, to write its excitation (csv, mat) instead of a fit."),
+    ] = None,
     configuration: Annotated[
         int | None,
         typer.Option("--configuration", min=0, help="Index of one configuration; all of the fit by default."),
@@ -245,9 +255,15 @@ def export_model(
     as_json: AsJson = False,
     debug: Debug = False,
 ) -> int:
-    """Writes a fitted model for other programs: MJCF, JSON, CSV, MAT or state space."""
+    """Writes a fitted model, or the excitation of a campaign, for other programs: MJCF, JSON, CSV, MAT, state space."""
     del debug
     run = _open(experiment, run_dir, None, None)
+    if campaign is not None:
+        given = {"--fit": fit, "--configuration": configuration, "--friction": friction}
+        others = [name for name, value in given.items() if value is not None]
+        excitation = ExcitationExport(campaign, format_, output)
+        check_excitation_export(excitation, others)
+        return _export_excitation(run, excitation, force=force, as_json=as_json)
     node = choose_node(run, "fit", fit)
     options = ExportOptions(format_, configuration, friction, output)
     check_options(options, run.loaded, node.owner)
@@ -262,6 +278,21 @@ def export_model(
         shell.say(f"{target}  {outcome}")
     if problem:
         shell.warn(problem)
+    return 0
+
+
+def _export_excitation(run: Run, options: ExcitationExport, *, force: bool, as_json: bool) -> int:
+    node = choose_node(run, "design-excitation", options.campaign)
+    plan = excitation_export_plan(node.owner)
+    inputs = require_inputs(run, dataclasses.replace(node, plan=plan), [])
+    files = export_excitation(options, run.loaded, inputs["excitation"], run.folder)
+    outcomes = {str(path): write_export(path, content, force=force) for path, content in files.items()}
+    if as_json:
+        _print_json({"output": str(options.target(run.folder)), "format": options.format, "files": outcomes})
+        return 0
+    shell = _shell(run, as_json=False)
+    for path, outcome in outcomes.items():
+        shell.say(f"{path}  {outcome}")
     return 0
 
 

@@ -161,13 +161,14 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
 
 
 def _check_files(node: Node) -> None:
-    for name, path in node.plan.files.items():
-        if not path.exists():
-            raise DataError(
-                f"the {name} of campaign {node.owner} does not exist",
-                where=str(path),
-                remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
-            )
+    missing = [(name, path) for name, path in node.plan.files.items() if not path.exists()]
+    if missing:
+        more = f", nor do {len(missing) - 1} more of its {len(node.plan.files)}" if len(missing) > 1 else ""
+        raise DataError(
+            f"the {missing[0][0]} of campaign {node.owner} does not exist{more}",
+            where=str(missing[0][1]),
+            remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
+        )
 
 
 def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:

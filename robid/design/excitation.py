@@ -16,6 +16,9 @@ from robid.errors import SettingsError
 from robid.signals.crest import reduce_crest, reduce_crest_with_motion
 from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
 
+_PLAYED_SHARE = 1e-6
+"""Size of a line, relative to the largest, below which it holds only rounding."""
+
 UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m"}
 
 
@@ -82,8 +85,8 @@ class Excitation:
         detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
         sampling_period_s: Sampling period of the controller [s].
         spectrum (n_real, n_exp, n_freq, n_motor): Complex amplitudes at the excited lines [as reference].
-        rms (n_motor,): RMS of each motor's signal [as reference].
-        crest_factor (n_real, n_exp, n_motor): Peak over RMS of `reference`.
+        rms (n_motor,): RMS of each motor's signal, a slow motion left out [as reference].
+        crest_factor (n_real, n_exp, n_motor): Peak over RMS, a slow motion left out.
         plan: Predicted motion against the limits, or None before `predict`.
     """
 
@@ -106,6 +109,19 @@ class Excitation:
     def frequency_hz(self) -> FloatArray:
         """Excited frequencies (n_freq,) [Hz]."""
         return np.asarray(self.excited_lines / self.period_s)
+
+    @property
+    def played_lines(self) -> IntArray:
+        """All lines (n_played,) that `reference` holds: excited ones, a slow motion, a sweep's edges."""
+        size = np.abs(np.fft.rfft(self.reference, axis=2)).max(axis=(0, 1, 3))
+        size[0] = size[len(size) - 1 if self.reference.shape[2] % 2 == 0 else 0] = 0
+        return np.flatnonzero(size > _PLAYED_SHARE * size.max())
+
+    @property
+    def played_spectrum(self) -> ComplexArray:
+        """Complex amplitudes (n_real, n_exp, n_played, n_motor) at the played lines [as reference]."""
+        n_sample = self.reference.shape[2]
+        return np.asarray(np.fft.rfft(self.reference, axis=2)[:, :, self.played_lines] * (2 / n_sample))
 
     def first_experiments(self, count: int | None) -> Excitation:
         """Returns the first experiments of every block, all of them without a count."""
@@ -142,7 +158,7 @@ def design_excitation(
     Source:
         Wernholt and Moberg (2008), sec. 4.
     """
-    rms = _rms_per_motor(options.rms, n_motor)
+    rms = rms_per_motor(options.rms, n_motor)
     excited, detection = choose_lines(options, sampling_period_s)
     # The vectors are short: on a busy machine BLAS threads would only wait for each other.
     with threadpool_limits(1, user_api="blas"):
@@ -198,7 +214,12 @@ def _needed(loop: NominalLoop | None) -> NominalLoop:
     return loop
 
 
-def _rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
+def rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
+    """Returns the RMS of each motor's signal (n_motor,).
+
+    Raises:
+        SettingsError: If the values do not fit the motors or are not positive.
+    """
     values = np.full(n_motor, rms, float) if np.ndim(rms) == 0 else np.asarray(rms, float)
     problems = [] if len(values) == n_motor else [f"{len(values)} values for {n_motor} motors"]
     problems += [

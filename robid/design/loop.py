@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +61,18 @@ class NominalLoop:
         identity = np.eye(plant.shape[-1])
         torque = np.linalg.solve(identity + angle[:, :, None] * plant, reference[:, :, None] * identity)
         return torque, plant @ torque
+
+    def at(self, frequency_hz: FloatArray) -> NominalLoop:
+        """Returns the same loop at other frequencies (n_freq,) [Hz].
+
+        Raises:
+            ValueError: If the linearised robot is not there.
+        """
+        if self.linear is None:
+            raise ValueError("The linearised robot is needed at other frequencies.")
+        nominal = nominal_parameters(self.robot, self.linear, self.delay_s)
+        sampled = response(self.linear, nominal, frequency_hz, self.controller.sampling_period_s).sampled
+        return replace(self, frequency_hz=frequency_hz, response=sampled)
 
     def central(self) -> int:
         """Index of the configuration nearest the mean of all."""

@@ -83,6 +83,37 @@ class ExcitationOptions:
         default=0.05,
         metadata={"description": "Torque disturbance per sample that the plan assumes [N m].", "ge": 0},
     )
+    signal: Literal["multisine", "chirp", "stepped_sine", "fourier"] = field(
+        default="multisine",
+        metadata={
+            "description": "Kind of signal; a chirp excites all lines of the band, a stepped sine those near `count`"
+            " frequencies, a Fourier series has random phases and may begin and end at rest."
+        },
+    )
+    chirp_peak: float = field(
+        default=0.25,
+        metadata={
+            "description": "Where a chirp's amplitude is largest, as a share of its sweep; 0 lets it fall throughout.",
+            "ge": 0,
+            "lt": 1,
+        },
+    )
+    at_rest: bool = field(
+        default=False,
+        metadata={"description": "Fourier series: angle, speed and acceleration are zero where the period begins."},
+    )
+    slow_motion_rad_s: float = field(
+        default=0.0,
+        metadata={
+            "description": "Peak motor speed of a slow motion that is added against Coulomb friction, scaled with"
+            " the rest by `limit_share`; 0 adds none [rad/s].",
+            "ge": 0,
+        },
+    )
+    slow_motion_line: int = field(
+        default=2,
+        metadata={"description": "Line of the slow motion, even; it and its multiples are never excited.", "ge": 2},
+    )
 
 
 @dataclass(frozen=True)

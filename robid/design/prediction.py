@@ -33,7 +33,7 @@ def predict(
 
     Args:
         excitation: The excitation.
-        loop: The nominal loop at the excited lines.
+        loop: The nominal loop at the excited lines; its linearised robot is needed where more than these is played.
         options: Share of the limits to use, limit of the excursion and assumed noise.
         periods: Recorded periods of each experiment.
         transient_periods: Periods of each experiment before those.
@@ -49,7 +49,9 @@ def predict(
     check_shape("response", loop.response, "n_conf n_freq n_motor n_motor", **axes)
     check_shape("static_torque", loop.static_torque, "n_conf n_motor", n_conf=n_conf, n_motor=n_motor)
     limits = _limits(loop.robot, options.max_excursion_deg)
-    found = [_reach(excitation, loop, index) for index in range(n_conf)]
+    played = excitation.played_lines
+    moving = loop if np.array_equal(played, excitation.excited_lines) else loop.at(played / excitation.period_s)
+    found = [_reach(excitation, moving, index) for index in range(n_conf)]
     reach, crest = np.stack([each for each, _ in found], axis=2), np.array([each for _, each in found])
     if options.limit_share is not None:
         share = _admissible_scale(reach[0], reach[1], options.limit_share * limits, loop.static_torque)
@@ -61,7 +63,8 @@ def predict(
     minimum, maximum, rms = reach
     peak = np.maximum(maximum, -minimum)
     scale = _admissible_scale(minimum, maximum, limits, loop.static_torque)
-    _check_limits(excitation, loop.robot, peak, limits, scale)
+    every = "RMS of all motors" if options.slow_motion_rad_s == 0 else "RMS of all motors and the slow motion"
+    _check_limits(excitation, loop.robot, peak, limits, scale, every)
     length = np.prod(excitation.reference.shape[:2]) * n_conf * (periods + transient_periods)
     plan = Plan(
         speed_rms=rms[0],
@@ -98,8 +101,8 @@ def _reach(excitation: Excitation, loop: NominalLoop, index: int) -> tuple[Float
     to_torque, to_angle = loop.gains(index, excitation.kind)
     rate = 1j * loop.omega[:, None, None]
     gains = np.stack([rate * to_angle, to_torque, loop.robot.arm_per_motor @ to_angle])
-    stacked = np.einsum("qkmi,reki->qrekm", gains, excitation.spectrum, optimize=True)
-    signal = time_signal(stacked, excitation.excited_lines, excitation.reference.shape[2])
+    stacked = np.einsum("qkmi,reki->qrekm", gains, excitation.played_spectrum, optimize=True)
+    signal = time_signal(stacked, excitation.played_lines, excitation.reference.shape[2])
     crest = crest_factor(signal[0]).max(axis=(0, 1))
     signal[1] += loop.static_torque[index]
     samples = (1, 2, 3)
@@ -161,7 +164,7 @@ def _admissible_scale(
 
 
 def _check_limits(
-    excitation: Excitation, robot: Robot, peak: FloatArray, limits: FloatArray, scale: FloatArray
+    excitation: Excitation, robot: Robot, peak: FloatArray, limits: FloatArray, scale: FloatArray, every: str
 ) -> None:
     """Collects every limit that a motor exceeds, at its worst configuration."""
     problems = []
@@ -189,7 +192,7 @@ def _check_limits(
         raise SettingsError(
             "The excitation would exceed limits:\n  " + "\n  ".join(problems),
             where="excitation.rms",
-            remedy=f"Multiply the RMS of all motors by at most {factor:.3g} (the motors are coupled)."
+            remedy=f"Multiply the {every} by at most {factor:.3g} (the motors are coupled)."
             if factor > 0
             else "Leave out the configurations that the motors cannot hold.",
         )

@@ -16,13 +16,14 @@ from robid.artifacts.excitation import (
     excitation_to_artifact,
 )
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.excitation import Excitation, design_excitation
-from robid.design.lines import choose_lines, samples_per_period
+from robid.design.excitation import Excitation
+from robid.design.lines import samples_per_period
 from robid.design.loop import nominal_loop
 from robid.design.prediction import predict
+from robid.design.signal import design_signal, signal_lines
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
-from robid.settings.experiment import Campaign
+from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.stages.slices import line_settings, require_controller, robot_settings
@@ -33,11 +34,11 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     campaign = loaded.experiment.campaigns[owner]
     section = f"campaigns.{owner}"
     settings = {f"{section}.configurations": to_plain(campaign.configurations)}
-    acquire = None if campaign.source is None else campaign.source.acquire
+    acquire = played_by_others(campaign)
     if acquire is None:
         read = ("excitation", "realizations", "experiments", "periods", "payload_kg")
         settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
-        settings[f"{section}.source.simulate.transient_periods"] = _transient_periods(campaign)
+        settings |= {f"{section}.source.{key}": value for key, value in _transient_periods(campaign).items()}
         settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
     else:
         settings[f"{section}.excitation"] = line_settings(campaign)
@@ -53,8 +54,9 @@ def _run(job: Job) -> str:
     if configurations is None:
         design = design_from_artifact(read_artifact(job.inputs["design"], DESIGN))
         configurations = design.configurations[design.chosen]
-    if campaign.source is not None and campaign.source.acquire is not None:
-        excitation = _declared(campaign, campaign.source.acquire.sampling_period_s, len(robot.joints))
+    acquire = played_by_others(campaign)
+    if acquire is not None:
+        excitation = _declared(campaign, acquire.sampling_period_s, len(robot.joints))
     else:
         excitation = _designed(job, robot, configurations)
     artifact = excitation_to_artifact(
@@ -64,10 +66,16 @@ def _run(job: Job) -> str:
     return figures(excitation, len(configurations))
 
 
+def played_by_others(campaign: Campaign) -> Acquire | None:
+    """Returns the logs of a campaign whose excitation is not designed here: those without references."""
+    acquire = None if campaign.source is None else campaign.source.acquire
+    return None if acquire is None or acquire.references else acquire
+
+
 def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Excitation:
     """The lines of a log, which somebody else has played: there are no realizations of ours."""
     options = campaign.excitation
-    excited, detection = choose_lines(options, sampling_period_s)
+    excited, detection = signal_lines(options, sampling_period_s)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     return Excitation(
         reference=np.zeros((0, 0, n_sample, n_motor)),
@@ -84,17 +92,21 @@ def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Exc
 def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     campaign, controller = job.campaign, require_controller(job.loaded)
     options, period_s = campaign.excitation, controller.sampling_period_s
-    lines, _ = choose_lines(options, period_s)
+    lines, _ = signal_lines(options, period_s)
     loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
-    excitation = design_excitation(options, len(robot.joints), campaign.realizations, period_s, loop)
+    excitation = design_signal(options, len(robot.joints), campaign.realizations, period_s, loop)
     excitation = excitation.first_experiments(campaign.experiments)
-    transient = _transient_periods(campaign)
+    transient = next(iter(_transient_periods(campaign).values()))
     return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
 
 
-def _transient_periods(campaign: Campaign) -> int:
-    simulated = None if campaign.source is None else campaign.source.simulate
-    return 0 if simulated is None else simulated.transient_periods
+def _transient_periods(campaign: Campaign) -> dict[str, int]:
+    """Periods before those that count, by the name of the setting below `source`."""
+    source = campaign.source
+    if source is not None and source.acquire is not None:
+        return {"acquire.drop_periods": source.acquire.drop_periods}
+    simulated = None if source is None else source.simulate
+    return {"simulate.transient_periods": 0 if simulated is None else simulated.transient_periods}
 
 
 def _show(output: Path, loaded: LoadedExperiment) -> Group | None:
