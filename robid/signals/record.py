@@ -76,6 +76,15 @@ class Record:
             position_offset_rad=self.position_offset_rad[part],
         )
 
+    def some_realizations(self, chosen: slice) -> Record:
+        """Returns the record of some of the realizations, in every configuration."""
+        return replace(
+            self,
+            torque=self.torque[:, chosen],
+            position=self.position[:, chosen],
+            reference=None if self.reference is None else self.reference[:, chosen],
+        )
+
 
 def concatenate(records: list[Record]) -> Record:
     """Joins records of single configurations along the configuration axis."""

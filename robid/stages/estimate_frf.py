@@ -16,6 +16,7 @@ from robid.frf.estimate import concatenate, estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.options import EstimateOptions
 from robid.robot.description import Motor
+from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.signals.friction import TorqueLaw
@@ -50,10 +51,7 @@ def _estimate_part(task: _Task) -> None:
 def _run(job: Job) -> str:
     record = record_from_artifact(read_artifact(job.inputs["record"], RECORD))
     options = job.campaign.estimate
-    laws, delay = None, 0.0
-    if options.compensation == "nominal":
-        laws = tuple(_law(joint.motor) for joint in job.loaded.robot.to_robot().joints)
-        delay = delay_s(job.loaded, job.campaign)
+    laws, delay = stated_laws(job.loaded, job.campaign, options)
     n_conf = len(record.configurations)
     parts = Parts(job.output, FRF, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
@@ -64,6 +62,15 @@ def _run(job: Job) -> str:
     write_artifact(job.output, frf_to_artifact(frf, job.provenance(STAGE.name)))
     parts.finish()
     return figures(frf)
+
+
+def stated_laws(
+    loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions
+) -> tuple[tuple[TorqueLaw, ...] | None, float]:
+    """Returns the robot file's torque laws and the delay [s], as far as these options read them."""
+    if options.compensation != "nominal":
+        return None, 0.0
+    return tuple(_law(joint.motor) for joint in loaded.robot.to_robot().joints), delay_s(loaded, campaign)
 
 
 def _law(motor: Motor) -> TorqueLaw:
