@@ -86,11 +86,13 @@ class EstimatorFigures:
     Attributes:
         name: Name of the estimator.
         error_hz (n_freq,): Median error on the diagonal at each line.
+        std_ratio_hz (n_freq,): Median ratio of reported to true standard deviation there.
         figures: Figures by name, as they stand in summary.json.
     """
 
     name: str
     error_hz: FloatArray
+    std_ratio_hz: FloatArray
     figures: dict[str, float]
 
 
@@ -121,10 +123,7 @@ def estimator_figures(
     ratio = error_ratio(estimates, default, reference)
     figures |= dict(zip(("over_default", "over_default_lower", "over_default_upper"), ratio, strict=True))
     figures["refused"] = float(np.isnan(estimates).any(axis=(2, 3, 4)).sum())
-    per_line = np.median(
-        np.moveaxis(elements(found.error, diagonal=True), 1, 0).reshape(estimates.shape[2], -1), axis=1
-    )
-    return EstimatorFigures(name, per_line, figures)
+    return EstimatorFigures(name, _per_line(found.error), _per_line(found.std_ratio), figures)
 
 
 @dataclass(frozen=True)
@@ -155,8 +154,12 @@ def bias_figures(name: str, whole: ComplexArray, estimates: ComplexArray, truth:
         "median_diagonal_of_group": _quantile(single, 0.5),
         "refused": float(np.isnan(estimates).any(axis=(2, 3, 4)).sum()),
     }
-    per_line = np.median(np.moveaxis(diagonal, 1, 0).reshape(diagonal.shape[1], -1), axis=1)
-    return BiasFigures(name, per_line, figures)
+    return BiasFigures(name, _per_line(bias), figures)
+
+
+def _per_line(values: FloatArray) -> FloatArray:
+    """Median over configurations and diagonal elements (n_freq,) of values (n_conf, n_freq, n_out, n_in)."""
+    return np.asarray(np.median(elements(values, diagonal=True), axis=(0, 2)))
 
 
 def _quantile(values: FloatArray, share: float) -> float:

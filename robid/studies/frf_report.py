@@ -10,6 +10,7 @@ from robid.artifacts.artifact import Artifact
 from robid.report.content import Verdict
 from robid.report.numbers import percent, significant
 from robid.report.section import Curve, Figure, Section, Table
+from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.studies.conclusion import Conclusion
 from robid.studies.frf import campaign_of, compared, compensations
@@ -55,27 +56,30 @@ def conclude(loaded: LoadedExperiment, results: list[Artifact]) -> Conclusion:
         verdict=Verdict(f"{default_sentence(estimators, own.estimator)} {bias_sentence(biases)}", "ok"),
         summary={name: value for name, value in summary.items() if math.isfinite(value)},
         sections=(
-            _estimator_section(estimators, frequency, own.compensation, study.group, campaign.realizations),
+            _estimator_section(estimators, frequency, campaign, study.group),
             _bias_section(biases, frequency, study.group, campaign.realizations),
         ),
         warnings=tuple(f"{name} refused: {reason}." for name, reason in refusals if reason),
     )
 
 
-def default_sentence(estimators: Sequence[EstimatorFigures], default: str) -> str:
-    """Says which estimator follows as the default: another one only where it is surely and markedly closer."""
+def following_default(estimators: Sequence[EstimatorFigures], default: str) -> str:
+    """Returns the estimator that follows as the default: another one only where it is surely and markedly closer."""
     closer = [one for one in estimators if one.figures["over_default_upper"] < _WORTH]
-    if closer:
-        best = min(closer, key=lambda one: one.figures["over_default"])
-        return (
-            f"The default should be `{best.name}`: its median error is {_share(best)} of that of `{default}`,"
-            " the present one."
-        )
+    return min(closer, key=lambda one: one.figures["over_default"]).name if closer else default
+
+
+def default_sentence(estimators: Sequence[EstimatorFigures], default: str) -> str:
+    """Says which estimator follows as the default, and by how much."""
+    follows = following_default(estimators, default)
     others = [one for one in estimators if one.name != default and math.isfinite(one.figures["over_default"])]
     if not others:
-        return f"`{default}` stays the default: nothing else was compared."
+        return f"Estimator {default} stays the default: nothing else was compared."
+    if follows != default:
+        best = next(one for one in others if one.name == follows)
+        return f"Estimator {follows} should be the default: its error is {_share(best)} of that of {default}."
     best = min(others, key=lambda one: one.figures["over_default"])
-    return f"`{default}` stays the default: the error of the best other, `{best.name}`, is {_share(best)} of its own."
+    return f"Estimator {default} stays the default: the error of the best other, {best.name}, is {_share(best)} of it."
 
 
 def bias_sentence(biases: Sequence[BiasFigures]) -> str:
@@ -91,44 +95,45 @@ def _share(one: EstimatorFigures) -> str:
 
 
 def _estimator_section(
-    estimators: Sequence[EstimatorFigures], frequency: FloatArray, compensation: str, group: int, realizations: int
+    estimators: Sequence[EstimatorFigures], frequency: FloatArray, campaign: Campaign, group: int
 ) -> Section:
-    columns = ("Estimator", "Diagonal, median", "90 %", "Off diagonal, median", "90 %", "Bias, median")
+    lead = (
+        f"Estimates from {group} realizations against the best linear approximation from all {campaign.realizations},"
+        f" with compensation {campaign.estimate.compensation}."
+    )
+    error = [(one.name, one.error_hz) for one in estimators]
+    honesty = [(one.name, one.std_ratio_hz) for one in estimators]
+    figures = (
+        _figure("Error on the diagonal", "Relative error, median", frequency, error),
+        _figure("Reported over true standard deviation, diagonal", "Ratio, median", frequency, honesty),
+    )
+    return Section("Estimators", lead, (_estimator_table(estimators, campaign.estimate.estimator, group),), figures)
+
+
+def _estimator_table(estimators: Sequence[EstimatorFigures], default: str, group: int) -> Table:
+    parts = ("diagonal.median_error", "diagonal.q90_error", "off_diagonal.median_error", "off_diagonal.q90_error")
     rows = tuple(
         (
             one.name,
-            *(percent(one.figures[f"diagonal.{key}"]) for key in ("median_error", "q90_error")),
-            *(percent(one.figures[f"off_diagonal.{key}"]) for key in ("median_error", "q90_error")),
-            percent(one.figures["median_bias"]),
+            *(percent(one.figures[key]) for key in (*parts, "median_bias")),
             significant(one.figures["std_ratio"]),
             _share(one),
             significant(one.figures["refused"]),
         )
         for one in estimators
     )
-    best = min(range(len(rows)), key=lambda index: _known(estimators[index].figures["median_error"]))
-    table = Table(
-        (*columns, "Reported over true deviation", "Error over the default's", "Refused"),
+    heads = ("Estimator", "Diagonal, median", "90 %", "Off diagonal, median", "90 %", "Bias, median")
+    return Table(
+        (*heads, "Reported over true deviation", "Error over the default's", "Refused"),
         rows,
         caption=(
             f"Root mean square of the relative error over the groups of {group} realizations; median and 90 % quantile"
             " over lines, elements and configurations. Bias: of the mean over the groups. Reported over true deviation:"
             " 1 where the covariance is honest. Error over the default's: ratio of the medians with its 95 % interval"
-            " from a bootstrap over the groups."
+            " from a bootstrap over the groups. Stressed: the default that follows."
         ),
-        strong=best,
+        strong=[one.name for one in estimators].index(following_default(estimators, default)),
     )
-    figure = Figure(
-        "Error on the diagonal",
-        "Frequency [Hz]",
-        "Relative error, median",
-        tuple(Curve(one.name, tuple(frequency.tolist()), tuple(one.error_hz.tolist())) for one in estimators),
-    )
-    lead = (
-        f"Estimates from {group} realizations against the best linear approximation from all {realizations},"
-        f" with compensation {compensation}."
-    )
-    return Section("Estimators", lead, (table,), (figure,))
 
 
 def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: int, realizations: int) -> Section:
@@ -138,18 +143,16 @@ def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: i
     )
     heads = ("Diagonal, median", "90 %", "Off diagonal, median", f"Diagonal, median of {group} realizations", "Refused")
     caption = "Last but one: distance of a single estimate, its scatter included."
-    figure = Figure(
-        "Bias on the diagonal",
-        "Frequency [Hz]",
-        "Relative bias, median",
-        tuple(Curve(one.name, tuple(frequency.tolist()), tuple(one.bias_hz.tolist())) for one in biases),
-    )
     lead = (
         f"Best linear approximation from {realizations} realizations against the true robot's linearisation without"
         " friction: |G_hat/G - 1| with each compensation of the friction."
     )
+    figure = _figure(
+        "Bias on the diagonal", "Relative bias, median", frequency, [(one.name, one.bias_hz) for one in biases]
+    )
     return Section("Compensation", lead, (Table(("Compensation", *heads), rows, caption=caption),), (figure,))
 
 
-def _known(value: float) -> float:
-    return value if math.isfinite(value) else math.inf
+def _figure(title: str, y_title: str, frequency: FloatArray, curves: Sequence[tuple[str, FloatArray]]) -> Figure:
+    x = tuple(frequency.tolist())
+    return Figure(title, "Frequency [Hz]", y_title, tuple(Curve(name, x, tuple(y.tolist())) for name, y in curves))
