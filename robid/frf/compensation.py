@@ -1,42 +1,130 @@
-"""Torque nonlinearities subtracted from the torque before the response is estimated."""
+"""Torque nonlinearities along a measured motion, as they add to the torque command."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.spectra import line_amplitudes, remove_drift
-from robid.signals.friction import TorqueLaw, torque_regressors
+from robid.signals.friction import KINDS, TorqueLaw, friction_torque, periodic_speed
 from robid.signals.record import Record
 
 _NOISE_CUT = 2.5  # times the highest excited line
+_OVERSAMPLING = 2
+_SHAPE_STEP = 0.05
 
 
-def disturbance(record: Record, laws: tuple[TorqueLaw, ...], lines: IntArray, delay_s: float) -> ComplexArray:
-    """Torque of each coefficient's unit error, as held torque at the controller's output.
+@dataclass(frozen=True)
+class Motion:
+    """The motors' motion in one configuration, mean over the periods.
+
+    Attributes:
+        angle (n_sample, n_real, n_exp, n_in): Motor angles, offset included [rad].
+        speed (n_step, n_real, n_exp, n_in): Motor speed on a finer grid [rad/s].
+        step_s: Step of the grid [s].
+        sampling_period_s: Sampling period [s].
+        lines (n_freq,): DFT lines at which torques are wanted.
+        omega (n_freq,): Their angular frequency [rad/s].
+        hold (n_freq,): Response from torque command to continuous torque: hold and delay.
+    """
+
+    angle: FloatArray
+    speed: FloatArray
+    step_s: float
+    sampling_period_s: float
+    lines: IntArray
+    omega: FloatArray
+    hold: ComplexArray
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """Torque of a law as held torque at the controller's output.
+
+    Attributes:
+        torque (n_real, n_freq, n_in, n_exp): Torque that opposes the motion [N m].
+        derivative (n_kind, n_real, n_freq, n_in, n_exp): Its derivative with respect to the coefficients in
+            `robid.signals.friction.KINDS` [N m].
+    """
+
+    torque: ComplexArray
+    derivative: ComplexArray
+
+
+def record_motion(record: Record, lines: IntArray, delay_s: float) -> Motion:
+    """Prepares the evaluation of torque laws.
 
     Args:
         record: Record of a single configuration; its outputs start with the inputs' motors.
-        laws: One law per input.
         lines (n_freq,): DFT lines of one period.
         delay_s: Delay from recorded to applied torque, hold excluded [s].
-
-    Returns:
-        Spectra (n_kind, n_real, n_freq, n_in, n_exp) of `robid.signals.friction.KINDS` [N m]; the first is the
-        nominal friction itself.
     """
-    omega = 2 * np.pi * lines / record.period_s
-    half = 0.5 * omega * record.sampling_period_s * (record.torque_hold == "zoh")
-    hold = np.sinc(half / np.pi) * np.exp(-1j * (half + omega * delay_s))
-    torques = torque_regressors(
-        _motor_angle(record, len(laws)), record.sampling_period_s, laws, _NOISE_CUT * record.frequency_hz[-1]
-    )
-    # (kind, sample, real, exp, in) to (kind, real, exp, sample, in) to (kind, real, freq, in, exp).
-    spectra = line_amplitudes(np.moveaxis(torques, 1, 3), lines) / hold[:, None]
-    return np.asarray(np.moveaxis(spectra, 2, -1))
-
-
-def _motor_angle(record: Record, n_in: int) -> FloatArray:
-    """One period of the motor angles (n_sample, n_real, n_exp, n_in), mean over the periods [rad]."""
+    n_in, period_s = len(record.input_names), record.sampling_period_s
     angle = remove_drift(record.position[0])[..., :n_in].mean(axis=2) + record.position_offset_rad[0, :n_in]
-    return np.moveaxis(angle, 2, 0)
+    angle = np.ascontiguousarray(np.moveaxis(angle, 2, 0))
+    omega = 2 * np.pi * lines / record.period_s
+    half = 0.5 * omega * period_s * (record.torque_hold == "zoh")
+    return Motion(
+        angle=angle,
+        speed=periodic_speed(angle, period_s, _NOISE_CUT * record.frequency_hz[-1], _OVERSAMPLING),
+        step_s=period_s / _OVERSAMPLING,
+        sampling_period_s=period_s,
+        lines=lines,
+        omega=omega,
+        hold=np.sinc(half / np.pi) * np.exp(-1j * (half + omega * delay_s)),
+    )
+
+
+def friction_spectrum(motion: Motion, laws: Sequence[TorqueLaw]) -> ComplexArray:
+    """Friction (n_real, n_freq, n_in, n_exp) of the laws, lag included, ripple not [N m]."""
+    torque = friction_torque(motion.speed, motion.step_s, laws)
+    lag_s = motion.sampling_period_s * np.array([law.lag_samples for law in laws])
+    later = np.exp(-1j * np.outer(motion.omega, lag_s))
+    return np.asarray(_held(motion, torque) * later[:, :, None])
+
+
+def ripple_spectra(motion: Motion, laws: Sequence[TorqueLaw]) -> ComplexArray:
+    """Ripple of unit coefficients (2, n_real, n_freq, n_in, n_exp): its sine and its cosine [N m]."""
+    amplitude = np.array([law.ripple_nm for law in laws])
+    if not amplitude.any():
+        n_real, n_exp, n_in = motion.angle.shape[1:]
+        return np.zeros((2, n_real, len(motion.lines), n_in, n_exp), complex)
+    phase = motion.angle * np.array([law.ripple_order for law in laws])
+    return np.stack([_held(motion, amplitude * wave(phase)) for wave in (np.sin, np.cos)])
+
+
+def disturbance(motion: Motion, laws: Sequence[TorqueLaw]) -> Disturbance:
+    """Torque of the laws along a motion, and what each coefficient changes."""
+    level = friction_spectrum(motion, laws)
+    changed = friction_spectrum(motion, [_shaped(law) for law in laws])
+    ripple = ripple_spectra(motion, laws)
+    known = np.array([[law.ripple_sin for law in laws], [law.ripple_cos for law in laws]])
+    lag = -1j * (motion.omega * motion.sampling_period_s)[:, None, None] * level
+    derivative = np.stack([level, (changed - level) / _SHAPE_STEP, lag, *ripple])
+    return Disturbance(level + np.einsum("wi,wrfie->rfie", known, ripple), derivative)
+
+
+def no_disturbance(record: Record) -> Disturbance:
+    """A disturbance of zero without coefficients."""
+    n_real, n_exp = record.torque.shape[1:3]
+    torque = np.zeros((n_real, len(record.excited_lines), len(record.input_names), n_exp), complex)
+    return Disturbance(torque, torque[None][:0])
+
+
+def coefficient_names(record: Record) -> tuple[str, ...]:
+    """Names of the coefficients, each kind's motors in turn."""
+    return tuple(f"{name}.{kind}" for kind in KINDS for name in record.input_names)
+
+
+def _shaped(law: TorqueLaw) -> TorqueLaw:
+    names = ("stribeck_rad_s", "presliding_rad", "smoothing_rad_s")
+    return replace(law, **{name: getattr(law, name) * (1 + _SHAPE_STEP) for name in names})
+
+
+def _held(motion: Motion, torque: FloatArray) -> ComplexArray:
+    """Spectrum (n_real, n_freq, n_in, n_exp) of a torque (n_step, n_real, n_exp, n_in), over the hold."""
+    flat = line_amplitudes(torque.reshape(len(torque), -1), motion.lines) / motion.hold[:, None]
+    return np.asarray(flat.reshape(-1, *torque.shape[1:]).transpose(1, 0, 3, 2))

@@ -10,12 +10,12 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS
-from robid.frf.compensation import disturbance
+from robid.frf.compensation import coefficient_names, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
-from robid.signals.friction import KINDS, TorqueLaw
+from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 
 _CONDITION_LIMIT = 1e6
@@ -47,8 +47,9 @@ def estimate_frf(
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
     measured = record_blocks(record, record.excited_lines)
-    removed = _removed(record, laws, delay_s)
-    blocks = replace(measured, torque=measured.torque - removed[0]) if len(removed) else measured
+    motion = None if laws is None else record_motion(record, record.excited_lines, delay_s)
+    removed = no_disturbance(record) if motion is None or laws is None else disturbance(motion, laws)
+    blocks = replace(measured, torque=measured.torque - removed.torque)
     _check_blocks(record, blocks)
     estimate = ESTIMATORS[options.estimator](blocks)
     response = estimate.response
@@ -58,7 +59,9 @@ def estimate_frf(
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
     names, deviation = _coefficients(record, laws)
-    sensitivity = np.concatenate([_sensitivity(response, removed, estimate.weights), _scale_sensitivity(response)])
+    sensitivity = np.concatenate(
+        [_sensitivity(response, removed.derivative, estimate.weights), _scale_sensitivity(response)]
+    )
     return Frf(
         frequency_hz=record.frequency_hz,
         lines=record.excited_lines,
@@ -73,7 +76,7 @@ def estimate_frf(
         sensitivity=sensitivity[None, deviation > 0],
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
-        removed_torque_rms=_removed_rms(removed, record)[None],
+        removed_torque_rms=_rms(removed.torque)[None],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
         output_names=record.output_names,
@@ -110,17 +113,9 @@ def _check_blocks(record: Record, blocks: Blocks) -> None:
         raise DataError(message, where=where, remedy="excite all motors, or check that the lines are those played")
 
 
-def _removed(record: Record, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> ComplexArray:
-    """Torque of each coefficient (n_kind, n_real, n_freq, n_in, n_exp); n_kind is 0 without compensation."""
-    if laws is None:
-        n_real, n_exp = record.torque.shape[1:3]
-        return np.zeros((0, n_real, len(record.excited_lines), len(record.input_names), n_exp), complex)
-    return disturbance(record, laws, record.excited_lines, delay_s)
-
-
-def _sensitivity(response: ComplexArray, removed: ComplexArray, weights: ComplexArray) -> ComplexArray:
+def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:
     """Derivative (n_coef, n_freq, n_out, n_in) of the response with respect to each motor's each coefficient."""
-    moved = np.einsum("krfje,rfei->kfji", removed, weights)
+    moved = np.einsum("krfje,rfei->kfji", derivative, weights)
     each = np.einsum("foj,kfji->kjfoi", response, moved)
     return np.asarray(each.reshape(-1, *response.shape))
 
@@ -136,14 +131,13 @@ def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[t
     names = tuple(f"{name}.torque_scale" for name in record.input_names)
     if laws is None:
         return names, scale
-    coefficients = tuple(f"{name}.{kind}" for kind in KINDS for name in record.input_names)
+    coefficients = coefficient_names(record)
     return coefficients + names, np.concatenate([np.array([law.coefficient_std for law in laws]).T.ravel(), scale])
 
 
-def _removed_rms(removed: ComplexArray, record: Record) -> FloatArray:
-    if not len(removed):
-        return np.zeros(len(record.input_names))
-    return np.asarray(np.sqrt(2 * (np.abs(removed[0]) ** 2).sum(axis=1).mean(axis=(0, -1))))
+def _rms(torque: ComplexArray) -> FloatArray:
+    """RMS of each motor over realizations and experiments (n_in,), from its complex amplitudes."""
+    return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
 
 
 def _notes(total: ComplexArray | None) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,9 @@ from scipy.fft import rfft
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.signals.record import Record
+
+_FEW_LINES = 128
+"""Up to so many lines a matrix product is faster than an FFT."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +79,20 @@ def record_blocks(record: Record, lines: IntArray) -> Blocks:
 
 def line_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
     """Complex amplitudes (..., n_lines, n_channel) of samples (..., n_sample, n_channel) at some DFT lines."""
-    spectrum = rfft(np.ascontiguousarray(np.moveaxis(samples, -1, -2)), axis=-1, norm="forward")
-    return np.asarray(np.moveaxis(spectrum[..., lines], -1, -2))
+    n_sample = samples.shape[-2]
+    if len(lines) > _FEW_LINES:
+        return np.asarray(rfft(samples, axis=-2, norm="forward")[..., lines, :])
+    parts = _dft_rows(n_sample, lines.tobytes(), lines.dtype.str) @ samples
+    amplitudes = np.empty((*parts.shape[:-2], len(lines), parts.shape[-1]), complex)
+    amplitudes.real, amplitudes.imag = parts[..., : len(lines), :], parts[..., len(lines) :, :]
+    return amplitudes
+
+
+@functools.lru_cache(maxsize=8)
+def _dft_rows(n_sample: int, lines: bytes, dtype: str) -> FloatArray:
+    """Real and imaginary rows (2 n_lines, n_sample) of the DFT, over the number of samples."""
+    turns = np.outer(np.frombuffer(lines, dtype), np.arange(n_sample)) % n_sample / n_sample
+    return np.concatenate([np.cos(2 * np.pi * turns), -np.sin(2 * np.pi * turns)]) / n_sample
 
 
 def acceleration_factor(record: Record, lines: IntArray) -> FloatArray:

@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
 from robid.arrays import FloatArray
 
 KINDS = ("level", "shape", "lag", "ripple_sin", "ripple_cos")
+"""Coefficients of a law: errors of levels and of speeds and deflections, relative to nominal; of the lag, in samples;
+of the ripple, relative to its amplitude."""
 
-_WARM_UP = 0.25
-_SHAPE_STEP = 0.05
 _LAG_STD = 0.5
+_STRETCH = 128
 
 
 @dataclass(frozen=True)
 class TorqueLaw:
-    """Nominal torque nonlinearities of one motor and how well they are known.
+    """Torque nonlinearities of one motor and how well they are known.
 
     Attributes:
         coulomb_nm: Coulomb level [N m].
         static_nm: Breakaway level [N m].
         stribeck_rad_s: Stribeck speed [rad/s].
-        presliding_rad: Bristle deflection at the Coulomb level [rad].
+        presliding_rad: Bristle deflection at the Coulomb level [rad]; 0 for a law without memory.
         relative_std: Standard deviation of the relative error of levels and of speeds and deflections.
-        ripple_nm: Amplitude of the torque ripple, its phase unknown [N m].
+        ripple_nm: Amplitude of the torque ripple [N m].
         ripple_order: Ripple periods per motor turn.
+        smoothing_rad_s: Speed over which a law without memory changes its sign, as tanh [rad/s].
+        lag_samples: Known lag of the friction behind the motion [samples].
+        ripple_sin: Known part of the ripple that opposes the motion with the sine of its order, over its amplitude.
+        ripple_cos: The same with the cosine.
+        known_std: Standard deviation of each coefficient in `KINDS` where it was identified; None otherwise.
     """
 
     coulomb_nm: float
@@ -36,6 +44,11 @@ class TorqueLaw:
     relative_std: float
     ripple_nm: float
     ripple_order: int
+    smoothing_rad_s: float = 0.0
+    lag_samples: float = 0.0
+    ripple_sin: float = 0.0
+    ripple_cos: float = 0.0
+    known_std: tuple[float, ...] | None = None
 
     @property
     def is_zero(self) -> bool:
@@ -46,47 +59,13 @@ class TorqueLaw:
     def coefficient_std(self) -> tuple[float, ...]:
         """Standard deviation of each coefficient in `KINDS`.
 
-        Level and shape are relative to nominal, the lag is in samples, the ripple relative to its amplitude.
+        Of a law from a robot file the lag is unknown to half a sample and the phase of the ripple unknown.
         """
+        if self.known_std is not None:
+            return self.known_std
         friction = float(self.coulomb_nm > 0)
         ripple = float(np.sqrt(0.5)) * float(self.ripple_nm > 0)
         return (friction * self.relative_std, friction * self.relative_std, friction * _LAG_STD, ripple, ripple)
-
-
-def torque_regressors(
-    angle: FloatArray, sampling_period_s: float, laws: tuple[TorqueLaw, ...], cut_hz: float, oversampling: int = 2
-) -> FloatArray:
-    """Torque of each coefficient's unit error, along a measured motion.
-
-    Args:
-        angle (n_sample, ..., n_motor): One period of the motor angles, offset included [rad].
-        sampling_period_s: Sampling period [s].
-        laws: One law per motor.
-        cut_hz: Content of the angle above is noise.
-        oversampling: Grid points per sample.
-
-    Returns:
-        (len(KINDS), n_sample * oversampling, ..., n_motor): torque that opposes the motion [N m]. The first is
-        the nominal friction itself.
-    """
-    speed = periodic_speed(angle, sampling_period_s, cut_hz, oversampling)
-    step_s = sampling_period_s / oversampling
-    shaped = tuple(
-        replace(
-            law,
-            stribeck_rad_s=law.stribeck_rad_s * (1 + _SHAPE_STEP),
-            presliding_rad=law.presliding_rad * (1 + _SHAPE_STEP),
-        )
-        for law in laws
-    )
-    both = lugre_torque(np.concatenate([speed, speed], axis=-1), step_s, laws + shaped)
-    level, changed = both[..., : len(laws)], both[..., len(laws) :]
-    order = np.array([law.ripple_order for law in laws])
-    amplitude = np.array([law.ripple_nm for law in laws])
-    phase = order * np.repeat(angle, oversampling, axis=0)
-    ripples = amplitude * np.sin(phase), amplitude * np.cos(phase)
-    later = (np.roll(level, 1, axis=0) - level) * oversampling
-    return np.stack([level, (changed - level) / _SHAPE_STEP, later, *ripples])
 
 
 def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, oversampling: int) -> FloatArray:
@@ -109,8 +88,8 @@ def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, o
     return np.asarray(np.fft.irfft(rate * spectrum, n_sample * oversampling, axis=0) * oversampling)
 
 
-def lugre_torque(speed: FloatArray, step_s: float, laws: tuple[TorqueLaw, ...]) -> FloatArray:
-    """Integrates the bristle state over one period in the periodic steady state.
+def friction_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:
+    """Friction along one period of a motion in the periodic steady state; lag and ripple are left out.
 
     Args:
         speed (n_step, ..., n_motor): One period of the motor speed [rad/s].
@@ -121,23 +100,90 @@ def lugre_torque(speed: FloatArray, step_s: float, laws: tuple[TorqueLaw, ...]) 
         Torque that opposes the motion, of the same shape [N m].
 
     Source:
-        LuGre without bristle damping: `z' = v - |v| z / z_max(v)`, exact for constant speed in a step.
+        LuGre without bristle damping: `z' = v - |v| z / z_max(v)`, exact for constant speed in a step. Without
+        memory, `tanh(v / v_s)` times the Stribeck curve.
     """
-    coulomb, static, stribeck, presliding = (
-        np.array([getattr(law, name) for law in laws])
-        for name in ("coulomb_nm", "static_nm", "stribeck_rad_s", "presliding_rad")
-    )
-    ratio = np.divide(static, coulomb, out=np.ones_like(coulomb), where=coulomb > 0)
-    mean_speed = 0.5 * (speed + np.roll(speed, -1, axis=0))
-    limit = presliding * (1 + (ratio - 1) * np.exp(-((mean_speed / stribeck) ** 2)))
-    decay = np.exp(-np.abs(mean_speed) * step_s / limit)
-    drive = np.sign(mean_speed) * limit * (1 - decay)
-    bristle = np.empty_like(speed)
-    state = np.zeros(speed.shape[1:])
-    n_step = speed.shape[0]
-    for step in range(n_step - int(_WARM_UP * n_step), n_step):
-        state = state * decay[step] + drive[step]
-    for step in range(n_step):
-        bristle[step] = state
-        state = state * decay[step] + drive[step]
-    return np.asarray(bristle * (coulomb / presliding))
+    bristle = np.array([law.presliding_rad > 0 for law in laws])
+    if bristle.all():
+        return _bristle_torque(speed, step_s, laws)
+    torque = np.empty_like(speed)
+    for chosen, curve in ((bristle, _bristle_torque), (~bristle, _curve_torque)):
+        if chosen.any():
+            torque[..., chosen] = curve(speed[..., chosen], step_s, list(compress(laws, chosen)))
+    return torque
+
+
+def _bristle_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:
+    presliding, coulomb = _values(laws, "presliding_rad"), _values(laws, "coulomb_nm")
+    mean_speed = np.roll(speed, -1, axis=0)
+    mean_speed += speed
+    mean_speed *= 0.5
+    limit = _stribeck(mean_speed, laws)
+    limit *= presliding
+    decay = np.abs(mean_speed)
+    decay *= -step_s
+    decay /= limit
+    np.exp(decay, out=decay)
+    drive = np.copysign(limit, mean_speed, out=limit)
+    drive *= 1 - decay
+    return periodic_recurrence(decay, drive) * (coulomb / presliding)
+
+
+def _curve_torque(speed: FloatArray, _step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:
+    level = _values(laws, "coulomb_nm") * np.tanh(speed / _values(laws, "smoothing_rad_s"))
+    return np.asarray(level * _stribeck(speed, laws))
+
+
+def periodic_recurrence(decay: FloatArray, drive: FloatArray) -> FloatArray:
+    """Solves `z[k+1] = decay[k] z[k] + drive[k]` for the z that repeats.
+
+    Args:
+        decay (n_step, ...): Factors from 0 to 1, not all of them 1.
+        drive (n_step, ...): Additions.
+
+    Returns:
+        z of the same shape; 0 at the start where the factors' product is 1.
+    """
+    n_stretch = next(count for count in range(max(1, len(decay) // _STRETCH), 0, -1) if len(decay) % count == 0)
+    shape = (n_stretch, len(decay) // n_stretch, *decay.shape[1:])
+    factors, additions = decay.reshape(shape), drive.reshape(shape)
+    # All stretches at once from rest; then what each hands on to the next.
+    gain, total = np.ones((n_stretch, *shape[2:])), np.zeros((n_stretch, *shape[2:]))
+    for step in range(shape[1]):
+        total *= factors[:, step]
+        total += additions[:, step]
+        gain *= factors[:, step]
+    state = np.empty_like(total)
+    state[0] = _fixed_point(gain, total)
+    for stretch in range(1, n_stretch):
+        state[stretch] = gain[stretch - 1] * state[stretch - 1] + total[stretch - 1]
+    result = np.empty(shape)
+    for step in range(shape[1]):
+        result[:, step] = state
+        state *= factors[:, step]
+        state += additions[:, step]
+    return result.reshape(decay.shape)
+
+
+def _fixed_point(gain: FloatArray, total: FloatArray) -> FloatArray:
+    """Start of the first stretch that comes back after the last; 0 where nothing decays."""
+    start, product = np.zeros(gain.shape[1:]), np.ones(gain.shape[1:])
+    for one_gain, one_total in zip(gain, total, strict=True):
+        start, product = one_gain * start + one_total, product * one_gain
+    return np.divide(start, 1 - product, out=np.zeros_like(start), where=product < 1)
+
+
+def _stribeck(speed: FloatArray, laws: Sequence[TorqueLaw]) -> FloatArray:
+    """Level over the Coulomb level."""
+    coulomb, static = _values(laws, "coulomb_nm"), _values(laws, "static_nm")
+    excess = np.divide(static, coulomb, out=np.ones_like(coulomb), where=coulomb > 0) - 1
+    curve = speed / _values(laws, "stribeck_rad_s")
+    curve *= -curve
+    np.exp(curve, out=curve)
+    curve *= excess
+    curve += 1
+    return curve
+
+
+def _values(laws: Sequence[TorqueLaw], name: str) -> FloatArray:
+    return np.array([getattr(law, name) for law in laws])

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from exact_systems import two_mass_robot
 from robid.robot.description import Friction
 from robid.robot.model import build_model
-from robid.signals.friction import KINDS, TorqueLaw, lugre_torque, periodic_speed, torque_regressors
+from robid.signals.friction import KINDS, TorqueLaw, friction_torque, periodic_recurrence, periodic_speed
 
 PERIOD_S = 1.0
 LAW = TorqueLaw(
@@ -70,7 +70,7 @@ def test_lugre_against_an_ode_solver_with_second_order_convergence():
     for n_step in (1000, 2000, 4000):
         time = np.arange(n_step) * PERIOD_S / n_step
         speed = motion(time)[1]
-        found = lugre_torque(speed[:, None], PERIOD_S / n_step, (LAW,))[:, 0]
+        found = friction_torque(speed[:, None], PERIOD_S / n_step, (LAW,))[:, 0]
         errors.append(np.abs(found - bristle_torque(LAW, time)).max())
     assert errors[1] < 0.005 * LAW.coulomb_nm
     # Reversals fall between grid points at random, so only the slope over both halvings is smooth.
@@ -79,13 +79,13 @@ def test_lugre_against_an_ode_solver_with_second_order_convergence():
 
 def test_lugre_limits():
     constant = np.full((400, 1), 50.0)
-    np.testing.assert_allclose(lugre_torque(constant, 1e-3, (LAW,)), LAW.coulomb_nm, rtol=1e-9)
-    np.testing.assert_allclose(lugre_torque(-constant, 1e-3, (LAW,)), -LAW.coulomb_nm, rtol=1e-9)
+    np.testing.assert_allclose(friction_torque(constant, 1e-3, (LAW,)), LAW.coulomb_nm, rtol=1e-9)
+    np.testing.assert_allclose(friction_torque(-constant, 1e-3, (LAW,)), -LAW.coulomb_nm, rtol=1e-9)
     creeping = np.full((400, 1), 0.1)
-    np.testing.assert_allclose(lugre_torque(creeping, 0.1, (LAW,)), LAW.static_nm, rtol=3e-3)
+    np.testing.assert_allclose(friction_torque(creeping, 0.1, (LAW,)), LAW.static_nm, rtol=3e-3)
     time = np.arange(2000) / 2000
     tiny = 1e-4 * np.cos(2 * np.pi * time)[:, None]
-    torque = lugre_torque(tiny, 1 / 2000, (LAW,))
+    torque = friction_torque(tiny, 1 / 2000, (LAW,))
     stiffness = (torque.max() - torque.min()) / (2 * 1e-4 / (2 * np.pi))
     np.testing.assert_allclose(stiffness, LAW.coulomb_nm / LAW.presliding_rad, rtol=1e-3)
 
@@ -106,7 +106,7 @@ def test_lugre_against_the_simulators_friction():
         shown[sample] = data.qvel[0]
         mujoco.mj_step(model, data)
         force[sample] = data.actuator_force[passive]
-    found = lugre_torque(shown[n_step:, None], step_s, (LAW,))[:, 0]
+    found = friction_torque(shown[n_step:, None], step_s, (LAW,))[:, 0]
     assert np.abs(found + force[n_step:]).max() < 0.02 * LAW.coulomb_nm
     assert np.abs(found + force[n_step:]).mean() < 0.002 * LAW.coulomb_nm
 
@@ -115,9 +115,9 @@ def test_motors_do_not_mix():
     time = np.arange(500) / 500
     speed = motion(time)[1]
     other = replace(LAW, coulomb_nm=0.4, static_nm=0.4, presliding_rad=0.01)
-    both = lugre_torque(np.stack([speed, 2 * speed], axis=-1), 2e-3, (LAW, other))
-    np.testing.assert_array_equal(both[:, 0], lugre_torque(speed[:, None], 2e-3, (LAW,))[:, 0])
-    np.testing.assert_array_equal(both[:, 1], lugre_torque(2 * speed[:, None], 2e-3, (other,))[:, 0])
+    both = friction_torque(np.stack([speed, 2 * speed], axis=-1), 2e-3, (LAW, other))
+    np.testing.assert_array_equal(both[:, 0], friction_torque(speed[:, None], 2e-3, (LAW,))[:, 0])
+    np.testing.assert_array_equal(both[:, 1], friction_torque(2 * speed[:, None], 2e-3, (other,))[:, 0])
 
 
 def test_frictionless_motor_gives_no_torque():
@@ -126,30 +126,26 @@ def test_frictionless_motor_gives_no_torque():
     assert not LAW.is_zero
     assert none.coefficient_std == (0.0,) * len(KINDS)
     assert all(value > 0 for value in LAW.coefficient_std)
-    assert (lugre_torque(motion(np.arange(100) / 100)[1][:, None], 1e-2, (none,)) == 0).all()
+    assert (friction_torque(motion(np.arange(100) / 100)[1][:, None], 1e-2, (none,)) == 0).all()
 
 
-def test_regressors_are_derivatives_of_the_torque():
-    n_sample, oversampling = 1000, 2
-    sampling_s = PERIOD_S / n_sample
-    angle = motion(np.arange(n_sample) * sampling_s)[0][:, None] + 0.4
-    found = dict(zip(KINDS, torque_regressors(angle, sampling_s, (LAW,), 50.0, oversampling), strict=True))
-    step_s = sampling_s / oversampling
-    speed = periodic_speed(angle, sampling_s, 50.0, oversampling)
-    nominal = lugre_torque(speed, step_s, (LAW,))
-    np.testing.assert_allclose(found["level"], nominal, rtol=1e-12)
-    change = 1e-4
-    shaped = replace(
-        LAW,
-        stribeck_rad_s=LAW.stribeck_rad_s * (1 + change),
-        presliding_rad=LAW.presliding_rad * (1 + change),
-    )
-    slope = (lugre_torque(speed, step_s, (shaped,)) - nominal) / change
-    # The step of the regressor is 5 %: the derivative is a secant.
-    assert np.abs(found["shape"] - slope).mean() < 0.06 * np.abs(slope).mean()
-    later = np.roll(nominal, oversampling, axis=0) - nominal
-    if "lag" in found:
-        assert np.abs(found["lag"] - later).mean() < 0.1 * np.abs(later).mean()
-    phase = LAW.ripple_order * np.repeat(angle, oversampling, axis=0)
-    np.testing.assert_allclose(found["ripple_sin"] ** 2 + found["ripple_cos"] ** 2, LAW.ripple_nm**2, rtol=1e-9)
-    np.testing.assert_allclose(found["ripple_sin"][::2], LAW.ripple_nm * np.sin(phase[::2]), rtol=1e-9)
+@pytest.mark.parametrize("n_step", [7, 1000, 1009])
+def test_recurrence_repeats_and_obeys_its_rule(n_step):
+    generator = np.random.default_rng(3)
+    decay, drive = generator.uniform(0.5, 1, (n_step, 2, 3)), generator.standard_normal((n_step, 2, 3))
+    decay[:, 0, 0] = 1
+    found = periodic_recurrence(decay, drive)
+    after = decay * found + drive
+    np.testing.assert_allclose(found[1:], after[:-1], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found[0, 1], after[-1, 1], rtol=1e-12, atol=1e-12)
+    assert found[0, 0, 0] == 0
+
+
+def test_law_without_memory_is_its_curve():
+    law = replace(LAW, presliding_rad=0.0, smoothing_rad_s=0.3)
+    speed = np.array([-50.0, -0.3, 0.0, 0.3, 2.0, 50.0])[:, None]
+    level = 1.5 + 0.5 * np.exp(-((speed / 2.0) ** 2))
+    np.testing.assert_allclose(friction_torque(speed, 1e-3, (law,)), level * np.tanh(speed / 0.3), rtol=1e-12)
+    both = friction_torque(np.tile(speed, 2), 1e-3, (LAW, law))
+    np.testing.assert_array_equal(both[:, 1:], friction_torque(speed, 1e-3, (law,)))
+    np.testing.assert_array_equal(both[:, :1], friction_torque(speed, 1e-3, (LAW,)))
