@@ -7,7 +7,12 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from robid.pipeline import Run
+from robid.settings.load import load_experiment
+from robid.studies import frf
 
 _HERE = Path(__file__).parent
 TASKS = {f"configuration_{index}_chunk_{chunk}" for index in (1, 2) for chunk in (1, 2)}
@@ -71,6 +76,17 @@ def test_a_linear_robot_without_noise_has_no_bias(study):
     assert answer.code == 0, answer.err
     assert answer.json["summary"]["bias.none.median_diagonal"] < 2e-3
     assert answer.json["summary"]["frf.logarithmic.diagonal.median_error"] < 2e-3
+
+
+def test_chunks_differ_in_phases_and_noise_alone(done):
+    run = Run(load_experiment(Path("study.yaml")), done.runs, "serial", 1)
+    chunks = [task.argument for task in frf.tasks(run)]
+    assert [(chunk.index, len(chunk.experiment.reference)) for chunk in chunks] == [(0, 2), (0, 2), (1, 2), (1, 2)]
+    seeds = [chunk.experiment.options.seed for chunk in chunks]
+    assert seeds[0] != seeds[1]
+    assert seeds[:2] == seeds[2:]  # the configuration's index seeds as well
+    assert not np.allclose(chunks[0].experiment.reference, chunks[1].experiment.reference)
+    assert chunks[0].experiment.robot == chunks[1].experiment.robot
 
 
 def test_a_second_study_does_nothing(done):
