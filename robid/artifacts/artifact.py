@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 Scalar: TypeAlias = bool | int | float | str
 Attribute: TypeAlias = Scalar | list[bool] | list[int] | list[float] | list[str]
+ROW_AXIS = ("configuration",)
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ class Dataset:
         units: Unit of the values, `1` for none.
         axes: Name of each axis.
         description: What it holds.
-        compact: Store float32 of `values / scale`, the scale a power of two not below `max|values|`.
-            The rounding is 6e-8 of the largest value, and doing it again changes nothing.
+        compact: Store float32 of `values / scale`, the scale of each row a power of two not below its
+            `max|values|`. The rounding is 6e-8 of the largest value, and doing it again changes nothing.
     """
 
     values: NDArray[Any]
@@ -106,50 +107,78 @@ class Artifact:
     provenance: Provenance
 
 
-@dataclass(frozen=True, eq=False)
-class Stored:
-    """A dataset as it lies in the file; this, and not what it stands for, is what is hashed."""
+@dataclass(frozen=True)
+class Label:
+    """All that a file says about a dataset; the content hash is made of these.
 
-    values: NDArray[Any]
+    A dataset whose first axis is the configuration has a row per configuration, any other is one row: what is scaled,
+    hashed, stored and read at once.
+
+    Attributes:
+        dtype: Type of the stored values, `str` for text.
+        shape: Shape of the dataset.
+        units: Unit of the values.
+        axes: Name of each axis.
+        description: What it holds; not part of the hash.
+        scales: Scale of each row where the values are compact, else None.
+        digests: SHA-256 of each row's stored bytes, of text as JSON.
+    """
+
+    dtype: str
+    shape: tuple[int, ...]
     units: str
     axes: tuple[str, ...]
     description: str
-    scale: float | None
+    scales: tuple[float, ...] | None
+    digests: tuple[str, ...]
+
+    @property
+    def by_row(self) -> bool:
+        """Whether there is a row per configuration."""
+        return self.axes[:1] == ROW_AXIS
+
+    def row(self, index: int) -> Label:
+        """Returns what is said about one configuration, or about the whole where it has no rows."""
+        if not self.by_row:
+            return self
+        scales = None if self.scales is None else (self.scales[index],)
+        return replace(self, shape=(1, *self.shape[1:]), scales=scales, digests=(self.digests[index],))
 
 
-def encode(dataset: Dataset) -> Stored:
-    """Turns a dataset into what is stored: little-endian, scaled where compact."""
-    values, scale = np.ascontiguousarray(dataset.values).reshape(dataset.values.shape), None
+def encode(dataset: Dataset) -> tuple[Label, NDArray[Any]]:
+    """Turns a dataset into its label and what is stored: little-endian, scaled where compact."""
+    values = np.ascontiguousarray(dataset.values).reshape(dataset.values.shape)
+    scales = None
     if dataset.compact:
-        scale = _power_of_two(values)
+        scales = tuple(_power_of_two(row) for row in _rows(values, dataset.axes))
         reduced = np.empty(values.shape, "<f4")
-        values = np.divide(values, scale, out=reduced, casting="same_kind")
+        values = np.divide(values, _spread(scales, values.ndim), out=reduced, casting="same_kind")
     elif values.dtype.kind != "U":
         values = values.astype(values.dtype.newbyteorder("<"), copy=False)
-    return Stored(values, dataset.units, dataset.axes, dataset.description, scale)
+    dtype = "str" if values.dtype.kind == "U" else values.dtype.str
+    digests = digest_rows(values, dataset.axes)
+    return Label(dtype, values.shape, dataset.units, dataset.axes, dataset.description, scales, digests), values
 
 
-def decode(stored: Stored) -> Dataset:
+def decode(label: Label, values: NDArray[Any]) -> Dataset:
     """The inverse of `encode`, up to its rounding."""
-    values = stored.values
-    if stored.scale is not None:
-        values = values.astype(np.float64) * stored.scale
-    return Dataset(values, stored.units, stored.axes, stored.description, compact=stored.scale is not None)
+    if label.scales is not None:
+        values = np.asarray(np.multiply(values, _spread(label.scales, values.ndim), dtype=np.float64))
+    return Dataset(values, label.units, label.axes, label.description, compact=label.scales is not None)
 
 
-def content_hash(kind: str, attributes: Mapping[str, Attribute], datasets: Mapping[str, Stored]) -> str:
-    """SHA-256 over the kind, the attributes, and each dataset's path, type, shape, units, axes, scale and bytes."""
-    digest = hashlib.sha256(_canonical([kind, dict(attributes)]))
-    for path in sorted(datasets):
-        stored = datasets[path]
-        values = stored.values
-        text = values.dtype.kind == "U"
-        dtype = "str" if text else values.dtype.str
-        digest.update(_canonical([path, dtype, values.shape, stored.units, stored.axes, stored.scale]))
-        digest.update(
-            _canonical(values.tolist()) if text else np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
-        )
-    return digest.hexdigest()
+def digest_rows(values: NDArray[Any], axes: tuple[str, ...]) -> tuple[str, ...]:
+    """SHA-256 of each row of stored values."""
+    return tuple(hashlib.sha256(_row_bytes(row)).hexdigest() for row in _rows(values, axes))
+
+
+def content_hash(kind: str, attributes: Mapping[str, Attribute], labels: Mapping[str, Label]) -> str:
+    """SHA-256 over the kind, the attributes, and each dataset's path, type, shape, units, axes, scales and digests."""
+    said = {
+        path: [label.dtype, label.shape, label.units, label.axes, label.scales, label.digests]
+        for path, label in labels.items()
+    }
+    return hashlib.sha256(_canonical([kind, dict(attributes), said])).hexdigest()
 
 
 def normalise_attribute(name: str, value: object) -> Attribute:
@@ -163,6 +192,22 @@ def normalise_attribute(name: str, value: object) -> Attribute:
     if array.ndim > 1 or array.dtype.kind not in "biufU" or mixed:
         raise ValueError(f"Attribute `{name}` must be a scalar or a list of one type, but is {value!r}.")
     return str(value) if isinstance(value, str) else array.tolist()
+
+
+def _rows(values: NDArray[Any], axes: tuple[str, ...]) -> NDArray[Any]:
+    return values if axes[:1] == ROW_AXIS else values[None]
+
+
+def _row_bytes(row: NDArray[Any]) -> bytes | memoryview:
+    row = np.asarray(row)
+    if row.dtype.kind == "U":
+        return _canonical(row.tolist())
+    return np.ascontiguousarray(row).reshape(-1).view(np.uint8).data
+
+
+def _spread(scales: tuple[float, ...], n_axis: int) -> NDArray[np.float64]:
+    """Shapes the scales of all rows, or of the one, so that they go with the values."""
+    return np.reshape(scales, (-1,) + (1,) * (n_axis - 1)) if n_axis else np.asarray(scales[0])
 
 
 def _power_of_two(values: NDArray[Any]) -> float:

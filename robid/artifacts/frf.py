@@ -2,6 +2,7 @@
 
 Schema history:
     1.0: first version.
+    1.1: `coefficient_offset`, `uncompensated_response`, the torque laws.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.frf.frf import Frf
 
-FRF = Kind("frf", "1.0", "robid estimate-frf")
+FRF = Kind("frf", "1.1", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -37,6 +38,15 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "coefficient_names": Column("1", ("coefficient",)),
         "coefficient_relative_std": Column("1", ("coefficient",), "Standard deviation of the relative error"),
         "removed_torque_rms": Column(frf.torque_unit, ("configuration", "input"), "What compensation removed"),
+        "coefficient_offset": Column("1", ("coefficient",), "Distance of the subtracted coefficient from the file's"),
+        "uncompensated_response": Column(
+            f"rad/s^2/{torque}", ("configuration", *response), "The response without compensation"
+        ),
+        "law_names": Column("1", ("value",), "Values of the subtracted torque laws"),
+        "law_values": Column(
+            "N m; rad; rad/s; samples; 1", ("value",), "By their names: N m, rad, rad/s, samples or 1"
+        ),
+        "law_std": Column("N m; rad; rad/s; samples; 1", ("value",), "Their standard deviations"),
         "input_names": Column("1", ("input",)),
         "output_names": Column("1", ("output",)),
         "notes": Column("1", ("note",)),

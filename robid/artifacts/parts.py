@@ -3,11 +3,34 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
-from robid.artifacts.artifact import Artifact, Kind
-from robid.artifacts.store import read_artifact, write_artifact
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.artifacts.artifact import Artifact, Dataset, Kind, Label, Provenance, content_hash, encode
+from robid.artifacts.atomic import replacing
+from robid.artifacts.layout import copy_row, create_dataset, create_file, write_dataset
+from robid.artifacts.store import (
+    Header,
+    Outline,
+    check_artifact,
+    read_artifact,
+    read_outline,
+    visit,
+    write_artifact,
+    write_header,
+)
 from robid.errors import ArtifactError
+
+_NOTES = "notes"
+
+Value = TypeVar("Value")
 
 
 class Parts:
@@ -21,6 +44,7 @@ class Parts:
     """
 
     def __init__(self, artifact: Path, kind: Kind, key: str) -> None:
+        self._artifact = artifact
         self.folder = artifact.with_name(artifact.name + ".parts")
         self._kind = kind
         self._suffix = f".{key[:16]}.h5"
@@ -35,7 +59,7 @@ class Parts:
         if not path.exists():
             return False
         try:
-            read_artifact(path, self._kind)
+            check_artifact(path, self._kind)
         except ArtifactError:
             path.unlink()
             return False
@@ -49,9 +73,82 @@ class Parts:
         """Reads one part; see `robid.artifacts.store.read_artifact` for errors."""
         return read_artifact(self._path(index), self._kind)
 
-    def finish(self) -> None:
-        """Removes the folder, once the merged artifact is written."""
+    def merge(self, count: int, provenance: Provenance) -> str:
+        """Merges the parts 0 to `count - 1` into the artifact, one in memory at a time, and removes them.
+
+        Compressed samples are copied as they are; all is read back before it takes the artifact's place.
+
+        Returns:
+            The artifact's content hash.
+
+        Raises:
+            ArtifactError: If a part is missing or damaged, or the artifact cannot be written.
+            ValueError: If the parts differ in what does not depend on the configuration.
+        """
+        paths = [self._path(index) for index in range(count)]
+        outlines = [read_outline(path, self._kind) for path in paths]
+        attributes = _same("attributes", [outline.attributes for outline in outlines])
+        names = _same("datasets", [sorted(outline.labels) for outline in outlines])
+        labels = {name: _join(name, [outline.labels[name] for outline in outlines]) for name in names}
+        shared = dict(outlines[0].shared)
+        if _NOTES in shared:
+            labels[_NOTES], shared[_NOTES] = _all_notes(outlines)
+        digest = content_hash(self._kind.name, attributes, labels)
+        with replacing(self._artifact) as unfinished:
+            with create_file(unfinished) as file:
+                write_header(file, Header(self._kind.name, self._kind.version, digest, provenance), attributes)
+                for name, values in shared.items():
+                    write_dataset(file, name, labels[name], values)
+                self._copy_rows(file, paths, {name: label for name, label in labels.items() if label.by_row})
+            self._read_back(unfinished)
         shutil.rmtree(self.folder, ignore_errors=True)
+        return digest
+
+    def _copy_rows(self, file: h5py.File, paths: Sequence[Path], labels: Mapping[str, Label]) -> None:
+        # Kept open: closing a dataset empties its cache of chunks.
+        targets: dict[str, h5py.Dataset] = {}
+
+        def copy(index: int, source: h5py.File) -> None:
+            for name, label in labels.items():
+                if index == 0:
+                    targets[name] = create_dataset(file, name, label, source[name].dtype)
+                if index < targets[name].shape[0]:
+                    copy_row(source[name], targets[name], index)
+
+        for index, path in enumerate(paths):
+            visit(path, self._kind, partial(copy, index))
+
+    def _read_back(self, unfinished: Path) -> None:
+        try:
+            check_artifact(unfinished, self._kind)
+        except ArtifactError as error:
+            raise ArtifactError(
+                "The parts did not merge into a sound artifact.",
+                where=str(self.folder),
+                remedy="the same command makes damaged parts again",
+            ) from error
 
     def _path(self, index: int) -> Path:
         return self.folder / f"{index:05d}{self._suffix}"
+
+
+def _join(name: str, labels: Sequence[Label]) -> Label:
+    """The label of all rows together; of what has no rows the one that all have."""
+    if not labels[0].by_row:
+        return labels[0] if name == _NOTES else _same(f"`{name}`", labels)
+    like = _same(f"`{name}`", [replace(label, scales=None, digests=()) for label in labels])
+    scales = tuple(scale for label in labels for scale in label.scales or ())
+    digests = tuple(digest for label in labels for digest in label.digests)
+    return replace(like, shape=(len(digests), *like.shape[1:]), scales=scales or None, digests=digests)
+
+
+def _all_notes(outlines: Sequence[Outline]) -> tuple[Label, NDArray[Any]]:
+    label = outlines[0].labels[_NOTES]
+    notes = dict.fromkeys(note for outline in outlines for note in outline.shared[_NOTES].tolist())
+    return encode(Dataset(np.array(list(notes), dtype=str), label.units, label.axes, label.description))
+
+
+def _same(what: str, values: Sequence[Value]) -> Value:
+    if any(value != values[0] for value in values):
+        raise ValueError(f"The {what} of the parts differ, but do not depend on the configuration.")
+    return values[0]

@@ -1,9 +1,14 @@
 """The store: writes artifacts at once, and refuses to read what is missing, damaged or unknown.
 
-Layout of a file: datasets with the attributes `units`, `axes`, and, where given, `description` and `scale` (stored
-values times scale are the values); the artifact's own attributes on the group `attributes`; root attributes `kind`,
-`schema_version`, `content_sha256` and `provenance` (JSON). Text is of fixed length and the file format 1.10: HDF5 then
-checks headers and text by checksums, where damaged strings of variable length can make it loop for ever.
+Layout of a file: datasets with the attributes `units`, `axes`, `sha256` of each row, and, where given, `description`
+and `scale` of each row (stored values times scale are the values). A dataset whose first axis is the configuration has
+a row per configuration, any other is one row; rows that are all the same may be stored once. The artifact's own
+attributes lie on the group `attributes`; root attributes are `format`, `kind`, `schema_version`, `content_sha256` and
+`provenance` (JSON). The content hash is made of the rows' hashes: one configuration can be read and checked alone.
+
+Format history:
+    1: one scale per dataset, and one hash over all content; without the attribute `format`.
+    2: scale and hash of each row.
 """
 
 from __future__ import annotations
@@ -11,6 +16,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,22 +27,33 @@ from numpy.typing import NDArray
 from robid.artifacts.artifact import (
     Artifact,
     Attribute,
+    Dataset,
     Kind,
+    Label,
     Provenance,
-    Stored,
     content_hash,
     decode,
     encode,
     normalise_attribute,
 )
 from robid.artifacts.atomic import replacing
+from robid.artifacts.layout import (
+    DAMAGE,
+    create_file,
+    find_datasets,
+    get_attributes,
+    matches,
+    read_label,
+    read_values,
+    set_attributes,
+    write_dataset,
+)
 from robid.errors import ArtifactError
 
+_FORMAT = "2"
 _HEADER = ("kind", "schema_version", "content_sha256", "provenance")
 _ATTRIBUTES = "attributes"
-_CHUNK_BYTES = 1 << 16
-# What h5py raises on damaged files, seen by flipping bytes.
-_DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, OverflowError, MemoryError)
+_MISMATCH = "its content does not match its hash"
 
 Result = TypeVar("Result")
 
@@ -49,6 +66,26 @@ class Header:
     version: str
     content_sha256: str
     provenance: Provenance
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What is in an artifact beside the rows of its configurations, checked against the content hash.
+
+    Attributes:
+        attributes: The artifact's own attributes.
+        labels: What is said about each dataset.
+        shared: Stored values of the datasets without rows.
+    """
+
+    attributes: dict[str, Attribute]
+    labels: dict[str, Label]
+    shared: dict[str, NDArray[Any]]
+
+    @property
+    def n_rows(self) -> int:
+        """Number of configurations, 0 where nothing has rows."""
+        return max((label.shape[0] for label in self.labels.values() if label.by_row), default=0)
 
 
 def write_artifact(path: Path, artifact: Artifact) -> str:
@@ -64,44 +101,58 @@ def write_artifact(path: Path, artifact: Artifact) -> str:
     if _ATTRIBUTES in artifact.datasets:
         raise ValueError(f"No dataset may be named `{_ATTRIBUTES}`.")
     attributes = {name: normalise_attribute(name, value) for name, value in artifact.attributes.items()}
-    datasets = {name: encode(dataset) for name, dataset in artifact.datasets.items()}
-    digest = content_hash(artifact.kind.name, attributes, datasets)
-    # Built in memory: HDF5 reports a full disk late, and not as one error.
-    with h5py.File(path.name, "w", driver="core", backing_store=False, libver=("v110", "v110")) as file:
-        for name in sorted(datasets):
-            _write_dataset(file, name, datasets[name])
-        _set(file.create_group(_ATTRIBUTES), attributes)
-        provenance = json.dumps(asdict(artifact.provenance), sort_keys=True)
-        header = (artifact.kind.name, artifact.kind.version, digest, provenance)
-        _set(file, dict(zip(_HEADER, header, strict=True)))
-        file.flush()
-        image = file.id.get_file_image()
-    with replacing(path) as partial:
-        partial.write_bytes(image)
+    encoded = {name: encode(dataset) for name, dataset in artifact.datasets.items()}
+    digest = content_hash(artifact.kind.name, attributes, {name: label for name, (label, _) in encoded.items()})
+    header = Header(artifact.kind.name, artifact.kind.version, digest, artifact.provenance)
+    with replacing(path) as unfinished, create_file(unfinished) as file:
+        write_header(file, header, attributes)
+        for name in sorted(encoded):
+            write_dataset(file, name, *encoded[name])
     return digest
 
 
-def read_artifact(path: Path, kind: Kind, *, verify: bool = True) -> Artifact:
+def write_header(file: h5py.File, header: Header, attributes: Mapping[str, Attribute]) -> None:
+    """Writes everything but the datasets."""
+    provenance = json.dumps(asdict(header.provenance), sort_keys=True)
+    values = (header.kind, header.version, header.content_sha256, provenance)
+    set_attributes(file, {"format": _FORMAT, **dict(zip(_HEADER, values, strict=True))})
+    set_attributes(file.create_group(_ATTRIBUTES), attributes)
+
+
+def read_artifact(path: Path, kind: Kind, *, row: int | None = None, verify: bool = True) -> Artifact:
     """Reads an artifact of a known kind.
 
     Args:
         path: The file.
         kind: The kind it must be of.
-        verify: Compare the content with its hash.
+        row: Read this configuration alone, its axis kept; memory and time do not depend on how many there are.
+        verify: Compare what is read with its hash.
 
     Raises:
-        ArtifactError: If the file is missing, damaged, of another kind or of an unknown major version.
+        ArtifactError: If the file is missing, damaged, of another kind or of an unknown version.
     """
-    header, (attributes, stored) = _read(path, kind, _content)
-    if verify and content_hash(header.kind, attributes, stored) != header.content_sha256:
-        raise _damaged(path, kind, "its content does not match its hash")
-    datasets = {name: decode(dataset) for name, dataset in stored.items()}
+    header, (attributes, datasets) = _read(path, kind, partial(_content, row=row, verify=verify))
     return Artifact(replace(kind, version=header.version), datasets, attributes, header.provenance)
 
 
 def read_header(path: Path, kind: Kind | None = None) -> Header:
     """Reads what tells whether an artifact is fresh; see `read_artifact` for `kind` and errors."""
-    return _read(path, kind, lambda _: None)[0]
+    return _read(path, kind, lambda *_: None)[0]
+
+
+def read_outline(path: Path, kind: Kind) -> Outline:
+    """Reads all that does not grow with the number of configurations; see `read_artifact` for errors."""
+    return _read(path, kind, partial(_outline, verify=True))[1]
+
+
+def check_artifact(path: Path, kind: Kind) -> None:
+    """Reads an artifact one configuration at a time and compares it with its hash; see `read_artifact` for errors."""
+    _read(path, kind, _check)
+
+
+def visit(path: Path, kind: Kind, read: Callable[[h5py.File], Result]) -> Result:
+    """Applies a function to the file of an artifact, its content unchecked; see `read_artifact` for errors."""
+    return _read(path, kind, lambda file, _: read(file))[1]
 
 
 def inspect_artifact(path: Path) -> dict[str, Any]:
@@ -117,43 +168,7 @@ def inspect_artifact(path: Path) -> dict[str, Any]:
     }
 
 
-def _write_dataset(file: h5py.File, name: str, stored: Stored) -> None:
-    values = stored.values
-    options: dict[str, Any] = {}
-    if values.nbytes > _CHUNK_BYTES:
-        rows = min(values.shape[0], 1 + _CHUNK_BYTES * values.shape[0] // (values.nbytes + 1))
-        options = {"chunks": (rows, *values.shape[1:]), "compression": "gzip", "compression_opts": 1, "shuffle": True}
-    dataset = file.create_dataset(name, data=_text_in(values), **options)
-    _set(dataset, {"units": stored.units, "axes": list(stored.axes)})
-    if stored.description:
-        _set(dataset, {"description": stored.description})
-    if stored.scale is not None:
-        _set(dataset, {"scale": stored.scale})
-
-
-def _set(item: h5py.Group | h5py.Dataset, values: Mapping[str, Attribute]) -> None:
-    for name, value in values.items():
-        item.attrs[name] = _text_in(np.asarray(value))
-
-
-def _get(item: h5py.Group | h5py.Dataset) -> dict[str, Attribute]:
-    return {
-        name: normalise_attribute(name, _text_out(np.asarray(value)).tolist()) for name, value in item.attrs.items()
-    }
-
-
-def _text_in(values: NDArray[Any]) -> NDArray[Any]:
-    if values.dtype.kind != "U":
-        return values
-    encoded = np.char.encode(values, "utf-8")
-    return encoded.astype(h5py.string_dtype("utf-8", max(1, encoded.dtype.itemsize)))
-
-
-def _text_out(values: NDArray[Any]) -> NDArray[Any]:
-    return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
-
-
-def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File], Result]) -> tuple[Header, Result]:
+def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Result]) -> tuple[Header, Result]:
     """Opens a file, checks its header, and applies `read` to it."""
     if not path.exists():
         command = kind.made_by if kind else "robid run"
@@ -165,17 +180,28 @@ def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File], Result]) ->
     try:
         with h5py.File(path, "r") as file:
             header = _header(file)
+            _check_format(path, kind, str(get_attributes(file).get("format", "1")))
             if kind is not None:
                 _check_kind(path, kind, header)
-            return header, read(file)
-    except _DAMAGE as error:
+            return header, read(file, header)
+    except DAMAGE as error:
         raise _damaged(path, kind, str(error)) from error
 
 
 def _header(file: h5py.File) -> Header:
-    attributes = _get(file)
+    attributes = get_attributes(file)
     kind, version, digest, provenance = (str(attributes[name]) for name in _HEADER)
     return Header(kind, version, digest, Provenance(**json.loads(provenance)))
+
+
+def _check_format(path: Path, kind: Kind | None, found: str) -> None:
+    if found != _FORMAT:
+        command = kind.made_by if kind else "robid run"
+        raise ArtifactError(
+            f"The artifact has file format {found}; this robid reads format {_FORMAT}.",
+            where=str(path),
+            remedy=f"use the robid that wrote it, or delete it and make it again with `{command} EXPERIMENT.yaml`",
+        )
 
 
 def _check_kind(path: Path, kind: Kind, header: Header) -> None:
@@ -194,34 +220,50 @@ def _check_kind(path: Path, kind: Kind, header: Header) -> None:
         )
 
 
-def _content(file: h5py.File) -> tuple[dict[str, Attribute], dict[str, Stored]]:
-    return _get(file[_ATTRIBUTES]), {name: _read_dataset(dataset) for name, dataset in _datasets(file).items()}
+def _outline(file: h5py.File, header: Header, *, verify: bool) -> Outline:
+    labels = {name: read_label(dataset) for name, dataset in find_datasets(file).items()}
+    attributes = get_attributes(file[_ATTRIBUTES])
+    if verify and content_hash(header.kind, attributes, labels) != header.content_sha256:
+        raise ValueError(_MISMATCH)
+    alone = {name: label for name, label in labels.items() if not label.by_row}
+    return Outline(attributes, labels, {name: _values(file, name, label, verify) for name, label in alone.items()})
 
 
-def _read_dataset(dataset: h5py.Dataset) -> Stored:
-    said: dict[str, Any] = _get(dataset)
-    values = _text_out(np.asarray(dataset[()]))
-    return Stored(values, said["units"], tuple(said["axes"]), said.get("description", ""), said.get("scale"))
+def _values(file: h5py.File, name: str, label: Label, verify: bool, row: int | None = None) -> NDArray[Any]:
+    values = read_values(file[name], label, row)
+    if verify and not matches(label if row is None else label.row(row), values):
+        raise ValueError(_MISMATCH)
+    return values
 
 
-def _description(file: h5py.File) -> tuple[dict[str, Attribute], dict[str, dict[str, Any]]]:
+def _content(
+    file: h5py.File, header: Header, *, row: int | None, verify: bool
+) -> tuple[dict[str, Attribute], dict[str, Dataset]]:
+    outline = _outline(file, header, verify=verify)
+    if row is not None and not 0 <= row < outline.n_rows:
+        raise IndexError(f"There is no row {row} of {outline.n_rows}.")
+    datasets = {}
+    for name, label in outline.labels.items():
+        values = _values(file, name, label, verify, row) if label.by_row else outline.shared[name]
+        datasets[name] = decode(label if row is None else label.row(row), values)
+    return outline.attributes, datasets
+
+
+def _check(file: h5py.File, header: Header) -> None:
+    for name, label in _outline(file, header, verify=True).labels.items():
+        for row in range(file[name].shape[0] if label.by_row else 0):
+            _values(file, name, label, True, row)
+
+
+def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict[str, dict[str, Any]]]:
     rows = {}
-    for name, dataset in _datasets(file).items():
-        dtype = "str" if dataset.dtype.kind == "S" else str(dataset.dtype)
-        rows[name] = {"shape": list(dataset.shape), "dtype": dtype, "stored_bytes": dataset.id.get_storage_size()}
-        rows[name] |= _get(dataset)
-    return _get(file[_ATTRIBUTES]), rows
-
-
-def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
-    found: dict[str, h5py.Dataset] = {}
-
-    def collect(name: str, item: h5py.Dataset | h5py.Group) -> None:
-        if isinstance(item, h5py.Dataset):
-            found[name] = item
-
-    file.visititems(collect)
-    return found
+    for name, dataset in find_datasets(file).items():
+        label = read_label(dataset)
+        dtype = "str" if label.dtype == "str" else str(np.dtype(label.dtype))
+        row = {"shape": list(label.shape), "dtype": dtype, "stored_bytes": dataset.id.get_storage_size()}
+        row |= {"units": label.units, "axes": list(label.axes)}
+        rows[name] = row | ({"description": label.description} if label.description else {})
+    return get_attributes(file[_ATTRIBUTES]), rows
 
 
 def _damaged(path: Path, kind: Kind | None, why: str) -> ArtifactError:

@@ -101,7 +101,8 @@ def _problem(
     equilibrium = solve_statics(elastic, frf.configurations, stiffness)
     model = linearize(elastic, equilibrium, frf.output_names)
     nominal = nominal_parameters(elastic.robot, model, delay_s)
-    parameters = map_parameters(elastic.robot, nominal, options, frf.coefficient_names, frf.coefficient_relative_std)
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    parameters = map_parameters(elastic.robot, nominal, options, *known)
     return make_problem(frf, model, parameters, options, None if before is None else before[1].parameters)
 
 
@@ -170,10 +171,11 @@ def _solution(
     values, slopes = parameters.values(internal), parameters.slopes(internal)
     deviation = np.sqrt(np.diag(covariance))
     reach = norm.ppf(0.5 + 0.5 * options.confidence) * deviation
-    size = np.where(np.array(parameters.kind_of) == "friction", 1.0, np.maximum(np.abs(values), 1e-300))
+    friction = np.array(parameters.kind_of) == "friction"
+    size = np.where(friction, 1.0, np.maximum(np.abs(values), 1e-300))
     nominal = parameters.nominal_values()
     predicted_slopes = parameters.slopes(np.zeros_like(internal))
-    predicted_size = np.where(nominal == 0, 1.0, np.abs(nominal))
+    predicted_size = np.where(friction | (nominal == 0), 1.0, np.abs(nominal))
     predicted_relative = predicted * np.abs(predicted_slopes) / predicted_size
     scaled = problem.normal(internal).hessian
     root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))

@@ -29,8 +29,8 @@ _VISCOUS_SCALE_HZ = 1.0
 class ParameterMap:
     """Internal parameters `x`: `value = nominal exp(x)` or `value = nominal + scale x`.
 
-    Friction scales, the relative errors of the compensated friction, come last; their internal value is
-    the relative error itself.
+    Friction scales, the distances of the compensated friction from the robot file's, come last; their internal
+    value is the distance from what was compensated.
 
     Attributes:
         nominal: Values of the robot file.
@@ -41,6 +41,7 @@ class ParameterMap:
         logarithmic (n_param,): Which internal parameters are logarithmic.
         scale (n_param,): Scale of the linear ones, 1 for the others.
         prior_std (n_param,): Standard deviation known beforehand; infinite where nothing is known.
+        friction_offset (n_friction,): Friction scales as they were compensated.
     """
 
     nominal: ElasticParameters
@@ -51,6 +52,7 @@ class ParameterMap:
     logarithmic: BoolArray
     scale: FloatArray
     prior_std: FloatArray
+    friction_offset: FloatArray
 
     @property
     def n_friction(self) -> int:
@@ -66,7 +68,7 @@ class ParameterMap:
     def nominal_values(self) -> FloatArray:
         """Nominal value (n_param,) of each parameter in its own unit."""
         parts = [getattr(self.nominal, kind)[mask] for kind, mask in zip(self.kinds, self.masks, strict=True)]
-        return np.concatenate([*parts, np.zeros(self.n_friction)])
+        return np.concatenate([*parts, self.friction_offset])
 
     def values(self, internal: FloatArray) -> FloatArray:
         """Values (n_param,) in their own units."""
@@ -100,6 +102,7 @@ def map_parameters(
     options: ElasticOptions,
     friction_names: tuple[str, ...],
     friction_std: FloatArray,
+    friction_offset: FloatArray | None = None,
 ) -> ParameterMap:
     """Selects the estimated parameters.
 
@@ -109,6 +112,7 @@ def map_parameters(
         options: Kinds that are free, single names that are fixed.
         friction_names: Names of the compensated friction coefficients.
         friction_std (n_friction,): Their relative standard deviations.
+        friction_offset (n_friction,): Their values as they were compensated; None for zero.
 
     Raises:
         SettingsError: If a fixed name is unknown or a logarithmic parameter's nominal value is not positive.
@@ -148,6 +152,7 @@ def map_parameters(
         logarithmic=np.array([kind in LOGARITHMIC for kind in kind_of] + [False] * n_friction),
         scale=np.concatenate([*scale, np.ones(n_friction)]),
         prior_std=np.concatenate([prior, friction_std]),
+        friction_offset=np.zeros(n_friction) if friction_offset is None else friction_offset,
     )
 
 

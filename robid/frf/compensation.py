@@ -9,11 +9,10 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.spectra import line_amplitudes, remove_drift
-from robid.signals.friction import KINDS, TorqueLaw, friction_torque, periodic_speed
+from robid.signals.friction import KINDS, VALUES, TorqueLaw, friction_torque, periodic_speed
 from robid.signals.record import Record
 
 _NOISE_CUT = 2.5  # times the highest excited line
-_OVERSAMPLING = 2
 _SHAPE_STEP = 0.05
 
 
@@ -54,13 +53,14 @@ class Disturbance:
     derivative: ComplexArray
 
 
-def record_motion(record: Record, lines: IntArray, delay_s: float) -> Motion:
+def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling: int = 2) -> Motion:
     """Prepares the evaluation of torque laws.
 
     Args:
         record: Record of a single configuration; its outputs start with the inputs' motors.
         lines (n_freq,): DFT lines of one period.
         delay_s: Delay from recorded to applied torque, hold excluded [s].
+        oversampling: Grid points of the speed per sample.
     """
     n_in, period_s = len(record.input_names), record.sampling_period_s
     angle = remove_drift(record.position[0])[..., :n_in].mean(axis=2) + record.position_offset_rad[0, :n_in]
@@ -69,8 +69,8 @@ def record_motion(record: Record, lines: IntArray, delay_s: float) -> Motion:
     half = 0.5 * omega * period_s * (record.torque_hold == "zoh")
     return Motion(
         angle=angle,
-        speed=periodic_speed(angle, period_s, _NOISE_CUT * record.frequency_hz[-1], _OVERSAMPLING),
-        step_s=period_s / _OVERSAMPLING,
+        speed=periodic_speed(angle, period_s, _NOISE_CUT * record.frequency_hz[-1], oversampling),
+        step_s=period_s / oversampling,
         sampling_period_s=period_s,
         lines=lines,
         omega=omega,
@@ -103,7 +103,8 @@ def disturbance(motion: Motion, laws: Sequence[TorqueLaw]) -> Disturbance:
     ripple = ripple_spectra(motion, laws)
     known = np.array([[law.ripple_sin for law in laws], [law.ripple_cos for law in laws]])
     lag = -1j * (motion.omega * motion.sampling_period_s)[:, None, None] * level
-    derivative = np.stack([level, (changed - level) / _SHAPE_STEP, lag, *ripple])
+    stated = 1 + np.array([law.offset[:2] for law in laws]).T[:, :, None]
+    derivative = np.stack([level / stated[0], (changed - level) / (_SHAPE_STEP * stated[1]), lag, *ripple])
     return Disturbance(level + np.einsum("wi,wrfie->rfie", known, ripple), derivative)
 
 
@@ -117,6 +118,12 @@ def no_disturbance(record: Record) -> Disturbance:
 def coefficient_names(record: Record) -> tuple[str, ...]:
     """Names of the coefficients, each kind's motors in turn."""
     return tuple(f"{name}.{kind}" for kind in KINDS for name in record.input_names)
+
+
+def law_table(record: Record, laws: Sequence[TorqueLaw]) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Names, values and standard deviations of the laws' values, motor by motor."""
+    names = tuple(f"{name}.{value}" for name in record.input_names for value in VALUES)
+    return names, np.ravel([law.values for law in laws]), np.ravel([law.values_std for law in laws])
 
 
 def _shaped(law: TorqueLaw) -> TorqueLaw:

@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS
-from robid.frf.compensation import coefficient_names, disturbance, no_disturbance, record_motion
+from robid.frf.compensation import coefficient_names, disturbance, law_table, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.options import EstimateOptions
@@ -32,7 +32,7 @@ def estimate_frf(
     Args:
         record: Record of a single configuration.
         options: Estimator, compensation and pooling.
-        laws: Torque nonlinearities per motor, for `compensation: nominal`.
+        laws: Torque laws per motor to subtract, where there is compensation: the robot file's or identified ones.
         delay_s: Delay from recorded to applied torque, hold excluded [s].
 
     Returns:
@@ -58,7 +58,8 @@ def estimate_frf(
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
-    names, deviation = _coefficients(record, laws)
+    names, deviation, offset = _coefficients(record, laws)
+    table = ((), np.zeros(0), np.zeros(0)) if laws is None else law_table(record, laws)
     sensitivity = np.concatenate(
         [_sensitivity(response, removed.derivative, estimate.weights), _scale_sensitivity(response)]
     )
@@ -77,6 +78,11 @@ def estimate_frf(
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
         removed_torque_rms=_rms(removed.torque)[None],
+        coefficient_offset=offset[deviation > 0],
+        uncompensated_response=None if laws is None else ESTIMATORS[options.estimator](measured).response[None],
+        law_names=table[0],
+        law_values=table[1],
+        law_std=table[2],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
         output_names=record.output_names,
@@ -126,13 +132,19 @@ def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
     return np.asarray(-response * np.eye(n_in)[:, None, None, :])
 
 
-def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray]:
+def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Name, standard deviation and distance from the robot file's of every coefficient, the torques' scales last."""
     scale = np.zeros(record.torque.shape[-1]) if record.torque_relative_std is None else record.torque_relative_std
     names = tuple(f"{name}.torque_scale" for name in record.input_names)
     if laws is None:
-        return names, scale
-    coefficients = coefficient_names(record)
-    return coefficients + names, np.concatenate([np.array([law.coefficient_std for law in laws]).T.ravel(), scale])
+        return names, scale, np.zeros_like(scale)
+    deviation = np.ravel(np.transpose([law.coefficient_std for law in laws]))
+    offset = np.ravel(np.transpose([law.offset for law in laws]))
+    return (
+        coefficient_names(record) + names,
+        np.concatenate([deviation, scale]),
+        np.concatenate([offset, np.zeros_like(scale)]),
+    )
 
 
 def _rms(torque: ComplexArray) -> FloatArray:

@@ -19,6 +19,7 @@ CONFIGURATION_WISE = (
     "noise_covariance",
     "sensitivity",
     "removed_torque_rms",
+    "uncompensated_response",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -51,6 +52,12 @@ class Frf:
         coefficient_names: Name of each compensated coefficient.
         coefficient_relative_std (n_coef,): Standard deviation of its relative error, from the robot file.
         removed_torque_rms (n_conf, n_in): RMS of the torque that compensation removed [N m].
+        coefficient_offset (n_coef,): How far each coefficient, as it was subtracted, is from the robot file's; None
+            for no distance.
+        uncompensated_response (n_conf, n_freq, n_out, n_in): The response without compensation, or None.
+        law_names: Name of each value of the subtracted torque laws, `<motor>.<value>`.
+        law_values (n_law,): The values, in the units of `robid.signals.friction.VALUES`.
+        law_std (n_law,): Their standard deviations.
         sampling_period_s: Sampling period of the experiment [s].
         input_names: Name of each input.
         output_names: Name of each output.
@@ -76,6 +83,11 @@ class Frf:
     sampling_period_s: float
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
+    coefficient_offset: FloatArray | None = None
+    uncompensated_response: ComplexArray | None = None
+    law_names: tuple[str, ...] = ()
+    law_values: FloatArray = field(default_factory=lambda: np.zeros(0))
+    law_std: FloatArray = field(default_factory=lambda: np.zeros(0))
     torque_unit: str = "N m"
     torque_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: tuple[str, ...] = field(default=())

@@ -13,8 +13,16 @@ class EstimateOptions:
     estimator: Literal["logarithmic", "arithmetic"] = field(
         default="logarithmic", metadata={"description": "How the blocks' responses are averaged."}
     )
-    compensation: Literal["none", "nominal"] = field(
-        default="nominal", metadata={"description": "Friction subtracted from the torque: none, or the robot file's."}
+    compensation: Literal["none", "nominal", "silent_lines"] = field(
+        default="nominal",
+        metadata={
+            "description": "Friction and ripple subtracted from the torque: none, the robot file's, or what the lines"
+            " that are not excited show."
+        },
+    )
+    silent_configurations: int = field(
+        default=4,
+        metadata={"description": "Configurations, evenly spread, in which `silent_lines` identifies them.", "ge": 1},
     )
     pooled_lines: int = field(
         default=3,

@@ -11,7 +11,7 @@ from scipy.fft import rfft
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.signals.record import Record
 
-_FEW_LINES = 128
+_FEW_LINES = 16
 """Up to so many lines a matrix product is faster than an FFT."""
 
 
@@ -64,7 +64,10 @@ def record_blocks(record: Record, lines: IntArray) -> Blocks:
         The spectra, averaged over the periods.
     """
     torque = line_amplitudes(record.torque[0], lines)
-    acceleration = line_amplitudes(remove_drift(record.position[0]), lines) * acceleration_factor(record, lines)
+    angle = record.position[0]
+    # Without its drift, which costs less in the frequency domain.
+    position = line_amplitudes(angle, lines) - _drift(angle) * line_amplitudes(_ramp(angle.shape[3]), lines)
+    acceleration = position * acceleration_factor(record, lines)
     reference = None if record.reference is None else line_amplitudes(record.reference[0], lines)
     return Blocks(
         lines=lines,
@@ -111,11 +114,18 @@ def remove_drift(angle: FloatArray) -> FloatArray:
     Returns:
         The angles without drift, of the same shape; unchanged when there is only one period.
     """
-    if angle.shape[2] < 2:
-        return angle
-    per_period = np.gradient(angle.mean(axis=3), axis=2)
-    ramp = (np.arange(angle.shape[3]) + 0.5) / angle.shape[3] - 0.5
-    return np.asarray(angle - per_period[:, :, :, None] * ramp[:, None])
+    return np.asarray(angle - _drift(angle) * _ramp(angle.shape[3])) if angle.shape[2] > 1 else angle
+
+
+def _drift(angle: FloatArray) -> FloatArray:
+    """Drift of each angle (n_real, n_exp, n_period, 1, n_out) over one period [rad]; 0 when there is only one."""
+    means = angle.mean(axis=3, keepdims=True)
+    return np.asarray(np.gradient(means, axis=2)) if angle.shape[2] > 1 else np.zeros_like(means)
+
+
+def _ramp(n_sample: int) -> FloatArray:
+    """A rise of 1 over one period, without mean (n_sample, 1)."""
+    return ((np.arange(n_sample) + 0.5) / n_sample - 0.5)[:, None]
 
 
 def _experiments_last(spectrum: ComplexArray) -> ComplexArray:

@@ -11,8 +11,11 @@ import numpy as np
 from robid.arrays import FloatArray
 
 KINDS = ("level", "shape", "lag", "ripple_sin", "ripple_cos")
-"""Coefficients of a law: errors of levels and of speeds and deflections, relative to nominal; of the lag, in samples;
-of the ripple, relative to its amplitude."""
+"""Coefficients of a law: errors of levels and of speeds and deflections, relative to the robot file's; of the lag, in
+samples; of the ripple, relative to its amplitude."""
+
+VALUES = ("coulomb_nm", "static_nm", "stribeck_rad_s", "width", "lag_samples", "ripple_sin", "ripple_cos")
+"""Values of a law: the width is a deflection [rad] or, without memory, a speed [rad/s]; ripples are relative."""
 
 _LAG_STD = 0.5
 _STRETCH = 128
@@ -34,7 +37,8 @@ class TorqueLaw:
         lag_samples: Known lag of the friction behind the motion [samples].
         ripple_sin: Known part of the ripple that opposes the motion with the sine of its order, over its amplitude.
         ripple_cos: The same with the cosine.
-        known_std: Standard deviation of each coefficient in `KINDS` where it was identified; None otherwise.
+        offset: How far each coefficient in `KINDS` is from the robot file's.
+        identified_std: Standard deviations of the values in `VALUES` where they were identified; None otherwise.
     """
 
     coulomb_nm: float
@@ -48,7 +52,8 @@ class TorqueLaw:
     lag_samples: float = 0.0
     ripple_sin: float = 0.0
     ripple_cos: float = 0.0
-    known_std: tuple[float, ...] | None = None
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    identified_std: tuple[float, ...] | None = None
 
     @property
     def is_zero(self) -> bool:
@@ -61,11 +66,32 @@ class TorqueLaw:
 
         Of a law from a robot file the lag is unknown to half a sample and the phase of the ripple unknown.
         """
-        if self.known_std is not None:
-            return self.known_std
+        if self.identified_std is not None and self.coulomb_nm > 0:
+            coulomb, _, _, width, *others = self.identified_std
+            level, shape = (1 + value for value in self.offset[:2])
+            return (level * coulomb / self.coulomb_nm, shape * width / self.width, *others)
         friction = float(self.coulomb_nm > 0)
         ripple = float(np.sqrt(0.5)) * float(self.ripple_nm > 0)
         return (friction * self.relative_std, friction * self.relative_std, friction * _LAG_STD, ripple, ripple)
+
+    @property
+    def width(self) -> float:
+        """Presliding deflection, or smoothing speed of a law without memory [rad or rad/s]."""
+        return self.presliding_rad or self.smoothing_rad_s
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The values in `VALUES`."""
+        speeds = (self.stribeck_rad_s, self.width, self.lag_samples)
+        return (self.coulomb_nm, self.static_nm, *speeds, self.ripple_sin, self.ripple_cos)
+
+    @property
+    def values_std(self) -> tuple[float, ...]:
+        """Their standard deviations."""
+        if self.identified_std is not None:
+            return self.identified_std
+        relative = [self.relative_std * value for value in self.values[:4]]
+        return (*relative, *self.coefficient_std[2:])
 
 
 def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, oversampling: int) -> FloatArray:

@@ -76,8 +76,9 @@ class Record:
             position_offset_rad=self.position_offset_rad[part],
         )
 
-    def some_realizations(self, chosen: slice) -> Record:
-        """Returns the record of some of the realizations, in every configuration."""
+    def realizations(self, count: int, first: int = 0) -> Record:
+        """Returns the record of some successive realizations."""
+        chosen = slice(first, first + count)
         return replace(
             self,
             torque=self.torque[:, chosen],

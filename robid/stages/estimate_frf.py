@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
-from robid.artifacts.store import read_artifact, write_artifact
-from robid.frf.estimate import concatenate, estimate_frf
+from robid.artifacts.store import read_artifact, read_outline
+from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.options import EstimateOptions
+from robid.frf.silent import LawEstimate, combine_laws, identify_laws, start_laws
 from robid.robot.description import Motor
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.signals.friction import TorqueLaw
-from robid.signals.record import Record
 from robid.stages.slices import delay_s, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
@@ -28,7 +31,7 @@ from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     campaign = loaded.experiment.campaigns[owner]
     settings: dict[str, Any] = {f"campaigns.{owner}.estimate": to_plain(campaign.estimate)}
-    if campaign.estimate.compensation == "nominal":
+    if campaign.estimate.compensation != "none":
         settings |= {"delay_s": delay_s(loaded, campaign), **robot_settings(loaded, "friction", "friction_std")}
     return Plan((f"{owner}/frf.h5",), settings, {"record": f"{owner}/record.h5"})
 
@@ -36,44 +39,98 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
 @dataclass(frozen=True)
 class _Task:
     parts: Parts
-    record: Record
+    record: Path
     index: int
     options: EstimateOptions
     laws: tuple[TorqueLaw, ...] | None
     delay_s: float
+    notes: tuple[str, ...]
 
 
-def _estimate_part(task: _Task) -> None:
-    frf = estimate_frf(task.record, task.options, task.laws, task.delay_s)
+@dataclass(frozen=True)
+class _Brief:
+    """What the phrase about a campaign needs of some of its configurations."""
+
+    size: str
+    relative_std: FloatArray
+    removed_rms: float
+    torque_unit: str
+
+
+@dataclass(frozen=True)
+class _Silent:
+    """Identification of torque laws in one configuration, or, without laws to start from, the choice of these."""
+
+    record: Path
+    index: int
+    stated: tuple[TorqueLaw, ...]
+    start: tuple[TorqueLaw, ...] | None
+    delay_s: float
+
+
+def _start(task: _Silent) -> tuple[TorqueLaw, ...]:
+    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index))
+    return start_laws(record, task.stated, task.delay_s)
+
+
+def _identify(task: _Silent) -> LawEstimate:
+    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index))
+    return identify_laws(record, task.start or task.stated, task.delay_s)
+
+
+def _identified(
+    job: Job, path: Path, n_conf: int, stated: tuple[TorqueLaw, ...], delay: float
+) -> tuple[tuple[TorqueLaw, ...], tuple[str, ...]]:
+    """Laws that some configurations, evenly spread, show at their silent lines, and what to say about them."""
+    count = min(n_conf, job.campaign.estimate.silent_configurations)
+    chosen = np.unique(np.linspace(0, n_conf - 1, count).round().astype(int)).tolist()
+    start = _start(_Silent(path, chosen[0], stated, None, delay))
+    tasks = [_Silent(path, index, stated, start, delay) for index in chosen]
+    estimates = job.map(_identify, tasks, lambda _index, _result: None)
+    names = tuple(joint.name for joint in job.loaded.robot.joints)
+    laws, notes = combine_laws(estimates, start, stated, names)
+    share = 100 * float(np.median([estimate.explained for estimate in estimates], axis=0).min())
+    told = f"Friction and ripple were identified at the silent lines of {counted(len(chosen), 'configuration')}"
+    return laws, (f"{told}: they explain at least {share:.3g} % of each motor's torque there.", *notes)
+
+
+def _estimate_part(task: _Task) -> _Brief:
+    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index))
+    frf = estimate_frf(record, task.options, task.laws, task.delay_s)
+    frf = replace(frf, notes=(*frf.notes, *task.notes))
     task.parts.write(task.index, frf_to_artifact(frf, Provenance(stage=STAGE.name)))
+    return _brief(frf)
 
 
 def _run(job: Job) -> str:
-    record = record_from_artifact(read_artifact(job.inputs["record"], RECORD))
+    path = job.inputs["record"]
     options = job.campaign.estimate
+    n_conf = read_outline(path, RECORD).n_rows
+    notes: tuple[str, ...] = ()
     laws, delay = stated_laws(job.loaded, job.campaign, options)
-    n_conf = len(record.configurations)
+    if options.compensation == "silent_lines" and laws is not None:
+        laws, notes = _identified(job, path, n_conf, laws, delay)
     parts = Parts(job.output, FRF, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
-    tasks = [_Task(parts, record.select(index), index, options, laws, delay) for index in todo]
-    job.map(_estimate_part, tasks, lambda _index, _result: job.progress.advance())
-    frf = concatenate([frf_from_artifact(parts.read(index)) for index in range(n_conf)])
-    write_artifact(job.output, frf_to_artifact(frf, job.provenance(STAGE.name)))
-    parts.finish()
-    return figures(frf)
+    tasks = [_Task(parts, path, index, options, laws, delay, notes) for index in todo]
+    briefs = [_brief(frf_from_artifact(parts.read(index))) for index in range(n_conf) if index not in todo]
+    briefs += job.map(_estimate_part, tasks, lambda _index, _result: job.progress.advance())
+    parts.merge(n_conf, job.provenance(STAGE.name))
+    return _phrase(briefs)
 
 
 def stated_laws(
     loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions
 ) -> tuple[tuple[TorqueLaw, ...] | None, float]:
-    """Returns the robot file's torque laws and the delay [s], as far as these options read them."""
-    if options.compensation != "nominal":
+    """Returns the robot file's torque laws and the delay [s], where these options compensate."""
+    if options.compensation == "none":
         return None, 0.0
-    return tuple(_law(joint.motor) for joint in loaded.robot.to_robot().joints), delay_s(loaded, campaign)
+    return tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints), delay_s(loaded, campaign)
 
 
-def _law(motor: Motor) -> TorqueLaw:
+def stated_law(motor: Motor) -> TorqueLaw:
+    """Returns what a robot file says of a motor's torque nonlinearities."""
     law = motor.friction
     return TorqueLaw(
         coulomb_nm=law.coulomb_nm,
@@ -88,13 +145,26 @@ def _law(motor: Motor) -> TorqueLaw:
 
 def figures(frf: Frf) -> str:
     """Says what was estimated, in a phrase."""
+    return _phrase([_brief(frf)])
+
+
+def _brief(frf: Frf) -> _Brief:
     relative = np.sqrt(frf.element_variance()) / np.abs(frf.response)
-    diagonal = np.diagonal(relative, axis1=-2, axis2=-1)
-    text = f"{frf.response.shape[2]} x {frf.response.shape[3]} response at {counted(len(frf.lines), 'line')}"
+    return _Brief(
+        size=f"{frf.response.shape[2]} x {frf.response.shape[3]} response at {counted(len(frf.lines), 'line')}",
+        relative_std=np.diagonal(relative, axis1=-2, axis2=-1),
+        removed_rms=float(frf.removed_torque_rms.max(initial=0.0)),
+        torque_unit=frf.torque_unit,
+    )
+
+
+def _phrase(briefs: Sequence[_Brief]) -> str:
+    text, unit = briefs[0].size, briefs[0].torque_unit
+    diagonal = np.concatenate([brief.relative_std for brief in briefs])
     if np.any(diagonal > 0):
         text += f", standard deviation {100 * float(np.median(diagonal)):.2g} % (median, diagonal)"
-    removed = float(frf.removed_torque_rms.max(initial=0.0))
-    return f"{text}, up to {removed:.2g} {frf.torque_unit} RMS of friction subtracted" if removed > 0 else text
+    removed = max(brief.removed_rms for brief in briefs)
+    return f"{text}, up to {removed:.2g} {unit} RMS of friction subtracted" if removed > 0 else text
 
 
 STAGE = Stage(

@@ -13,7 +13,7 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.atomic import write_json
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.parts import Parts
-from robid.artifacts.record import RECORD, record_from_artifact, record_to_artifact
+from robid.artifacts.record import RECORD, record_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, TimeChannel
 from robid.logs.mat import import_mat
@@ -24,7 +24,7 @@ from robid.settings.checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.signals.record import Record, concatenate
+from robid.signals.record import Record
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.simulate.truth import true_robot, with_imperfections
@@ -68,10 +68,8 @@ def _run(job: Job) -> str:
     if source.acquire is not None:
         record = _acquire(job, source.acquire, content)
         write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
-    else:
-        options = source.simulate or SimulateOptions()
-        record = _simulate(job, options, content)
-    return figures(record.torque.shape, record.period_s)
+        return figures(record.torque.shape, record.period_s)
+    return _simulate(job, source.simulate or SimulateOptions(), content)
 
 
 def figures(shape: Sequence[int], period_s: float) -> str:
@@ -98,7 +96,7 @@ def _simulate_part(task: _Task) -> None:
     task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
 
 
-def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> Record:
+def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
     nominal = job.loaded.robot.to_robot(job.campaign.payload_kg)
     experiment = Experiment(
         robot=true_robot(nominal, options.truth),
@@ -117,11 +115,11 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads) for i in todo]
     job.map(_simulate_part, tasks, lambda _index, _result: job.progress.advance())
-    record = concatenate([record_from_artifact(parts.read(index)) for index in range(n_conf)])
     write_json(job.output.with_name("truth.json"), _truth(job, nominal, experiment, content.configurations))
-    write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name, options.seed)))
-    parts.finish()
-    return record
+    parts.merge(n_conf, job.provenance(STAGE.name, options.seed))
+    n_real, n_exp, n_sample, _ = experiment.reference.shape
+    period_s = n_sample * experiment.controller.sampling_period_s
+    return figures((n_conf, n_real, n_exp, experiment.periods), period_s)
 
 
 def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: FloatArray) -> dict[str, Any]:

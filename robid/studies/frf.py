@@ -15,6 +15,7 @@ from robid.artifacts.store import read_artifact, read_header
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.frf.silent import combine_laws, identify_laws, start_laws
 from robid.pipeline import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
@@ -151,9 +152,10 @@ def estimate_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
     """Simulates a chunk and estimates from each of its groups, and from all of it."""
     record = simulate(chunk.experiment, chunk.configuration, chunk.index, chunk.threads)
     n_real = record.torque.shape[1]
-    groups = [record.some_realizations(slice(at, at + chunk.group)) for at in range(0, n_real, chunk.group)]
-    small = [[_estimate(group, each) for group in groups] for each in chunk.small]
-    whole = [_estimate(record, each) for each in chunk.whole]
+    groups = [record.realizations(chunk.group, at) for at in range(0, n_real, chunk.group)]
+    identified = _identified(groups[0], (*chunk.small, *chunk.whole))
+    small = [[_estimate(group, each, identified) for group in groups] for each in chunk.small]
+    whole = [_estimate(record, each, identified) for each in chunk.whole]
     element = ("frequency", "output", "input")
     unit = f"rad/(s^2 {record.torque_unit})"
     refused = [next((one.refusal for one in row if one.refusal), "") for row in (*small, whole)]
@@ -180,11 +182,31 @@ class _Outcome:
     refusal: str = ""
 
 
-def _estimate(record: Record, estimator: Estimator) -> _Outcome:
-    """Estimates; a refusal becomes NaN with its reason."""
+def _identified(record: Record, estimators: tuple[Estimator, ...]) -> tuple[TorqueLaw, ...] | str | None:
+    """Laws that the silent lines of a group show, why there are none, or None where nobody asks."""
+    asking = [each for each in estimators if each.options.compensation == "silent_lines"]
+    if not asking or asking[0].laws is None:
+        return None
+    stated, delay = asking[0].laws, asking[0].delay_s
     try:
-        frf = estimate_frf(record, estimator.options, estimator.laws, estimator.delay_s)
+        start = start_laws(record, stated, delay)
+        return combine_laws([identify_laws(record, start, delay)], start, stated, record.input_names)[0]
     except DataError as error:
-        shape = (len(record.excited_lines), len(record.output_names), len(record.input_names))
-        return _Outcome(np.full(shape, complex(np.nan, np.nan)), np.full(shape, np.nan), error.what)
+        return error.what
+
+
+def _estimate(record: Record, estimator: Estimator, identified: tuple[TorqueLaw, ...] | str | None) -> _Outcome:
+    """Estimates; a refusal becomes NaN with its reason."""
+    laws = identified if estimator.options.compensation == "silent_lines" else estimator.laws
+    if isinstance(laws, str):
+        return _refused(record, laws)
+    try:
+        frf = estimate_frf(record, estimator.options, laws, estimator.delay_s)
+    except DataError as error:
+        return _refused(record, error.what)
     return _Outcome(frf.response[0], frf.element_variance()[0])
+
+
+def _refused(record: Record, reason: str) -> _Outcome:
+    shape = (len(record.excited_lines), len(record.output_names), len(record.input_names))
+    return _Outcome(np.full(shape, complex(np.nan, np.nan)), np.full(shape, np.nan), reason)

@@ -142,7 +142,10 @@ def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: i
         (one.name, *(percent(one.figures[key]) for key in keys), significant(one.figures["refused"])) for one in biases
     )
     heads = ("Diagonal, median", "90 %", "Off diagonal, median", f"Diagonal, median of {group} realizations", "Refused")
-    caption = "Last but one: distance of a single estimate, its scatter included."
+    caption = (
+        f"Last but one: distance of a single estimate from {group} realizations, its scatter included. What silent_lines"
+        f" subtracts is identified from the first {group} realizations of each task, in one configuration."
+    )
     lead = (
         f"Best linear approximation from {realizations} realizations against the true robot's linearisation without"
         " friction: |G_hat/G - 1| with each compensation of the friction."

@@ -80,6 +80,7 @@ def fitted_model(robot: Robot, solution: Solution, frf: Frf, options: ElasticOpt
         options,
         frf.coefficient_names,
         frf.coefficient_relative_std,
+        frf.coefficient_offset,
     )
     internal = _internal(robot, solution, parameters)
     problem, dropped = make_problem(frf, model, parameters, options, internal)
@@ -91,6 +92,8 @@ def _internal(robot: Robot, solution: Solution, parameters: ParameterMap) -> Flo
     fitted = dict(zip(solution.names, solution.internal.tolist(), strict=True))
     estimate = dict(zip(solution.names, solution.estimate.tolist(), strict=True))
     internal = np.array([fitted.get(name, 0.0) for name in parameters.names])
+    for index, offset in enumerate(parameters.friction_offset, start=len(internal) - parameters.n_friction):
+        internal[index] = estimate.get(parameters.names[index], offset) - offset
     values = dict(zip(parameters.names, parameters.values(internal).tolist(), strict=True))
     kinds = dict(zip(solution.names, solution.kinds, strict=True)) | dict(
         zip(parameters.names, parameters.kind_of, strict=True)

@@ -57,15 +57,6 @@ def test_an_unfinished_part_counts_for_nothing(tmp_path: Path) -> None:
     assert not Parts(tmp_path / "thing.h5", KIND, KEY).has(0)
 
 
-def test_finish_removes_the_folder_only(tmp_path: Path) -> None:
-    (tmp_path / "thing.h5").write_text("merged")
-    parts = Parts(tmp_path / "thing.h5", KIND, KEY)
-    parts.finish()
-    parts.write(0, _part(1.0))
-    parts.finish()
-    assert [path.name for path in tmp_path.iterdir()] == ["thing.h5"]
-
-
 def test_a_part_that_is_not_there_is_an_artifact_error(tmp_path: Path) -> None:
     with pytest.raises(ArtifactError, match="missing"):
         Parts(tmp_path / "thing.h5", KIND, KEY).read(0)

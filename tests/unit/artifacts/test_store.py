@@ -239,6 +239,17 @@ def test_an_unknown_major_version_is_refused(tmp_path: Path, version: str) -> No
     _assert_refused(path, version, "1.x")
 
 
+def test_another_file_format_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "thing.h5"
+    for change in (lambda attributes: attributes.pop("format"), lambda a: a.modify("format", np.bytes_("9"))):
+        write_artifact(path, _thing())
+        with h5py.File(path, "r+") as file:
+            change(file.attrs)
+        _assert_refused(path, "file format", "reads format 2")
+        with pytest.raises(ArtifactError, match="file format"):
+            inspect_artifact(path)
+
+
 def test_another_minor_version_is_read(tmp_path: Path) -> None:
     path = tmp_path / "thing.h5"
     write_artifact(path, _thing(kind=replace(KIND, version="1.7")))

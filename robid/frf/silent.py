@@ -1,0 +1,353 @@
+"""Torque laws identified blind, from the lines that were not excited."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.errors import DataError
+from robid.frf.blocks import logarithmic
+from robid.frf.compensation import Motion, friction_spectrum, record_motion, ripple_spectra
+from robid.frf.spectra import Blocks, record_blocks
+from robid.signals.friction import TorqueLaw
+from robid.signals.record import Record
+
+COEFFICIENTS = ("coulomb", "breakaway", "stribeck", "presliding", "lag", "ripple_sin", "ripple_cos")
+"""Coulomb level [N m], excess of breakaway over it, logarithms of Stribeck speed and of presliding deflection or
+smoothing speed, lag [samples], ripple over its amplitude."""
+
+_MIN_LINES = 20
+_MIN_EXPLAINED = 0.5
+_SIGNIFICANT = 4.0
+_ITERATIONS = 12
+_TOLERANCE = 0.1  # of the standard deviation
+_REALIZATIONS = 2
+_PRIOR_STD = np.array([np.inf, 0.5, 1.0, 2.0, 1.0, 3.0, 3.0])
+_LARGEST_STEP = np.array([np.inf, 0.5, 0.5, 0.7, 1.0, np.inf, np.inf])
+_DIFFERENCE = 0.02
+_BRISTLES_RAD = (0.005, 0.02, 0.08, 0.3)
+_SMOOTHINGS_RAD_S = (0.1, 0.4, 1.6, 6.4)
+_STRIBECK_RAD_S = 3.0
+_ROUNDS = 3
+_FLOOR = 1e-3
+
+
+@dataclass(frozen=True)
+class LawEstimate:
+    """Torque laws of all motors as one configuration shows them.
+
+    Attributes:
+        values (n_in, 7): The values of `COEFFICIENTS`.
+        covariance (n_in, 7, 7): Their covariance, robust against errors that all experiments share at a line.
+        bristle (n_in,): Whether the law has memory.
+        explained (n_in,): Share of the silent lines' torque above noise that the law explains.
+        significance (n_in,): Silent lines' torque power over that of noise; infinite without a noise estimate.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    bristle: BoolArray
+    explained: FloatArray
+    significance: FloatArray
+
+
+@dataclass(frozen=True)
+class _Silent:
+    """Blocks at all lines of the band, and which of these are excited."""
+
+    blocks: Blocks
+    motion: Motion
+    excited: BoolArray
+    laws: tuple[TorqueLaw, ...]
+    ripple: ComplexArray
+
+    def inverse_at_silent(self, removed: ComplexArray) -> ComplexArray:
+        """G^-1 (n_silent, n_in, n_in), interpolated over the logarithm of frequency."""
+        at_excited = self.blocks.select(np.flatnonzero(self.excited))
+        corrected = replace(at_excited, torque=at_excited.torque - removed[:, self.excited])
+        n_in = removed.shape[2]
+        inverse = np.linalg.inv(logarithmic(corrected).response[:, :n_in])
+        lines = np.log(self.blocks.lines)
+        return np.asarray(CubicSpline(lines[self.excited], inverse)(lines[~self.excited]))
+
+
+def start_laws(record: Record, laws: Sequence[TorqueLaw], delay_s: float) -> tuple[TorqueLaw, ...]:
+    """Chooses each motor's kind of law and rough shape: the robot file's, bristles or curves of several widths.
+
+    Args:
+        record: Record of a single configuration.
+        laws: Laws of the robot file, for the ripple's order and as candidates where they have friction.
+        delay_s: Delay from recorded to applied torque, hold excluded [s].
+
+    Raises:
+        DataError: If too few lines are silent.
+    """
+    silent = _silent(record, laws, delay_s)
+    generic = [replace(law, coulomb_nm=1.0, static_nm=1.0, stribeck_rad_s=_STRIBECK_RAD_S) for law in laws]
+    candidates = [[replace(law, presliding_rad=width) for law in generic] for width in _BRISTLES_RAD]
+    candidates += [
+        [replace(law, presliding_rad=0.0, smoothing_rad_s=width) for law in generic] for width in _SMOOTHINGS_RAD_S
+    ]
+    candidates.append([law if law.coulomb_nm > 0 else rough for law, rough in zip(laws, candidates[0], strict=True)])
+    levels, costs = zip(*(_level_only(silent, candidate) for candidate in candidates), strict=True)
+    best = np.argmin(costs, axis=0)
+    chosen = [candidates[pick][motor] for motor, pick in enumerate(best)]
+    return tuple(
+        replace(law, coulomb_nm=law.coulomb_nm * level, static_nm=law.static_nm * level)
+        for law, level in zip(chosen, np.array(levels)[best, np.arange(len(laws))], strict=True)
+    )
+
+
+def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, oversampling: int = 2) -> LawEstimate:
+    """Identifies torque laws in one configuration.
+
+    At a line that is not excited the linear robot is silent but for `G^-1 Y = U - F(law)`, G interpolated from
+    the excited lines. F is linearised, the law moved, the response estimated anew, until nothing changes.
+
+    Args:
+        record: Record of a single configuration.
+        start: Laws to start from, one per motor.
+        delay_s: Delay from recorded to applied torque, hold excluded [s].
+        oversampling: Grid points per sample of the motion that bristles follow.
+
+    Raises:
+        DataError: If too few lines are silent.
+
+    Source:
+        METHODS sec. 4.
+    """
+    silent = _silent(record, start, delay_s, oversampling)
+    values, bristle = _values(start), np.array([law.presliding_rad > 0 for law in start])
+    origin = values.copy()
+    for _ in range(_ITERATIONS):
+        torque, derivative = _linearise(silent, values, bristle)
+        error = _torque_error(silent, torque)
+        solved = [_step(error[:, :, m], derivative[:, :, :, m], values[m] - origin[m]) for m in range(len(values))]
+        step = np.clip([step for step, _ in solved], -_LARGEST_STEP, _LARGEST_STEP)
+        step[:, 0] = np.maximum(step[:, 0], -0.7 * values[:, 0])
+        values = values + step
+        values[:, 1] = np.maximum(values[:, 1], 0)
+        deviation = np.sqrt([np.diag(covariance) for _, covariance in solved])
+        if np.all(np.abs(step) < _TOLERANCE * deviation):
+            break
+    torque, derivative = _linearise(silent, values, bristle)
+    error = _torque_error(silent, torque)
+    before, after, noise = _powers(silent, error, torque)
+    significance = np.divide(before, noise, out=np.full_like(before, np.inf), where=noise > 0)
+    explained = 1 - np.maximum(after - noise, 0) / np.maximum(before - noise, np.finfo(float).tiny)
+    covariance = np.array([_step(error[:, :, m], derivative[:, :, :, m], 0 * origin[m])[1] for m in range(len(values))])
+    return LawEstimate(values, covariance, bristle, explained, significance)
+
+
+def combine_laws(
+    estimates: Sequence[LawEstimate], start: Sequence[TorqueLaw], stated: Sequence[TorqueLaw], names: Sequence[str]
+) -> tuple[tuple[TorqueLaw, ...], tuple[str, ...]]:
+    """Joins the estimates of several configurations to one law per motor.
+
+    The covariance of the weighted mean is widened by the estimates' scatter where that is larger.
+
+    Args:
+        estimates: One per configuration, all started from the same laws.
+        start: The laws they started from.
+        stated: The laws of the robot file.
+        names: Names of the motors.
+
+    Returns:
+        The laws with their deviations and their distance from the robot file's, and notes.
+
+    Raises:
+        DataError: If a law explains too little of what the silent lines show.
+    """
+    explained = np.median([estimate.explained for estimate in estimates], axis=0)
+    significant = np.median([estimate.significance for estimate in estimates], axis=0) > _SIGNIFICANT
+    poor = significant & (explained < _MIN_EXPLAINED)
+    if poor.any():
+        shares = zip(names, explained, poor, strict=True)
+        worst = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share, is_poor in shares if is_poor)
+        raise DataError(
+            f"friction and ripple explain too little of the torque at the silent lines: {worst}",
+            where="compensation: silent_lines",
+            remedy="use `compensation: nominal` or `none`; look for saturation, backlash or a wrong delay",
+        )
+    combined, notes = [], []
+    for motor, law in enumerate(start):
+        if significant[motor]:
+            combined.append(_distance(_combine(estimates, motor, law), stated[motor]))
+        else:
+            combined.append(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0))
+            notes.append(f"Motor {names[motor]}: the silent lines show noise only, nothing was compensated.")
+    return tuple(combined), tuple(notes)
+
+
+def _combine(estimates: Sequence[LawEstimate], motor: int, law: TorqueLaw) -> TorqueLaw:
+    values = np.array([estimate.values[motor] for estimate in estimates])
+    information = np.linalg.inv([estimate.covariance[motor] for estimate in estimates])
+    covariance = np.linalg.inv(information.sum(axis=0))
+    mean = covariance @ np.einsum("cij,cj->i", information, values)
+    scatter = np.einsum("ci,cij,cj->", values - mean, information, values - mean)
+    freedom = (len(values) - 1) * len(mean)
+    deviation = np.sqrt(np.diag(covariance) * max(1.0, scatter / freedom if freedom else 1.0))
+    fitted = _law(law, mean)
+    level = np.hypot(deviation[0] * (1 + mean[1]), fitted.coulomb_nm * deviation[1])
+    speeds = deviation[2] * fitted.stribeck_rad_s, deviation[3] * fitted.width
+    std = (deviation[0], level, *speeds, deviation[4], *(deviation[5:] * (law.ripple_nm > 0)))
+    return replace(fitted, identified_std=tuple(float(value) for value in std))
+
+
+def _distance(law: TorqueLaw, stated: TorqueLaw) -> TorqueLaw:
+    """The law with its distance from the robot file's, where that has friction of the same kind."""
+    ripple = (law.ripple_sin - stated.ripple_sin, law.ripple_cos - stated.ripple_cos)
+    if stated.coulomb_nm == 0 or (stated.presliding_rad > 0) != (law.presliding_rad > 0):
+        return replace(law, offset=(0.0, 0.0, 0.0, *ripple))
+    relative = (law.coulomb_nm / stated.coulomb_nm - 1, law.width / stated.width - 1)
+    return replace(law, offset=(*relative, law.lag_samples - stated.lag_samples, *ripple))
+
+
+def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampling: int = 2) -> _Silent:
+    record = record.realizations(_REALIZATIONS)
+    lines = np.arange(record.excited_lines[0], record.excited_lines[-1] + 1)
+    excited = np.isin(lines, record.excited_lines)
+    if np.sum(~excited) < _MIN_LINES or np.sum(excited) < 4:
+        raise DataError(
+            f"only {np.sum(~excited)} lines of the excited band are silent, fewer than the {_MIN_LINES} that tell"
+            " friction from the linear robot",
+            where="compensation: silent_lines",
+            remedy="use `grid: odd` and fewer excited lines, a longer period, or `compensation: nominal`",
+        )
+    blocks = record_blocks(record, lines)
+    motion = record_motion(record, lines, delay_s, oversampling)
+    return _Silent(blocks, motion, excited, tuple(laws), ripple_spectra(motion, laws))
+
+
+def _torque_error(silent: _Silent, removed: ComplexArray) -> ComplexArray:
+    """`G^-1 Y - (U - F)` (n_real, n_silent, n_in, n_exp) at the silent lines."""
+    quiet = ~silent.excited
+    n_in = removed.shape[2]
+    motion = silent.inverse_at_silent(removed) @ silent.blocks.acceleration[:, quiet, :n_in]
+    return np.asarray(motion - silent.blocks.torque[:, quiet] + removed[:, quiet])
+
+
+def _linearise(silent: _Silent, values: FloatArray, bristle: BoolArray) -> tuple[ComplexArray, ComplexArray]:
+    """Torque (n_real, n_freq, n_in, n_exp) of the laws at all lines, and its derivative (7, ...) at the silent ones."""
+    quiet = ~silent.excited
+
+    def friction(moved: FloatArray) -> ComplexArray:
+        laws = [
+            _law(replace(law, presliding_rad=float(kind)), row)
+            for law, row, kind in zip(silent.laws, moved, bristle, strict=True)
+        ]
+        return friction_spectrum(silent.motion, laws)
+
+    level = friction(values)
+    slopes = []
+    for column in (1, 2, 3):
+        moved = values.copy()
+        moved[:, column] += _DIFFERENCE
+        slopes.append((friction(moved)[:, quiet] - level[:, quiet]) / _DIFFERENCE)
+    here = level[:, quiet]
+    omega = silent.motion.omega[quiet] * silent.motion.sampling_period_s
+    derivative = np.stack(
+        [here / values[:, 0, None], *slopes, -1j * omega[:, None, None] * here, *silent.ripple[:, :, quiet]]
+    )
+    return level + np.einsum("iw,wrfie->rfie", values[:, 5:], silent.ripple), derivative
+
+
+def _step(error: ComplexArray, derivative: ComplexArray, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gauss-Newton step of one motor with lines weighted by what is left there, and its sandwich covariance.
+
+    Args:
+        error (n_real, n_silent, n_exp): Torque error.
+        derivative (7, n_real, n_silent, n_exp): Its derivative.
+        moved (7,): How far the values are from where they started, which the prior counts.
+    """
+    used = np.flatnonzero(np.abs(derivative).max(axis=(1, 2, 3)) > 0)
+    columns = derivative[used]
+    prior = np.zeros(len(used))
+    np.divide(1.0, _PRIOR_STD[used] ** 2, out=prior, where=np.isfinite(_PRIOR_STD[used]))
+    step = np.zeros(len(used))
+    gram = np.real(np.einsum("irfe,jrfe->fij", columns.conj(), columns))
+    slope = np.real(np.einsum("irfe,rfe->fi", columns.conj(), error))
+    count = error.shape[0] * error.shape[2]
+    for _ in range(_ROUNDS):
+        left = np.mean(np.abs(error + np.tensordot(step, columns, 1)) ** 2, axis=(0, 2))
+        weight = 2 / (left + _FLOOR * np.median(left)) / count
+        hessian = np.einsum("f,fij->ij", weight, gram) + np.diag(prior)
+        step = -np.linalg.solve(hessian, weight @ slope + prior * moved[used])
+    score = weight[:, None] * (slope + gram @ step)
+    inverse = np.linalg.inv(hessian)
+    full_step, covariance = np.zeros(len(moved)), np.eye(len(moved))
+    full_step[used] = step
+    covariance[np.ix_(used, used)] = inverse @ (score.T @ score + np.diag(prior)) @ inverse
+    return full_step, covariance
+
+
+def _level_only(silent: _Silent, laws: Sequence[TorqueLaw]) -> tuple[FloatArray, FloatArray]:
+    """Levels (n_in,) over the laws' own that fit best, and the share of each motor's silent torque left (n_in,)."""
+    quiet = ~silent.excited
+    unit = friction_spectrum(silent.motion, laws)
+    level = np.zeros(len(laws))
+    for _ in range(_ROUNDS):
+        removed = level[:, None] * unit
+        torque = _torque_error(silent, removed) - removed[:, quiet]
+        weight = 1 / np.mean(np.abs(torque) ** 2, axis=(0, 3))
+        shape = unit[:, quiet]
+        level = -np.einsum("fi,rfie->i", weight, np.real(shape.conj() * torque))
+        level /= np.einsum("fi,rfie->i", weight, np.abs(shape) ** 2)
+        level = np.maximum(level, np.finfo(float).eps)
+    left = np.einsum("fi,rfie->i", weight, np.abs(torque + level[:, None] * shape) ** 2)
+    return level, left / np.einsum("fi,rfie->i", weight, np.abs(torque) ** 2)
+
+
+def _powers(silent: _Silent, error: ComplexArray, removed: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Power (n_in,) of the silent torque before and after compensation and of its noise, lines weighted as fitted."""
+    quiet = ~silent.excited
+    before = np.mean(np.abs(error - removed[:, quiet]) ** 2, axis=(0, 3))
+    after = np.mean(np.abs(error) ** 2, axis=(0, 3))
+    noise = np.zeros_like(before)
+    blocks = silent.blocks
+    if blocks.scatter_freedom:
+        n_in = removed.shape[2]
+        motion = silent.inverse_at_silent(removed) @ blocks.acceleration_scatter[:, :, quiet, :n_in]
+        deviation = motion - blocks.torque_scatter[:, :, quiet]
+        noise = np.mean(np.sum(np.abs(deviation) ** 2, axis=1), axis=(0, 3)) / blocks.scatter_freedom
+    weight = 1 / (after + _FLOOR * np.median(after, axis=0))
+    return (weight * before).mean(axis=0), (weight * after).mean(axis=0), (weight * noise).mean(axis=0)
+
+
+def _values(laws: Sequence[TorqueLaw]) -> FloatArray:
+    """The values (n_in, 7) of `COEFFICIENTS` of some laws with friction."""
+    return np.array(
+        [
+            [
+                law.coulomb_nm,
+                law.static_nm / law.coulomb_nm - 1,
+                np.log(law.stribeck_rad_s),
+                np.log(law.width),
+                law.lag_samples,
+                law.ripple_sin,
+                law.ripple_cos,
+            ]
+            for law in laws
+        ]
+    )
+
+
+def _law(law: TorqueLaw, values: FloatArray) -> TorqueLaw:
+    """A law of the same kind with other values."""
+    coulomb, breakaway, stribeck, width, lag, sine, cosine = values.tolist()
+    bristle = law.presliding_rad > 0
+    return replace(
+        law,
+        coulomb_nm=coulomb,
+        static_nm=coulomb * (1 + breakaway),
+        stribeck_rad_s=float(np.exp(stribeck)),
+        presliding_rad=float(np.exp(width)) if bristle else 0.0,
+        smoothing_rad_s=0.0 if bristle else float(np.exp(width)),
+        lag_samples=lag,
+        ripple_sin=sine,
+        ripple_cos=cosine,
+    )

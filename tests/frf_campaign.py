@@ -1,0 +1,93 @@
+"""The estimate-frf stage on a record of any number of configurations, without an experiment file of its own."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from default_campaign import CAMPAIGN, LOADED
+from robid.artifacts.artifact import Provenance
+from robid.artifacts.parts import Parts
+from robid.artifacts.record import RECORD, record_to_artifact
+from robid.backends.map import make_map
+from robid.signals.record import Record
+from robid.stages.estimate_frf import STAGE
+from robid.stages.stage import Job
+
+_ENCODER_NOISE_RAD = 1e-5
+_TORQUE_NOISE_NM = 0.05
+
+
+class _NoProgress:
+    def expect(self, total, unit, done=0):
+        """Ignored."""
+
+    def advance(self):
+        """Ignored."""
+
+
+def write_campaign(path, first: Record, n_conf: int) -> None:
+    """Writes a record of configurations that differ by their noise, one at a time."""
+    generator = np.random.default_rng(1)
+    parts = Parts(path, RECORD, "0" * 16)
+    for index in range(n_conf):
+        torque = first.torque + _TORQUE_NOISE_NM * generator.standard_normal(first.torque.shape)
+        position = first.position + _ENCODER_NOISE_RAD * generator.standard_normal(first.position.shape)
+        one = replace(first, torque=torque, position=position)
+        parts.write(index, record_to_artifact(one, Provenance("simulate-or-acquire")))
+    parts.merge(n_conf, Provenance("simulate-or-acquire"))
+
+
+def random_record(n_sample: int) -> Record:
+    """White torque and angles of six motors: four blocks, two periods."""
+    generator = np.random.default_rng(2)
+    names = tuple(f"axis{index}" for index in range(1, 7))
+    shape = (1, 4, 6, 2, n_sample, 6)
+    return Record(
+        sampling_period_s=1e-3,
+        configurations=np.zeros((1, 6)),
+        torque=generator.standard_normal(shape),
+        position=1e-2 * generator.standard_normal(shape),
+        reference=generator.standard_normal((1, 4, 6, n_sample, 6)),
+        reference_kind="speed_reference",
+        excited_lines=np.arange(11, 131, 2),
+        detection_lines=np.arange(0),
+        input_names=names,
+        output_names=names,
+        position_offset_rad=np.zeros((1, 6)),
+    )
+
+
+def make_job(record: Path, output: Path, compensation: str, parallel_map) -> Job:
+    """The stage's job for the default experiment's estimation campaign."""
+    estimate = replace(CAMPAIGN.estimate, compensation=compensation)
+    campaigns = {"estimation": CAMPAIGN.model_copy(update={"estimate": estimate})}
+    loaded = replace(LOADED, experiment=LOADED.experiment.model_copy(update={"campaigns": campaigns}))
+    inputs = {"record": record}
+    return Job(
+        loaded, "estimation", {}, output, inputs, {}, output.parent, parallel_map, 1,
+        _NoProgress(),
+    )  # fmt: skip
+
+
+def run_job(record: Path, output: Path, compensation: str) -> None:
+    """Runs the stage in this process."""
+    with make_map("serial", 1) as parallel_map:
+        STAGE.run(make_job(record, output, compensation, parallel_map))
+
+
+def _memory_bytes(kind: str) -> int:
+    """Memory of this process as Linux counts it: VmRSS now, VmHWM at its highest."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(1024 * int(line.split()[1]) for line in lines if line.startswith(f"{kind}:"))
+
+
+if __name__ == "__main__":
+    # Prints by how much the stage raises this process's memory.
+    job_record, job_output, job_compensation = sys.argv[1:]
+    before = _memory_bytes("VmRSS")
+    run_job(Path(job_record), Path(job_output), job_compensation)
+    print(_memory_bytes("VmHWM") - before)  # noqa: T201
