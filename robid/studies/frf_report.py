@@ -143,7 +143,7 @@ def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: i
     )
     heads = ("Diagonal, median", "90 %", "Off diagonal, median", f"Diagonal, median of {group} realizations", "Refused")
     caption = (
-        f"Last but one: distance of a single estimate from {group} realizations, its scatter included. What silent_lines"
+        f"Last but one: distance of a single estimate, its scatter included. What silent_lines"
         f" subtracts is identified from the first {group} realizations of each task, in one configuration."
     )
     lead = (
