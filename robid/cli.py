@@ -168,6 +168,9 @@ def _run_stage(run: Run, node: Node, named: list[Path], output: Path | None, *, 
         _print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
     else:
         shell.say(f"{target}  {outcome}: {text}")
+        shown = node.stage.show(target, run.loaded) if outcome == "made" else None
+        if shown is not None:
+            shell.out.print(shown)
     if problem:
         shell.warn(problem)
     return _PROBLEM if problem else 0

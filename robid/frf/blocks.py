@@ -46,7 +46,11 @@ def logarithmic(blocks: Blocks) -> BlockEstimate:
     return BlockEstimate(logarithmic_mean(blocks.acceleration @ inverse), inverse / len(inverse))
 
 
-ESTIMATORS: dict[str, Callable[[Blocks], BlockEstimate]] = {"arithmetic": arithmetic, "logarithmic": logarithmic}
+ESTIMATORS: dict[str, Callable[[Blocks], BlockEstimate]] = {
+    "arithmetic": arithmetic,
+    "logarithmic": logarithmic,
+    "robust_local": logarithmic,
+}
 
 
 def logarithmic_mean(per_block: ComplexArray) -> ComplexArray:

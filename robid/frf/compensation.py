@@ -108,10 +108,10 @@ def disturbance(motion: Motion, laws: Sequence[TorqueLaw]) -> Disturbance:
     return Disturbance(level + np.einsum("wi,wrfie->rfie", known, ripple), derivative)
 
 
-def no_disturbance(record: Record) -> Disturbance:
+def no_disturbance(record: Record, lines: IntArray) -> Disturbance:
     """A disturbance of zero without coefficients."""
     n_real, n_exp = record.torque.shape[1:3]
-    torque = np.zeros((n_real, len(record.excited_lines), len(record.input_names), n_exp), complex)
+    torque = np.zeros((n_real, len(lines), len(record.input_names), n_exp), complex)
     return Disturbance(torque, torque[None][:0])
 
 

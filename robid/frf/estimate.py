@@ -2,23 +2,57 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.frf.blocks import ESTIMATORS
-from robid.frf.compensation import coefficient_names, disturbance, law_table, no_disturbance, record_motion
+from robid.frf.blocks import ESTIMATORS, BlockEstimate
+from robid.frf.compensation import (
+    Disturbance,
+    coefficient_names,
+    disturbance,
+    law_table,
+    no_disturbance,
+    record_motion,
+)
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.frf import CONFIGURATION_WISE, Frf
+from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
+from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 
 _CONDITION_LIMIT = 1e6
+
+
+@dataclass(frozen=True)
+class _Spectra:
+    """What an estimator reads: blocks without the removed torque, that torque, and windows over the lines."""
+
+    blocks: Blocks
+    removed: Disturbance
+    windows: Windows | None = None
+
+    @property
+    def removed_torque(self) -> ComplexArray:
+        """The removed torque at the lines (n_real, n_freq, n_in, n_exp)."""
+        return self.removed.torque if self.windows is None else self.removed.torque[:, self.windows.lines]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """An estimate, its output residual's covariance, and the removed torque in the order of its weights."""
+
+    estimate: BlockEstimate
+    element_scale: FloatArray
+    total: ComplexArray | None
+    total_freedom: float
+    derivative: ComplexArray
 
 
 def estimate_frf(
@@ -46,40 +80,35 @@ def estimate_frf(
     """
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
-    measured = record_blocks(record, record.excited_lines)
-    motion = None if laws is None else record_motion(record, record.excited_lines, delay_s)
-    removed = no_disturbance(record) if motion is None or laws is None else disturbance(motion, laws)
-    blocks = replace(measured, torque=measured.torque - removed.torque)
-    _check_blocks(record, blocks)
-    estimate = ESTIMATORS[options.estimator](blocks)
-    response = estimate.response
-    residual = blocks.acceleration - response @ blocks.torque
-    total, total_freedom = total_covariance(residual, len(record.input_names), options.pooled_lines)
+    spectra = _spectra(record, options, laws, delay_s)
+    windows = spectra.windows
+    found = _by_blocks(record, spectra, options) if windows is None else _by_windows(spectra, windows, options)
+    response = found.estimate.response
+    blocks = spectra.blocks if windows is None else spectra.blocks.select(windows.lines)
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
-    per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
     names, deviation, offset = _coefficients(record, laws)
     table = ((), np.zeros(0), np.zeros(0)) if laws is None else law_table(record, laws)
     sensitivity = np.concatenate(
-        [_sensitivity(response, removed.derivative, estimate.weights), _scale_sensitivity(response)]
+        [_sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)]
     )
     return Frf(
         frequency_hz=record.frequency_hz,
         lines=record.excited_lines,
         configurations=record.configurations,
         response=response[None],
-        input_factor=estimate.input_factor[None],
-        element_scale=element_scale(per_block, estimate.input_factor, total)[None],
-        total_covariance=None if total is None else total[None],
+        input_factor=found.estimate.input_factor[None],
+        element_scale=found.element_scale[None],
+        total_covariance=None if found.total is None else found.total[None],
         noise_covariance=None if noise is None else noise[None],
-        total_degrees_of_freedom=total_freedom,
+        total_degrees_of_freedom=found.total_freedom,
         noise_degrees_of_freedom=noise_freedom,
         sensitivity=sensitivity[None, deviation > 0],
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
-        removed_torque_rms=_rms(removed.torque)[None],
+        removed_torque_rms=_rms(spectra.removed_torque)[None],
         coefficient_offset=offset[deviation > 0],
-        uncompensated_response=None if laws is None else ESTIMATORS[options.estimator](measured).response[None],
+        uncompensated_response=None if laws is None else _uncompensated(spectra, options)[None],
         law_names=table[0],
         law_values=table[1],
         law_std=table[2],
@@ -88,7 +117,7 @@ def estimate_frf(
         output_names=record.output_names,
         torque_unit=record.torque_unit,
         torque_hold=record.torque_hold,
-        notes=(*record.notes, *_notes(total)),
+        notes=(*record.notes, *_notes(found.total)),
     )
 
 
@@ -103,20 +132,75 @@ def concatenate(parts: list[Frf]) -> Frf:
     return replace(parts[0], **whole)
 
 
+def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> _Spectra:
+    """Transforms the record at the lines that the estimator reads."""
+    source, lines, windows = record, record.excited_lines, None
+    if options.estimator in LOCAL:
+        n_exp, n_in, n_out = record.torque.shape[1] * record.torque.shape[2], *_channels(record)
+        half = half_width(options, n_exp, n_in, n_out)
+        if options.estimator == "local":
+            source = record.as_one_period()
+            lines, windows = bin_windows(source.excited_lines, half, source.torque.shape[4] // 2)
+        else:
+            windows = line_windows(lines, half)
+    robust = options.estimator == "robust_local"
+    blocks = robust_blocks(record, lines, options) if robust else record_blocks(source, lines)
+    if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
+        message = "the record holds NaN or infinite samples"
+        raise DataError(message, where=_where(record), remedy="acquire the record again")
+    motion = None if laws is None else record_motion(source, lines, delay_s)
+    removed = no_disturbance(source, lines) if motion is None or laws is None else disturbance(motion, laws)
+    return _Spectra(replace(blocks, torque=blocks.torque - removed.torque), removed, windows)
+
+
+def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _Found:
+    """An estimate whose blocks each excite every input; its covariance is that of the realizations."""
+    blocks = spectra.blocks
+    _check_blocks(record, blocks)
+    estimate = ESTIMATORS[options.estimator](blocks)
+    residual = blocks.acceleration - estimate.response @ blocks.torque
+    total, freedom = total_covariance(residual, blocks.torque.shape[2], options.pooled_lines)
+    per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
+    scale = element_scale(per_block, estimate.input_factor, total)
+    return _Found(estimate, scale, total, freedom, spectra.removed.derivative)
+
+
+def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> _Found:
+    """An estimate over neighbouring lines; its covariance is that of the local fits' residuals."""
+    fit = local_fit(spectra.blocks, windows, options)
+    derivative = windows.joined(spectra.removed.derivative)
+    return _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative)
+
+
+def _channels(record: Record) -> tuple[int, int]:
+    return len(record.input_names), len(record.output_names)
+
+
+def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
+    """The response (n_freq, n_out, n_in) of the torque as recorded."""
+    measured = replace(spectra.blocks, torque=spectra.blocks.torque + spectra.removed.torque)
+    if spectra.windows is None:
+        return ESTIMATORS[options.estimator](measured).response
+    return local_fit(measured, spectra.windows, options).response
+
+
+def _where(record: Record) -> str:
+    return f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
+
+
 def _check_blocks(record: Record, blocks: Blocks) -> None:
-    where = f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
     n_in, n_exp = blocks.torque.shape[-2:]
     if n_exp != n_in:
         message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
-        raise DataError(message, where=where, remedy="record as many experiments per realization as there are motors")
-    if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
-        raise DataError("the record holds NaN or infinite samples", where=where, remedy="acquire the record again")
+        remedy = "record as many experiments per realization as there are motors, or use the estimator `local_periodic`"
+        raise DataError(message, where=_where(record), remedy=remedy)
     condition = np.linalg.cond(blocks.torque).max(axis=0)
     worst = int(np.argmax(condition))
     if condition[worst] > _CONDITION_LIMIT:
         frequency = record.frequency_hz[worst]
         message = f"the experiments do not excite every motor at {frequency:.3g} Hz (condition {condition[worst]:.1e})"
-        raise DataError(message, where=where, remedy="excite all motors, or check that the lines are those played")
+        remedy = "excite all motors, or check that the lines are those played"
+        raise DataError(message, where=_where(record), remedy=remedy)
 
 
 def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:

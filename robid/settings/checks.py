@@ -135,6 +135,8 @@ def _acquire(experiment: Experiment, campaign: Campaign, acquire: Acquire, field
     if campaign.realizations > 1:
         message = f"a log is of one realization, not of {campaign.realizations}: leave `realizations` at 1"
         yield (*field, "realizations"), message
+    if campaign.experiments is not None:
+        yield (*field, "experiments"), "is for excitations of ours: a log has the experiments that were played"
     if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
         message = "friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
@@ -148,6 +150,7 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     if isinstance(rms, tuple) and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
+    yield from _experiments(field, campaign, n_joint)
     if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
         yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
     yield from _lines(field, campaign, robot)
@@ -157,6 +160,18 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
         yield from _channels((*field, "source", "acquire"), acquire, robot)
     elif campaign.source is not None and robot.controller is None:
         yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
+
+
+def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
+    count = n_motor if campaign.experiments is None else campaign.experiments
+    if count > n_motor:
+        yield (*field, "experiments"), f"a block has {n_motor} experiments, one per motor: {count} are too many"
+    elif count < n_motor and campaign.estimate.estimator != "local_periodic":
+        message = f"{count} experiments do not separate {n_motor} motors: use the estimator `local_periodic`"
+        yield (*field, "estimate", "estimator"), message
+    if count < n_motor and campaign.estimate.compensation == "silent_lines":
+        message = f"needs a block of {n_motor} experiments, not {count}: use `compensation: nominal` or `none`"
+        yield (*field, "estimate", "compensation"), message
 
 
 def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:

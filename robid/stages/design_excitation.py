@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+from rich.console import Group
 
 from robid.arrays import FloatArray
 from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_to_artifact
+from robid.artifacts.excitation import (
+    EXCITATION,
+    CampaignExcitation,
+    excitation_from_artifact,
+    excitation_to_artifact,
+)
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.excitation import Excitation, design_excitation, predict
+from robid.design.excitation import Excitation, design_excitation
 from robid.design.lines import choose_lines, samples_per_period
+from robid.design.loop import nominal_loop
+from robid.design.prediction import predict
+from robid.report.plan import plan_table
 from robid.robot.description import Robot
-from robid.robot.linearize import linearize, solve_statics
-from robid.robot.model import build_model
-from robid.robot.response import nominal_parameters, response
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.stages.slices import delay_s, line_settings, require_controller, robot_settings
+from robid.stages.slices import line_settings, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
 
@@ -27,8 +35,9 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings = {f"{section}.configurations": to_plain(campaign.configurations)}
     acquire = None if campaign.source is None else campaign.source.acquire
     if acquire is None:
-        read = ("excitation", "realizations", "payload_kg")
+        read = ("excitation", "realizations", "experiments", "periods", "payload_kg")
         settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
+        settings[f"{section}.source.simulate.transient_periods"] = _transient_periods(campaign)
         settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
     else:
         settings[f"{section}.excitation"] = line_settings(campaign)
@@ -73,15 +82,24 @@ def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Exc
 
 
 def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
-    controller = require_controller(job.loaded)
-    period = controller.sampling_period_s
-    excitation = design_excitation(job.campaign.excitation, len(robot.joints), job.campaign.realizations, period)
-    model = build_model(robot)
-    rest = solve_statics(model, configurations)
-    linear = linearize(model, rest)
-    nominal = nominal_parameters(robot, linear, delay_s(job.loaded, job.campaign))
-    sampled = response(linear, nominal, excitation.frequency_hz, period).sampled
-    return predict(excitation, sampled, controller, rest.motor_torque, robot)
+    campaign, controller = job.campaign, require_controller(job.loaded)
+    options, period_s = campaign.excitation, controller.sampling_period_s
+    lines, _ = choose_lines(options, period_s)
+    loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
+    excitation = design_excitation(options, len(robot.joints), campaign.realizations, period_s, loop)
+    excitation = excitation.first_experiments(campaign.experiments)
+    transient = _transient_periods(campaign)
+    return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
+
+
+def _transient_periods(campaign: Campaign) -> int:
+    simulated = None if campaign.source is None else campaign.source.simulate
+    return 0 if simulated is None else simulated.transient_periods
+
+
+def _show(output: Path, loaded: LoadedExperiment) -> Group | None:
+    content = excitation_from_artifact(read_artifact(output, EXCITATION))
+    return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints))
 
 
 def figures(excitation: Excitation, n_conf: int) -> str:
@@ -108,4 +126,5 @@ STAGE = Stage(
     measured_campaigns,
     _plan,
     _run,
+    show=_show,
 )

@@ -54,7 +54,8 @@ def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
     """Torque and angle of all samples, once in the parts and once merged."""
     n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
     n_channel = 2 * n_motor + len(campaign.outputs) - 1
-    experiments = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations * n_motor
+    blocks = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations
+    experiments = blocks * (campaign.experiments or n_motor)
     samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
     return 2 * _BYTES_PER_SAMPLE * samples * n_channel
 

@@ -169,6 +169,25 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
         ),
         ("campaign: candidates", "campaign: candidate", "designs.best.campaign", "did you mean `candidates`?"),
         (
+            "source: &source",
+            "experiments: 1\n    source: &source",
+            "campaigns.measured.estimate.estimator",
+            "use the estimator `local_periodic`",
+        ),
+        (
+            "source: &source",
+            "experiments: 1\n    estimate: {estimator: local_periodic, compensation: silent_lines}\n"
+            "    source: &source",
+            "campaigns.measured.estimate.compensation",
+            "needs a block of 2 experiments, not 1",
+        ),
+        (
+            "source: &source",
+            "experiments: 3\n    source: &source",
+            "campaigns.measured.experiments",
+            "a block has 2 experiments",
+        ),
+        (
             "campaign: candidates",
             "campaign: measured",
             "campaigns.measured.configurations.from",
