@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
 from robid.report.content import Verdict
-from robid.report.numbers import percent, significant
+from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Curve, Figure, Section, Table
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
@@ -88,8 +88,14 @@ def bias_sentence(biases: Sequence[BiasFigures]) -> str:
     return f"Median bias on the diagonal: {', '.join(left)}."
 
 
+def _count(value: float) -> str:
+    return f"{value:.0f}"
+
+
 def _share(one: EstimatorFigures) -> str:
     figures = one.figures
+    if not math.isfinite(figures["over_default"]):
+        return MISSING
     ends = f"{significant(figures['over_default_lower'])} … {significant(figures['over_default_upper'])}"
     return f"{significant(figures['over_default'])} ({ends})"
 
@@ -118,7 +124,7 @@ def _estimator_table(estimators: Sequence[EstimatorFigures], default: str, group
             *(percent(one.figures[key]) for key in (*parts, "median_bias")),
             significant(one.figures["std_ratio"]),
             _share(one),
-            significant(one.figures["refused"]),
+            _count(one.figures["refused"]),
         )
         for one in estimators
     )
@@ -139,7 +145,7 @@ def _estimator_table(estimators: Sequence[EstimatorFigures], default: str, group
 def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: int, realizations: int) -> Section:
     keys = ("median_diagonal", "q90_diagonal", "median_off_diagonal", "median_diagonal_of_group")
     rows = tuple(
-        (one.name, *(percent(one.figures[key]) for key in keys), significant(one.figures["refused"])) for one in biases
+        (one.name, *(percent(one.figures[key]) for key in keys), _count(one.figures["refused"])) for one in biases
     )
     heads = ("Diagonal, median", "90 %", "Off diagonal, median", f"Diagonal, median of {group} realizations", "Refused")
     caption = (

@@ -59,4 +59,7 @@ def test_a_default_changes_only_where_another_is_surely_and_markedly_closer():
     assert following_default([own, estimator("b", 0.985, 0.001)], "a") == "a"
     assert following_default([own, estimator("b", 0.9), estimator("c", 0.8)], "a") == "c"
     assert default_sentence([own, estimator("b", 0.8), estimator("c", 0.7, 0.4)], "a").startswith("Estimator b should")
+    refused = estimator("d", float("nan"))
+    assert following_default([own, refused], "a") == "a"
+    assert default_sentence([own, refused], "a").endswith("nothing else was compared.")
     assert "the best other, b, is 0.980" in default_sentence([own, estimator("b", 0.98)], "a")
