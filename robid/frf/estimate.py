@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.frf.blocks import ESTIMATORS, BlockEstimate
+from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, NEEDS_SQUARE_BLOCKS, BlockEstimate
 from robid.frf.compensation import (
     Disturbance,
     coefficient_names,
@@ -156,12 +156,11 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
 def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _Found:
     """An estimate whose blocks each excite every input; its covariance is that of the realizations."""
     blocks = spectra.blocks
-    _check_blocks(record, blocks)
+    _check_blocks(record, blocks, options.estimator)
     estimate = ESTIMATORS[options.estimator](blocks)
     residual = blocks.acceleration - estimate.response @ blocks.torque
     total, freedom = total_covariance(residual, blocks.torque.shape[2], options.pooled_lines)
-    per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
-    scale = element_scale(per_block, estimate.input_factor, total)
+    scale = element_scale(residual @ estimate.weights, estimate.input_factor, total, residual.shape[-1])
     return _Found(estimate, scale, total, freedom, spectra.removed.derivative)
 
 
@@ -188,19 +187,43 @@ def _where(record: Record) -> str:
     return f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
 
 
-def _check_blocks(record: Record, blocks: Blocks) -> None:
-    n_in, n_exp = blocks.torque.shape[-2:]
-    if n_exp != n_in:
+def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:
+    n_real, _, n_in, n_exp = blocks.torque.shape
+    square = estimator in NEEDS_SQUARE_BLOCKS
+    if n_exp != n_in if square else n_real * n_exp < n_in:
         message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
         remedy = "record as many experiments per realization as there are motors, or use the estimator `local_periodic`"
         raise DataError(message, where=_where(record), remedy=remedy)
-    condition = np.linalg.cond(blocks.torque).max(axis=0)
+    condition = _condition(blocks.torque, square=square)
     worst = int(np.argmax(condition))
     if condition[worst] > _CONDITION_LIMIT:
         frequency = record.frequency_hz[worst]
         message = f"the experiments do not excite every motor at {frequency:.3g} Hz (condition {condition[worst]:.1e})"
         remedy = "excite all motors, or check that the lines are those played"
         raise DataError(message, where=_where(record), remedy=remedy)
+    if estimator in NEEDS_REFERENCE:
+        _check_reference(record, blocks, estimator)
+
+
+def _check_reference(record: Record, blocks: Blocks, estimator: str) -> None:
+    if blocks.reference is None:
+        remedy = "choose `logarithmic`, or import what was injected with the log"
+        raise DataError(
+            f"estimator `{estimator}` needs the reference, which the record lacks", where=_where(record), remedy=remedy
+        )
+    lost = ~(_condition(blocks.reference, square=estimator in NEEDS_SQUARE_BLOCKS) < _CONDITION_LIMIT)
+    if lost.any():
+        frequency = record.frequency_hz[int(np.argmax(lost))]
+        message = f"estimator `{estimator}`: the reference does not excite every motor at {frequency:.3g} Hz"
+        raise DataError(message, where=_where(record), remedy="choose `logarithmic`, or check the imported reference")
+
+
+def _condition(inputs: ComplexArray, *, square: bool) -> FloatArray:
+    """Condition (n_freq,) of the worst of the blocks (n_real, n_freq, n_in, n_exp), or of all of them together."""
+    if square:
+        return np.asarray(np.linalg.cond(inputs, 1).max(axis=0))
+    power = (inputs @ np.swapaxes(inputs, -1, -2).conj()).sum(axis=0)
+    return np.asarray(np.sqrt(np.linalg.cond(power, 1)))
 
 
 def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:

@@ -10,10 +10,14 @@ from typing import Literal
 class EstimateOptions:
     """How a record becomes a frequency response."""
 
-    estimator: Literal["logarithmic", "arithmetic", "robust_local", "local", "local_periodic"] = field(
+    estimator: Literal[
+        "logarithmic", "arithmetic", "joint", "h1", "indirect", "robust_local", "local", "local_periodic"
+    ] = field(
         default="logarithmic",
         metadata={
-            "description": "How the blocks' responses are averaged; `robust_local`: their logarithms, once the"
+            "description": "How the blocks are averaged. `logarithmic`, `arithmetic`: means of Y U^-1; `joint`: least"
+            " squares with the recorded reference as instrument; `h1`: with the torque, biased in closed loop;"
+            " `indirect`: closed-loop responses from the recorded reference; `robust_local`: `logarithmic` once the"
             " transient between the lines of several periods is removed; `local` fits a polynomial to neighbouring"
             " bins of any signal; `local_periodic` to neighbouring excited lines, for fewer experiments than motors."
         },

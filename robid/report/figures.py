@@ -48,12 +48,8 @@ def configuration_label(frf: Frf, index: int) -> str:
 
 
 def band_radius(frf: Frf, level: float) -> FloatArray:
-    """Radius of each element's uncertainty circle relative to its magnitude (n_conf, n_freq, n_out, n_in).
-
-    The error is taken as circular complex normal, `P(|error| > r) = exp(-r^2 / s^2)` with `s^2` its variance.
-    """
-    radius = np.sqrt(frf.element_variance() * -np.log1p(-level))
-    return np.asarray(radius / np.maximum(np.abs(frf.response), _SMALLEST))
+    """Radius of each element's uncertainty circle relative to its magnitude (n_conf, n_freq, n_out, n_in)."""
+    return np.asarray(frf.error_radius(level) / np.maximum(np.abs(frf.response), _SMALLEST))
 
 
 def _fit_data(fit: FitContent) -> dict[str, Any]:
