@@ -24,7 +24,7 @@ class FrfStudy(Section):
         default=None, description="Values of `estimate.compensation` to compare; all when not given.", min_length=1
     )
     reference_estimator: str = Field(
-        default="arithmetic", description="Estimator of the best linear approximation, from all realizations of a task."
+        default="joint", description="Estimator of the best linear approximation, from all realizations of a task."
     )
     references: dict[str, float] = Field(
         default_factory=dict, description="Figures to hold ours against, by their name in summary.json."
