@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 import robid
+from robid.artifacts.atomic import read_json
 from robid.artifacts.store import inspect_artifact
 from robid.backends.map import make_map
 from robid.errors import ArtifactError, RobidError
@@ -41,7 +42,8 @@ from robid.stages.export_excitation import (
 )
 from robid.stages.report_content import gather
 from robid.stages.stage import Stage
-from robid.stages.terminal import Shell, dataset_table, make_console, status_table
+from robid.stages.terminal import Shell, dataset_table, make_console, section_table, status_table
+from robid.studies.study import run_study
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _PROBLEM, _INTERRUPTED = 5, 130
@@ -184,6 +186,14 @@ for _stage in STAGES:
     _add_stage(_stage)
 
 
+def _tell(shell: Shell, result: Result) -> None:
+    seconds = f" ({duration(result.seconds)})" if result.outcome == "made" else ""
+    colon = ": " if result.text else ""
+    shell.note(result.node.output, f"{result.outcome}{colon}{result.text}{seconds}")
+    if result.problem:
+        shell.warn(result.problem)
+
+
 @app.command("run")
 def run_experiment(
     experiment: ExperimentFile,
@@ -198,14 +208,7 @@ def run_experiment(
     run = _open(experiment, run_dir, backend, workers)
     shell = _shell(run, as_json=as_json)
 
-    def tell(result: Result) -> None:
-        seconds = f" ({duration(result.seconds)})" if result.outcome == "made" else ""
-        colon = ": " if result.text else ""
-        shell.note(result.node.output, f"{result.outcome}{colon}{result.text}{seconds}")
-        if result.problem:
-            shell.warn(result.problem)
-
-    results = run_all(run, lambda node: shell.progress(node.output), tell)
+    results = run_all(run, lambda node: shell.progress(node.output), lambda result: _tell(shell, result))
     present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
     content = gather(run.loaded, run.folder, present).content
     report = str(run.path("report.html"))
@@ -228,6 +231,37 @@ def run_experiment(
     shell.say(f"\n{content.verdict.text}")
     shell.say(f"report: {report}")
     return _PROBLEM if any(result.problem for result in results) else 0
+
+
+@app.command("study")
+def run_a_study(
+    experiment: ExperimentFile,
+    run_dir: RunFolder = None,
+    force: Annotated[bool, typer.Option("--force", help="Do the tasks again that are done.")] = False,
+    as_json: AsJson = False,
+    backend: Backend = None,
+    workers: Workers = None,
+    debug: Debug = False,
+) -> int:
+    """Runs the study of an experiment file; goes on where a stopped one was."""
+    del debug
+    run = _open(experiment, run_dir, backend, workers)
+    shell = _shell(run, as_json=as_json)
+    made = run_study(run, shell.progress, lambda result: _tell(shell, result), force=force)
+    report = str(run.path("report.html"))
+    if as_json:
+        summary = read_json(run.path("summary.json"))
+        verdict = dataclasses.asdict(made.conclusion.verdict)
+        _print_json({"outcome": made.outcome, "summary": summary, "verdict": verdict, "report": report})
+        return 0
+    for warning in made.conclusion.warnings:
+        shell.warn(warning)
+    for section in made.conclusion.sections:
+        for table in section.tables:
+            shell.say("")
+            shell.out.print(section_table(section.title, table.columns, table.rows))
+    shell.say(f"\n{made.conclusion.verdict.text}\n{report}  {made.outcome}")
+    return 0
 
 
 @app.command("export")

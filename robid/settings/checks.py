@@ -14,16 +14,17 @@ from robid.settings.experiment import Campaign, Configurations, Experiment, Fit
 from robid.settings.log_checks import check_channels, check_logs
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile
+from robid.settings.study_checks import check_study
 from robid.settings.yaml import Document, FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
-_FOLDERS = ("designs", "fits")
+_FOLDERS = ("designs", "fits", "tasks")
 _LIMIT_TOLERANCE_DEG = 1e-9
 
 
 def check_experiment(document: Document, experiment: Experiment, robot: RobotFile | None) -> list[Problem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
-    found = [_folders(experiment), _designs(experiment), _cycles(experiment)]
+    found = [_folders(experiment), _designs(experiment), _cycles(experiment), check_study(experiment)]
     for name, campaign in experiment.campaigns.items():
         found.append(_campaign(experiment, name, campaign))
         if robot is not None:

@@ -15,6 +15,7 @@ from robid.design.options import DesignOptions, ExcitationOptions
 from robid.fit.options import ElasticOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.base import DATA_VARIABLE, Name, Section, data_path
+from robid.settings.study import Study
 from robid.simulate.options import SimulateOptions
 
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(min_length=1)], ...], Field(min_length=1)]
@@ -275,6 +276,7 @@ class Experiment(Section):
     campaigns: dict[Name, Campaign] = Field(description="Campaigns by name.", min_length=1)
     designs: dict[Name, Design] = Field(default_factory=dict, description="Choices of configurations by name.")
     fits: dict[Name, Fit] = Field(default_factory=dict, description="Fits by name.")
+    study: Study | None = Field(default=None, description="What `robid study` does beyond the campaigns and fits.")
     execution: Execution = Field(default_factory=Execution, description="How it is computed.")
 
 

@@ -88,11 +88,12 @@ class Record:
             position_offset_rad=self.position_offset_rad[part],
         )
 
-    def realizations(self, count: int) -> Record:
-        """Returns the record of the first realizations."""
+    def realizations(self, count: int, first: int = 0) -> Record:
+        """Returns the record of some successive realizations."""
+        chosen = slice(first, first + count)
         return replace(
             self,
-            torque=self.torque[:, :count],
-            position=self.position[:, :count],
-            reference=None if self.reference is None else self.reference[:, :count],
+            torque=self.torque[:, chosen],
+            position=self.position[:, chosen],
+            reference=None if self.reference is None else self.reference[:, chosen],
         )
