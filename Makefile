@@ -6,7 +6,7 @@ BENCH_STAMP := .venv/.bench
 DATA := $(or $(ROBID_DATA),../shared/data)
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-log test test-slow lint check bench clean
+.PHONY: help install run run-log study test test-slow lint check bench clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '  %-10s %s\n' "$$name" "$$text"; done
@@ -28,6 +28,10 @@ run-log: ## run the same chain on a real log, where its data folder is there
 	else \
 		echo "run-log skipped: there is no folder $(DATA)/motor_bench; set ROBID_DATA to the folder that holds motor_bench"; \
 	fi
+
+study: $(STAMP) ## run a study, as in make study NAME=frf
+	@[ -f "configs/studies/$(NAME).yaml" ] || { echo "name a study, as in make study NAME=frf; there are: $(notdir $(basename $(wildcard configs/studies/*.yaml)))"; exit 2; }
+	$(BIN)/robid study configs/studies/$(NAME).yaml
 
 test: $(STAMP) ## run the tests
 	$(BIN)/python -m pytest -q -m "not slow"

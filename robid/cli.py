@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 import robid
+from robid.artifacts.atomic import read_json
 from robid.artifacts.store import inspect_artifact
 from robid.backends.map import make_map
 from robid.errors import ArtifactError, RobidError
@@ -33,9 +34,16 @@ from robid.report.terminal import fit_tables
 from robid.settings.load import load_experiment
 from robid.settings.schema import experiment_schema, robot_schema
 from robid.stages.export import ExportOptions, Format, check_options, export, export_plan, write_export
+from robid.stages.export_excitation import (
+    ExcitationExport,
+    check_excitation_export,
+    excitation_export_plan,
+    export_excitation,
+)
 from robid.stages.report_content import gather
 from robid.stages.stage import Stage
-from robid.stages.terminal import Shell, dataset_table, make_console, status_table
+from robid.stages.terminal import Shell, dataset_table, make_console, section_table, status_table
+from robid.studies.study import run_study
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _PROBLEM, _INTERRUPTED = 5, 130
@@ -166,6 +174,9 @@ def _run_stage(run: Run, node: Node, named: list[Path], output: Path | None, *, 
         _print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
     else:
         shell.say(f"{target}  {outcome}: {text}")
+        shown = node.stage.show(target, run.loaded) if outcome == "made" else None
+        if shown is not None:
+            shell.out.print(shown)
     if problem:
         shell.warn(problem)
     return _PROBLEM if problem else 0
@@ -173,6 +184,14 @@ def _run_stage(run: Run, node: Node, named: list[Path], output: Path | None, *, 
 
 for _stage in STAGES:
     _add_stage(_stage)
+
+
+def _tell(shell: Shell, result: Result) -> None:
+    seconds = f" ({duration(result.seconds)})" if result.outcome == "made" else ""
+    colon = ": " if result.text else ""
+    shell.note(result.node.output, f"{result.outcome}{colon}{result.text}{seconds}")
+    if result.problem:
+        shell.warn(result.problem)
 
 
 @app.command("run")
@@ -189,14 +208,7 @@ def run_experiment(
     run = _open(experiment, run_dir, backend, workers)
     shell = _shell(run, as_json=as_json)
 
-    def tell(result: Result) -> None:
-        seconds = f" ({duration(result.seconds)})" if result.outcome == "made" else ""
-        colon = ": " if result.text else ""
-        shell.note(result.node.output, f"{result.outcome}{colon}{result.text}{seconds}")
-        if result.problem:
-            shell.warn(result.problem)
-
-    results = run_all(run, lambda node: shell.progress(node.output), tell)
+    results = run_all(run, lambda node: shell.progress(node.output), lambda result: _tell(shell, result))
     present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
     content = gather(run.loaded, run.folder, present).content
     report = str(run.path("report.html"))
@@ -221,12 +233,47 @@ def run_experiment(
     return _PROBLEM if any(result.problem for result in results) else 0
 
 
+@app.command("study")
+def run_a_study(
+    experiment: ExperimentFile,
+    run_dir: RunFolder = None,
+    force: Annotated[bool, typer.Option("--force", help="Do the tasks again that are done.")] = False,
+    as_json: AsJson = False,
+    backend: Backend = None,
+    workers: Workers = None,
+    debug: Debug = False,
+) -> int:
+    """Runs the study of an experiment file; goes on where a stopped one was."""
+    del debug
+    run = _open(experiment, run_dir, backend, workers)
+    shell = _shell(run, as_json=as_json)
+    made = run_study(run, shell.progress, lambda result: _tell(shell, result), force=force)
+    report = str(run.path("report.html"))
+    if as_json:
+        summary = read_json(run.path("summary.json"))
+        verdict = dataclasses.asdict(made.conclusion.verdict)
+        _print_json({"outcome": made.outcome, "summary": summary, "verdict": verdict, "report": report})
+        return 0
+    for warning in made.conclusion.warnings:
+        shell.warn(warning)
+    for section in made.conclusion.sections:
+        for table in section.tables:
+            shell.say("")
+            shell.out.print(section_table(section.title, table.columns, table.rows))
+    shell.say(f"\n{made.conclusion.verdict.text}\n{report}  {made.outcome}")
+    return 0
+
+
 @app.command("export")
 def export_model(
     experiment: ExperimentFile,
     format_: Annotated[Format, typer.Option("--format", help="What to write.")],
     fit: Annotated[
         str | None, typer.Option("--fit", help="Name of the fit; may be left out if it is the only one.")
+    ] = None,
+    campaign: Annotated[
+        str | None,
+        typer.Option("--campaign", help="Name of a campaign, to write its excitation (csv, mat) instead of a fit."),
     ] = None,
     configuration: Annotated[
         int | None,
@@ -242,9 +289,15 @@ def export_model(
     as_json: AsJson = False,
     debug: Debug = False,
 ) -> int:
-    """Writes a fitted model for other programs: MJCF, JSON, CSV, MAT or state space."""
+    """Writes a fitted model, or the excitation of a campaign, for other programs: MJCF, JSON, CSV, MAT, state space."""
     del debug
     run = _open(experiment, run_dir, None, None)
+    if campaign is not None:
+        given = {"--fit": fit, "--configuration": configuration, "--friction": friction}
+        others = [name for name, value in given.items() if value is not None]
+        excitation = ExcitationExport(campaign, format_, output)
+        check_excitation_export(excitation, others)
+        return _export_excitation(run, excitation, force=force, as_json=as_json)
     node = choose_node(run, "fit", fit)
     options = ExportOptions(format_, configuration, friction, output)
     check_options(options, run.loaded, node.owner)
@@ -259,6 +312,21 @@ def export_model(
         shell.say(f"{target}  {outcome}")
     if problem:
         shell.warn(problem)
+    return 0
+
+
+def _export_excitation(run: Run, options: ExcitationExport, *, force: bool, as_json: bool) -> int:
+    node = choose_node(run, "design-excitation", options.campaign)
+    plan = excitation_export_plan(node.owner)
+    inputs = require_inputs(run, dataclasses.replace(node, plan=plan), [])
+    files = export_excitation(options, run.loaded, inputs["excitation"], run.folder)
+    outcomes = {str(path): write_export(path, content, force=force) for path, content in files.items()}
+    if as_json:
+        _print_json({"output": str(options.target(run.folder)), "format": options.format, "files": outcomes})
+        return 0
+    shell = _shell(run, as_json=False)
+    for path, outcome in outcomes.items():
+        shell.say(f"{path}  {outcome}")
     return 0
 
 

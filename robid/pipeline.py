@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -116,15 +116,34 @@ def _settle(run: Run, node: Node, states: dict[str, State]) -> State:
     return state
 
 
+def needed_for(nodes: tuple[Node, ...], outputs: Collection[str]) -> tuple[Node, ...]:
+    """Returns the nodes that make these outputs, and all that they need, in the same order."""
+    wanted, chosen = set(outputs), []
+    for node in reversed(nodes):
+        if wanted.intersection(node.plan.outputs):
+            chosen.append(node)
+            wanted.update(node.plan.inputs.values())
+    return tuple(reversed(chosen))
+
+
 def run_all(
-    run: Run, progress: Callable[[Node], AbstractContextManager[Progress]], tell: Callable[[Result], None]
+    run: Run,
+    progress: Callable[[Node], AbstractContextManager[Progress]],
+    tell: Callable[[Result], None],
+    outputs: Collection[str] | None = None,
 ) -> list[Result]:
     """Runs what is not fresh, in order; what needs an output with a numerical problem is skipped.
+
+    Args:
+        run: The run.
+        progress: Shows how far a node is.
+        tell: Is told what became of each node.
+        outputs: Outputs to make with all that they need; everything when None.
 
     Raises:
         RobidError: What the first node that cannot be made raised; what is finished stays.
     """
-    nodes = graph(run.loaded)
+    nodes = graph(run.loaded) if outputs is None else needed_for(graph(run.loaded), outputs)
     _preflight(run, nodes)
     states: dict[str, State] = {}
     results = []
@@ -161,13 +180,14 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
 
 
 def _check_files(node: Node) -> None:
-    for name, path in node.plan.files.items():
-        if not path.exists():
-            raise DataError(
-                f"the {name} of campaign {node.owner} does not exist",
-                where=str(path),
-                remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
-            )
+    missing = [(name, path) for name, path in node.plan.files.items() if not path.exists()]
+    if missing:
+        more = f", nor do {len(missing) - 1} more of its {len(node.plan.files)}" if len(missing) > 1 else ""
+        raise DataError(
+            f"the {missing[0][0]} of campaign {node.owner} does not exist{more}",
+            where=str(missing[0][1]),
+            remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
+        )
 
 
 def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:

@@ -2,6 +2,7 @@
 
 Schema history:
     1.0: first version.
+    1.1: in the plan, crest factor of the motor speed, signal-to-noise ratio of the response, and duration.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.design.excitation import UNITS, Excitation
 
-EXCITATION = Kind("excitation", "1.0", "robid design-excitation")
+EXCITATION = Kind("excitation", "1.1", "robid design-excitation")
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,13 @@ def excitation_from_artifact(artifact: Artifact) -> CampaignExcitation:
 
 def _plan_columns() -> dict[str, Column]:
     columns = {
-        "admissible_scale": Column("1", ("configuration", "motor"), "Factor on all RMS at which the first limit is met")
+        "admissible_scale": Column(
+            "1", ("configuration", "motor"), "Factor on all RMS at which the first limit is met"
+        ),
+        "speed_crest": Column("1", ("configuration", "motor"), "Largest crest factor of the motor speed"),
+        "snr_db": Column(
+            "dB", ("configuration", "frequency", "output", "input"), "Predicted signal-to-noise ratio of the response"
+        ),
     }
     for quantity, unit in (("speed", "rad/s"), ("torque", "N m"), ("excursion", "rad")):
         columns[f"{quantity}_rms"] = Column(unit, ("configuration", "motor"), f"Predicted RMS of the {quantity}")

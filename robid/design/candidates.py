@@ -8,9 +8,10 @@ from robid.arrays import FloatArray
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import jacobian, nominal_parameters, response
+from robid.robot.response import ElasticParameters, jacobian, nominal_parameters, response
 
-_KINDS = ("stiffness", "damping", "viscous", "delay")
+KINDS = ("stiffness", "damping", "viscous", "delay")
+"""Kinds of parameters that a frequency response tells about; the last two are nuisance."""
 
 
 def candidate_information(
@@ -42,15 +43,20 @@ def candidate_information(
     linear = linearize(model, solve_statics(model, configurations))
     nominal = nominal_parameters(robot, linear, delay_s)
     result = response(linear, nominal, frequency_hz, sampling_period_s)
-    plain = jacobian(linear, nominal, result, _KINDS, sampling_period_s) / result.sampled[..., None]
-    slopes = np.concatenate(
-        [nominal.stiffness, nominal.damping, 2 * np.pi * nominal.motor_inertia, np.array([sampling_period_s])]
-    )
+    plain = jacobian(linear, nominal, result, KINDS, sampling_period_s) / result.sampled[..., None]
+    slopes = log_slopes(nominal, sampling_period_s)
     rows = (plain * slopes).reshape(len(configurations), -1, slopes.size) / relative_error
     information = 2 * np.real(rows.conj().swapaxes(1, 2) @ rows)
     count = 2 * len(robot.springs)
-    names = tuple(f"{spring.name}.{kind}" for kind in _KINDS[:2] for spring in robot.springs)
+    names = tuple(f"{spring.name}.{kind}" for kind in KINDS[:2] for spring in robot.springs)
     return _eliminate(information, count), names
+
+
+def log_slopes(nominal: ElasticParameters, sampling_period_s: float) -> FloatArray:
+    """Scale (n_param,) of each parameter of `KINDS`: its value, or for the nuisance what is natural to it."""
+    return np.concatenate(
+        [nominal.stiffness, nominal.damping, 2 * np.pi * nominal.motor_inertia, np.array([sampling_period_s])]
+    )
 
 
 def _eliminate(information: FloatArray, count: int) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Excitation of a campaign and its predicted motion against the robot's limits."""
+"""Excitation of a campaign: what each motor is told to do, and the plan of what that will cause."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.design.lines import choose_lines, samples_per_period
+from robid.design.loop import NominalLoop
 from robid.design.options import ExcitationOptions
+from robid.design.shaping import sensitivity_amplitude
 from robid.errors import SettingsError
-from robid.robot.description import Robot
-from robid.signals.multisine import crest_factor, multisine, reduce_crest, time_signal
-from robid.simulate.controller import frequency_response
-from robid.simulate.options import Controller
+from robid.signals.crest import reduce_crest, reduce_crest_with_motion
+from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
 
-MAX_EXCURSION_RAD = float(np.radians(5.0))
-"""Default limit of the arm's excursion: what is linearised must stay a perturbation."""
+_PLAYED_SHARE = 1e-6
+"""Size of a line, relative to the largest, below which it holds only rounding."""
 
 UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m"}
 
@@ -38,6 +38,10 @@ class Plan:
         excursion_limit (n_motor,): Limit of the arm excursion [rad].
         admissible_scale (n_conf, n_motor): Factor on all motors' RMS at which this motor meets its first limit;
             0 where the static torque alone does.
+        speed_crest (n_conf, n_motor): Largest crest factor of the motor speed, or None in older files.
+        snr_db (n_conf, n_freq, n_out, n_in): Power of each element of the response over the variance that the
+            assumed noise will give its estimate; None in older files [dB].
+        duration_s: Time that the whole campaign takes, transients included; None in older files [s].
     """
 
     speed_rms: FloatArray
@@ -50,6 +54,9 @@ class Plan:
     torque_limit: FloatArray
     excursion_limit: FloatArray
     admissible_scale: FloatArray
+    speed_crest: FloatArray | None = None
+    snr_db: FloatArray | None = None
+    duration_s: float | None = None
 
     @property
     def speed_margin(self) -> FloatArray:
@@ -78,8 +85,8 @@ class Excitation:
         detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
         sampling_period_s: Sampling period of the controller [s].
         spectrum (n_real, n_exp, n_freq, n_motor): Complex amplitudes at the excited lines [as reference].
-        rms (n_motor,): RMS of each motor's signal [as reference].
-        crest_factor (n_real, n_exp, n_motor): Peak over RMS of `reference`.
+        rms (n_motor,): RMS of each motor's signal, a slow motion left out [as reference].
+        crest_factor (n_real, n_exp, n_motor): Peak over RMS, a slow motion left out.
         plan: Predicted motion against the limits, or None before `predict`.
     """
 
@@ -103,39 +110,60 @@ class Excitation:
         """Excited frequencies (n_freq,) [Hz]."""
         return np.asarray(self.excited_lines / self.period_s)
 
+    @property
+    def played_lines(self) -> IntArray:
+        """All lines (n_played,) that `reference` holds: excited ones, a slow motion, a sweep's edges."""
+        size = np.abs(np.fft.rfft(self.reference, axis=2)).max(axis=(0, 1, 3))
+        size[0] = size[len(size) - 1 if self.reference.shape[2] % 2 == 0 else 0] = 0
+        return np.flatnonzero(size > _PLAYED_SHARE * size.max())
+
+    @property
+    def played_spectrum(self) -> ComplexArray:
+        """Complex amplitudes (n_real, n_exp, n_played, n_motor) at the played lines [as reference]."""
+        n_sample = self.reference.shape[2]
+        return np.asarray(np.fft.rfft(self.reference, axis=2)[:, :, self.played_lines] * (2 / n_sample))
+
+    def first_experiments(self, count: int | None) -> Excitation:
+        """Returns the first experiments of every block, all of them without a count."""
+        kept = slice(count)
+        return replace(
+            self,
+            reference=self.reference[:, kept],
+            spectrum=self.spectrum[:, kept],
+            crest_factor=self.crest_factor[:, kept],
+        )
+
 
 def design_excitation(
-    options: ExcitationOptions, n_motor: int, realizations: int, sampling_period_s: float
+    options: ExcitationOptions,
+    n_motor: int,
+    realizations: int,
+    sampling_period_s: float,
+    loop: NominalLoop | None = None,
 ) -> Excitation:
     """Designs orthogonal random-phase multisines with a low crest factor over each block of experiments.
 
     Args:
-        options: Period, band, lines, RMS, phase iterations and seed.
+        options: Period, band, lines, RMS, amplitudes, crest-factor search and seed.
         n_motor: Number of motors, and of experiments in a realization.
         realizations: Number of realizations, each with new phases.
         sampling_period_s: Sampling period of the controller [s].
+        loop: The nominal loop at the excited lines; needed for amplitudes shaped by sensitivity and for a low
+            crest factor of the motion, which is that of the configuration nearest the mean.
 
     Raises:
         SettingsError: If the lines cannot be chosen or the RMS does not fit the motors.
+        ValueError: If the loop is needed and not given.
 
     Source:
         Wernholt and Moberg (2008), sec. 4.
     """
-    rms = _rms_per_motor(options.rms, n_motor)
+    rms = rms_per_motor(options.rms, n_motor)
     excited, detection = choose_lines(options, sampling_period_s)
-    amplitude = np.repeat(rms[:, None] * np.sqrt(2 / len(excited)), len(excited), axis=1)
-    phase = np.empty((realizations, n_motor, len(excited)))
-    # The optimizer's vectors are short: on a busy machine BLAS threads would only wait for each other.
+    # The vectors are short: on a busy machine BLAS threads would only wait for each other.
     with threadpool_limits(1, user_api="blas"):
-        for realization, motor in np.ndindex(realizations, n_motor):
-            generator = np.random.default_rng([options.seed, 2, realization, motor])
-            phase[realization, motor] = reduce_crest(
-                generator.uniform(0, 2 * np.pi, len(excited)),
-                amplitude[motor],
-                excited,
-                2 * np.pi * motor * np.arange(n_motor) / n_motor,
-                iterations=options.phase_iterations,
-            )
+        amplitude = _amplitude(options, rms, len(excited), loop)
+        phase = np.array([_phases(options, amplitude, excited, index, loop) for index in range(realizations)])
     spectrum = multisine(amplitude, phase)
     reference = time_signal(spectrum, excited, samples_per_period(options.period_s, sampling_period_s))
     return Excitation(
@@ -150,69 +178,48 @@ def design_excitation(
     )
 
 
-def predict(
-    excitation: Excitation,
-    response: ComplexArray,
-    controller: Controller,
-    static_torque: FloatArray,
-    robot: Robot,
-    *,
-    max_excursion_rad: float = MAX_EXCURSION_RAD,
-) -> Excitation:
-    """Predicts speed, torque and excursion of the nominal closed loop and holds them against the limits.
+def _amplitude(options: ExcitationOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
+    """Amplitude (n_motor, n_lines) of each line."""
+    flat = np.repeat(rms[:, None] * np.sqrt(2 / n_lines), n_lines, axis=1)
+    if options.amplitude == "flat":
+        return flat
+    noise = options.assumed_angle_noise_rad, options.assumed_torque_noise_nm
+    return sensitivity_amplitude(flat, _needed(loop), options.inject, *noise)
 
-    Friction is not in the prediction: a margin of a few N m should be left for it.
 
-    Args:
-        excitation: The excitation.
-        response (n_conf, n_freq, n_motor, n_motor): Sampled nominal response from motor torque to motor
-            acceleration at the excited lines, hold and computation delay inside [rad/(s^2 N m)].
-        controller: The controller that plays it.
-        static_torque (n_conf, n_motor): Motor torque that holds the arm [N m].
-        robot: Names, limits, gear ratios and rotor inertias.
-        max_excursion_rad: Limit of the arm excursion [rad].
+def _phases(
+    options: ExcitationOptions, amplitude: FloatArray, lines: IntArray, realization: int, loop: NominalLoop | None
+) -> FloatArray:
+    """Phases (n_motor, n_lines) of one realization; a start beyond one per motor goes to the worst motor so far."""
+    n_motor, n_lines = amplitude.shape
+    shifts = np.angle(orthogonal_matrix(n_motor))
+    generators = [np.random.default_rng([options.seed, 2, realization, motor]) for motor in range(n_motor)]
+    phases, crest = np.zeros(amplitude.shape), np.full(n_motor, np.inf)
+    for _ in range(max(options.phase_starts, n_motor)):
+        motor = int(np.argmax(crest))
+        start = generators[motor].uniform(0, 2 * np.pi, (n_lines,))
+        found, peak = reduce_crest(start, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations)
+        if peak < crest[motor]:
+            phases[motor], crest[motor] = found, peak
+    if options.crest_at == "reference":
+        return phases
+    loop = _needed(loop)
+    speed = 1j * loop.omega[:, None, None] * loop.gains(loop.central(), options.inject)[1]
+    return reduce_crest_with_motion(phases, amplitude, lines, speed, iterations=options.phase_iterations)
 
-    Returns:
-        The excitation with its plan.
+
+def _needed(loop: NominalLoop | None) -> NominalLoop:
+    if loop is None:
+        raise ValueError("The nominal loop is needed to shape amplitudes or motion.")
+    return loop
+
+
+def rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
+    """Returns the RMS of each motor's signal (n_motor,).
 
     Raises:
-        SettingsError: If a motor's speed, torque or excursion exceeds its limit in any configuration.
+        SettingsError: If the values do not fit the motors or are not positive.
     """
-    n_motor, n_conf = len(robot.joints), response.shape[0]
-    check_shape(
-        "response", response, "n_conf n_freq n_motor n_motor", n_freq=len(excitation.excited_lines), n_motor=n_motor
-    )
-    check_shape("static_torque", static_torque, "n_conf n_motor", n_conf=n_conf, n_motor=n_motor)
-    reach = np.stack(
-        [_reach(excitation, response[i], controller, static_torque[i], robot) for i in range(n_conf)], axis=2
-    )
-    minimum, maximum, rms = reach
-    peak = np.maximum(maximum, -minimum)
-    limits = np.array(
-        [
-            [joint.motor.max_speed_rad_s for joint in robot.joints],
-            [joint.motor.max_torque_nm for joint in robot.joints],
-            np.full(n_motor, max_excursion_rad),
-        ]
-    )
-    scale = _admissible_scale(minimum, maximum, limits, static_torque)
-    plan = Plan(
-        speed_rms=rms[0],
-        speed_peak=peak[0],
-        torque_rms=rms[1],
-        torque_peak=peak[1],
-        excursion_rms=rms[2],
-        excursion_peak=peak[2],
-        speed_limit=limits[0],
-        torque_limit=limits[1],
-        excursion_limit=limits[2],
-        admissible_scale=scale.min(axis=0),
-    )
-    _check_limits(excitation, robot, peak, limits, scale)
-    return replace(excitation, plan=plan)
-
-
-def _rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
     values = np.full(n_motor, rms, float) if np.ndim(rms) == 0 else np.asarray(rms, float)
     problems = [] if len(values) == n_motor else [f"{len(values)} values for {n_motor} motors"]
     problems += [
@@ -225,76 +232,3 @@ def _rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
             remedy=f"Give one positive number, or a list of {n_motor}.",
         )
     return values
-
-
-def _reach(
-    excitation: Excitation, response: ComplexArray, controller: Controller, static_torque: FloatArray, robot: Robot
-) -> FloatArray:
-    """Minimum, maximum and RMS (3, 3, n_motor) of speed, torque and excursion in one configuration."""
-    omega = 2 * np.pi * excitation.frequency_hz
-    reference_gain, angle_gain = frequency_response(controller, robot.motor_inertia_kgm2, omega, excitation.kind)
-    # U = C_r R - C_q Q with Q = -G U / w^2, for all experiments of a line at once.
-    plant = -response / omega[:, None, None] ** 2
-    loop = np.eye(len(robot.joints)) + angle_gain[:, :, None] * plant
-    drive = np.moveaxis(reference_gain * excitation.spectrum, (0, 1, 2, 3), (2, 3, 0, 1))
-    torque = np.linalg.solve(loop, drive.reshape(*drive.shape[:2], -1))
-    angle = plant @ torque
-    stacked = np.stack([1j * omega[:, None, None] * angle, torque, robot.arm_per_motor @ angle])
-    signal = time_signal(np.moveaxis(stacked, -1, 1), excitation.excited_lines, excitation.reference.shape[2])
-    signal[1] += static_torque
-    return np.stack([signal.min(axis=(1, 2)), signal.max(axis=(1, 2)), np.sqrt(np.mean(signal**2, axis=(1, 2)))])
-
-
-def _admissible_scale(
-    minimum: FloatArray, maximum: FloatArray, limits: FloatArray, static_torque: FloatArray
-) -> FloatArray:
-    """Factor (3, n_conf, n_motor) on the excitation at which each quantity meets its limit."""
-    offset = np.zeros_like(minimum)
-    offset[1] = static_torque
-    tiny = np.finfo(float).tiny
-    upward = (limits[:, None] - offset) / np.maximum(maximum - offset, tiny)
-    downward = (limits[:, None] + offset) / np.maximum(offset - minimum, tiny)
-    return np.asarray(np.maximum(np.minimum(upward, downward), 0))
-
-
-def _check_limits(
-    excitation: Excitation, robot: Robot, peak: FloatArray, limits: FloatArray, scale: FloatArray
-) -> None:
-    """Collects every limit that a motor exceeds, at its worst configuration."""
-    problems = []
-    quantities = (("speed", "rad/s", 1.0), ("torque", "N m", 1.0), ("arm excursion", "deg", 180 / np.pi))
-    for index, (quantity, unit, factor) in enumerate(quantities):
-        for motor, joint in enumerate(robot.joints):
-            over = np.flatnonzero(peak[index, :, motor] > limits[index, motor])
-            if not len(over):
-                continue
-            worst = over[np.argmin(scale[index, over, motor])]
-            others = f" and {len(over) - 1} more" if len(over) > 1 else ""
-            admissible = (
-                f"admissible rms {_floor(scale[index, worst, motor] * excitation.rms[motor]):.3g}"
-                f" {UNITS[excitation.kind]}"
-                if scale[index, worst, motor] > 0
-                else "its static torque alone leaves no room"
-            )
-            problems.append(
-                f"motor {joint.name}, configuration {worst + 1}{others}: {quantity} peak"
-                f" {peak[index, worst, motor] * factor:.4g} {unit} exceeds {limits[index, motor] * factor:.4g} {unit}"
-                f" ({admissible})"
-            )
-    if problems:
-        factor = _floor(float(scale.min()))
-        raise SettingsError(
-            "The excitation would exceed limits:\n  " + "\n  ".join(problems),
-            where="excitation.rms",
-            remedy=f"Multiply the RMS of all motors by at most {factor:.3g} (the motors are coupled)."
-            if factor > 0
-            else "Leave out the configurations that the motors cannot hold.",
-        )
-
-
-def _floor(value: float) -> float:
-    """Rounds a positive value down to three significant digits."""
-    if value <= 0:
-        return 0.0
-    digit = 10.0 ** (np.floor(np.log10(value)) - 2)
-    return float(np.floor(value / digit) * digit)

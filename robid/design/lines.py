@@ -52,7 +52,10 @@ def choose_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[
     highest = int(np.floor(options.high_hz * options.period_s + 1e-9))
     if options.grid == "odd":
         lowest, highest = lowest + 1 - lowest % 2, highest - 1 + highest % 2
-    available = max((highest - lowest) // step + 1, 0)
+    grid = np.arange(lowest, highest + 1, step)
+    if options.slow_motion_rad_s > 0:
+        grid = grid[grid % options.slow_motion_line != 0]
+    available = len(grid)
     problems = []
     if 2 * highest >= n_sample:
         problems.append(
@@ -74,7 +77,7 @@ def choose_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[
             where="excitation",
             remedy="Change the fields named in parentheses.",
         )
-    chosen = _spread(lowest, lowest + step * (available - 1), step, total, options.spacing)
+    chosen = _spread(grid, total, options.spacing)
     generator = np.random.default_rng([options.seed, 1])
     inner = np.arange(1, total - 1) if total >= n_detection + 2 else np.arange(total)
     drawn = [int(generator.choice(run)) for run in np.array_split(inner, n_detection)] if n_detection else []
@@ -88,15 +91,16 @@ def _detection_count(options: ExcitationOptions) -> int:
     return 0 if share == 0 else max(1, round(options.count * share / (1 - share)))
 
 
-def _spread(lowest: int, highest: int, step: int, count: int, spacing: str) -> IntArray:
-    """Spreads `count` distinct lines of the grid `lowest, lowest + step, ..., highest`."""
+def _spread(grid: IntArray, count: int, spacing: str) -> IntArray:
+    """Spreads `count` distinct lines over a rising grid."""
+    lowest, highest = int(grid[0]), int(grid[-1])
     if count == 1:
         middle = np.sqrt(lowest * highest) if spacing == "log" else (lowest + highest) / 2
-        return np.array([lowest + step * round((middle - lowest) / step)])
-    chosen = [lowest]
+        return grid[[np.argmin(np.abs(grid - middle))]]
+    chosen = [0]
     for left in range(count - 1, 0, -1):
-        last = chosen[-1]
+        last = int(grid[chosen[-1]])
         target = last * (highest / last) ** (1 / left) if spacing == "log" else last + (highest - last) / left
-        nearest = lowest + step * round((target - lowest) / step)
-        chosen.append(min(max(nearest, last + step), highest - step * (left - 1)))
-    return np.array(chosen)
+        nearest = round(float(np.interp(target, grid, np.arange(len(grid)))))
+        chosen.append(min(max(nearest, chosen[-1] + 1), len(grid) - left))
+    return grid[chosen]

@@ -34,11 +34,86 @@ class ExcitationOptions:
     phase_iterations: int = field(
         default=60,
         metadata={
-            "description": "Iterations of the crest-factor search at each of four exponents; 0 keeps random phases.",
+            "description": "Iterations of the crest-factor search at each of seven exponents; 0 keeps random phases.",
             "ge": 0,
         },
     )
     seed: int = field(default=1, metadata={"description": "Seed of the phases and detection lines.", "ge": 0})
+    phase_starts: int = field(
+        default=16,
+        metadata={
+            "description": "Random starts of the crest-factor search in a block: one per motor, the rest where it is"
+            " worst; best of random draws where `phase_iterations` is 0.",
+            "ge": 1,
+        },
+    )
+    crest_at: Literal["reference", "reference_and_motion"] = field(
+        default="reference",
+        metadata={
+            "description": "Where the crest factor is kept low: at the reference, or at the predicted motor speed too."
+        },
+    )
+    amplitude: Literal["flat", "sensitivity"] = field(
+        default="flat",
+        metadata={
+            "description": "Amplitudes of a motor's lines: all the same, or shaped by the information that each line"
+            " carries about springs and dampers."
+        },
+    )
+    limit_share: float | None = field(
+        default=None,
+        metadata={
+            "description": "Scales the RMS of all motors by one factor until this share of the nearest limit is"
+            " reached; `rms` as given when not set.",
+            "gt": 0,
+            "le": 1,
+        },
+    )
+    max_excursion_deg: float = field(
+        default=5.0, metadata={"description": "Limit of each joint's excursion on the arm side [deg].", "gt": 0}
+    )
+    assumed_angle_noise_rad: float = field(
+        default=3e-5,
+        metadata={
+            "description": "Motor angle's noise per sample that the plan assumes, quantisation included [rad].",
+            "gt": 0,
+        },
+    )
+    assumed_torque_noise_nm: float = field(
+        default=0.05,
+        metadata={"description": "Torque disturbance per sample that the plan assumes [N m].", "ge": 0},
+    )
+    signal: Literal["multisine", "chirp", "stepped_sine", "fourier"] = field(
+        default="multisine",
+        metadata={
+            "description": "Kind of signal; a chirp excites all lines of the band, a stepped sine those near `count`"
+            " frequencies, a Fourier series has random phases and may begin and end at rest."
+        },
+    )
+    chirp_peak: float = field(
+        default=0.25,
+        metadata={
+            "description": "Where a chirp's amplitude is largest, as a share of its sweep; 0 lets it fall throughout.",
+            "ge": 0,
+            "lt": 1,
+        },
+    )
+    at_rest: bool = field(
+        default=False,
+        metadata={"description": "Fourier series: angle, speed and acceleration are zero where the period begins."},
+    )
+    slow_motion_rad_s: float = field(
+        default=0.0,
+        metadata={
+            "description": "Peak motor speed of a slow motion that is added against Coulomb friction, scaled with"
+            " the rest by `limit_share`; 0 adds none [rad/s].",
+            "ge": 0,
+        },
+    )
+    slow_motion_line: int = field(
+        default=2,
+        metadata={"description": "Line of the slow motion, even; it and its multiples are never excited.", "ge": 2},
+    )
 
 
 @dataclass(frozen=True)

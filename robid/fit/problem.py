@@ -121,8 +121,8 @@ def make_weights(frf: Frf, weights: Weights, estimator: str, size: FloatArray | 
     power = (np.abs(frf.response) if size is None else size) ** 2
     variance = frf.element_variance()
     relative = np.divide(variance, power, out=np.full(power.shape, np.inf), where=power > 0)
-    freedom = frf.total_degrees_of_freedom if frf.total_covariance is not None else frf.noise_degrees_of_freedom
-    inverse_bias = (freedom - 1) / freedom if freedom > 2 else 1.0
+    freedom = frf.degrees_of_freedom
+    inverse_bias = (freedom - 1) / freedom if freedom > 1 else 1.0
     if weights.kind == "user":
         base = np.where(np.eye(*power.shape[2:]) > 0, 1.0, weights.off_diagonal) + np.zeros(power.shape)
         typical = float((base * relative).sum() / max((base > 0).sum(), 1))

@@ -27,7 +27,7 @@ class BlockEstimate:
     @property
     def input_factor(self) -> ComplexArray:
         """`sum_m W_m^T conj(W_m)` (n_freq, n_in, n_in), the first factor of the structured covariance."""
-        return np.asarray(np.einsum("rfei,rfej->fij", self.weights, self.weights.conj()))
+        return np.asarray((np.swapaxes(self.weights, -1, -2) @ self.weights.conj()).sum(axis=0))
 
 
 def arithmetic(blocks: Blocks) -> BlockEstimate:
@@ -46,10 +46,67 @@ def logarithmic(blocks: Blocks) -> BlockEstimate:
     return BlockEstimate(logarithmic_mean(blocks.acceleration @ inverse), inverse / len(inverse))
 
 
-ESTIMATORS: dict[str, Callable[[Blocks], BlockEstimate]] = {"arithmetic": arithmetic, "logarithmic": logarithmic}
+def joint(blocks: Blocks) -> BlockEstimate:
+    """Joint input-output estimate, the reference R its instrument: `(sum Y R^H) (sum U R^H)^-1`.
+
+    Noise that the loop feeds back is in U but not in R, so it averages out instead of leaving a bias. Torque
+    that compensation takes out changes U only: the instrument stays what was injected.
+
+    Source:
+        Pintelon and Schoukens (2012), System Identification, sec. 2.6 and 7.2.
+    """
+    return _projected(blocks, _reference(blocks))
+
+
+def h1(blocks: Blocks) -> BlockEstimate:
+    """Least squares with the torque as regressor: `(sum Y U^H) (sum U U^H)^-1`.
+
+    In closed loop it is biased towards minus the controller's inverse by noise that the loop feeds back to U.
+    With one block it is `Y U^-1`.
+    """
+    return _projected(blocks, blocks.torque)
+
+
+def indirect(blocks: Blocks) -> BlockEstimate:
+    """Quotient of the mean closed-loop responses from the reference: `mean(Y R^-1) mean(U R^-1)^-1`.
+
+    It weighs every block alike where `joint` weighs by the reference's power; for orthogonal blocks of the same
+    amplitudes `R^-1` is `R^H` times a constant and both are one.
+
+    Source:
+        Turk et al. (2018), indirect method.
+    """
+    return _projected(blocks, np.swapaxes(np.linalg.inv(_reference(blocks)), -1, -2).conj())
+
+
+ESTIMATORS: dict[str, Callable[[Blocks], BlockEstimate]] = {
+    "arithmetic": arithmetic,
+    "logarithmic": logarithmic,
+    "joint": joint,
+    "h1": h1,
+    "indirect": indirect,
+    "robust_local": logarithmic,
+}
+NEEDS_REFERENCE = frozenset({"joint", "indirect"})
+"""Estimators that need what was injected."""
+NEEDS_SQUARE_BLOCKS = frozenset({"arithmetic", "logarithmic", "indirect", "robust_local"})
+"""Estimators that need as many experiments per block as inputs; the others need as many in all blocks together."""
 
 
 def logarithmic_mean(per_block: ComplexArray) -> ComplexArray:
     """Averages block responses (n_real, ...) by their logarithm, branch relative to the arithmetic mean."""
     mean = per_block.mean(axis=0)
     return np.asarray(mean * np.exp(np.log(per_block / mean).mean(axis=0)))
+
+
+def _projected(blocks: Blocks, instrument: ComplexArray) -> BlockEstimate:
+    """`(sum Y Z^H) (sum U Z^H)^-1` of instruments Z (n_real, n_freq, n_in, n_exp)."""
+    adjoint = np.swapaxes(instrument, -1, -2).conj()
+    weights = adjoint @ np.linalg.inv((blocks.torque @ adjoint).sum(axis=0))
+    return BlockEstimate((blocks.acceleration @ weights).sum(axis=0), weights)
+
+
+def _reference(blocks: Blocks) -> ComplexArray:
+    if blocks.reference is None:
+        raise ValueError("Argument `blocks` must hold a reference.")
+    return blocks.reference

@@ -48,17 +48,18 @@ class Finding:
     fatal: bool
 
 
-def check_record(record: Record) -> list[Finding]:
+def check_record(record: Record, *, periodic: bool = True) -> list[Finding]:
     """Looks for a wrong period, dropped samples, jitter, saturated torques and motors that stood still.
 
     Args:
         record: Finite record of a single configuration, simulated or measured.
+        periodic: Whether its periods repeat each other; the time base is not looked at otherwise.
 
     Returns:
         What was found; nothing else is looked at where the time base is wrong. Experiments, realizations, periods
         and samples are numbered from 1.
     """
-    return _timing(record) or [*_saturation(record), *_still(record)]
+    return (_timing(record) if periodic else []) or [*_saturation(record), *_still(record)]
 
 
 def refuse_faults(record: Record, findings: list[Finding]) -> None:

@@ -52,6 +52,10 @@ class Disturbance:
     torque: ComplexArray
     derivative: ComplexArray
 
+    def first(self, count: int) -> Disturbance:
+        """Returns it at the first lines."""
+        return Disturbance(self.torque[:, :count], self.derivative[:, :, :count])
+
 
 def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling: int = 2) -> Motion:
     """Prepares the evaluation of torque laws.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.errors import DataError
 
 
 def total_covariance(residual: ComplexArray, n_in: int, pooled: int) -> tuple[ComplexArray | None, float]:
@@ -22,7 +23,7 @@ def total_covariance(residual: ComplexArray, n_in: int, pooled: int) -> tuple[Co
     freedom = n_exp * n_real - n_in
     if n_real < 2 or freedom < 1:
         return None, 0.0
-    covariance = np.einsum("rfoe,rfpe->fop", residual, residual.conj()) / freedom
+    covariance = _outer(residual.transpose(1, 2, 0, 3)) / freedom
     return pool(covariance, pooled), float(freedom * min(pooled, n_freq))
 
 
@@ -41,16 +42,23 @@ def noise_covariance(scatter: ComplexArray, freedom: int, pooled: int) -> tuple[
     if freedom < 1:
         return None, 0.0
     whole = n_real * n_exp * freedom
-    covariance = np.einsum("rafoe,rafpe->fop", scatter, scatter.conj()) / whole
+    covariance = _outer(scatter.transpose(2, 3, 0, 1, 4)) / whole
     return pool(covariance, pooled), float(whole * min(pooled, n_freq))
 
 
-def element_scale(per_block: ComplexArray, factor: ComplexArray, total: ComplexArray | None) -> FloatArray:
-    """Sample variance of each element's mean over that of the Kronecker product (n_out, n_in), mean over lines."""
-    n_real = per_block.shape[0]
+def element_scale(errors: ComplexArray, factor: ComplexArray, total: ComplexArray | None, n_exp: int) -> FloatArray:
+    """Sample variance of each element over that of the Kronecker product (n_out, n_in), mean over the lines.
+
+    Args:
+        errors (n_real, n_freq, n_out, n_in): `V_m W_m`, what each realization's residual adds to the response.
+        factor (n_freq, n_in, n_in): Input factor of the structured covariance.
+        total (n_freq, n_out, n_out): Its other factor, or None where there is only one realization.
+        n_exp: Experiments of each realization.
+    """
     if total is None:
-        return np.ones(per_block.shape[2:])
-    sample = per_block.var(axis=0) / (n_real - 1)
+        return np.ones(errors.shape[2:])
+    whole, n_in = len(errors) * n_exp, errors.shape[-1]
+    sample = (np.abs(errors) ** 2).sum(axis=0) * whole / (whole - n_in)
     rows = np.real(np.diagonal(total, axis1=-2, axis2=-1))
     columns = np.real(np.diagonal(factor, axis1=-2, axis2=-1))
     product = rows[:, :, None] * columns[:, None, :]
@@ -58,8 +66,60 @@ def element_scale(per_block: ComplexArray, factor: ComplexArray, total: ComplexA
     return np.asarray(ratio.mean(axis=0))
 
 
+def sample_covariance(errors: ComplexArray) -> tuple[ComplexArray, float]:
+    """Unstructured covariance of `vec G` over realizations, for comparison with the structured one.
+
+    Args:
+        errors (n_real, n_freq, n_out, n_in): `V_m W_m`, what each realization's residual adds to the response.
+
+    Returns:
+        Covariance (n_freq, n_out n_in, n_out n_in), columns of G stacked, and its complex degrees of freedom,
+        which are its rank.
+    """
+    n_real, n_freq = errors.shape[:2]
+    stacked = np.swapaxes(errors, -1, -2).reshape(n_real, n_freq, -1)
+    freedom = n_real - 1
+    return _outer(stacked.transpose(1, 2, 0)) * n_real / freedom, float(freedom)
+
+
+def inverse_covariance(covariance: ComplexArray, freedom: float, *, name: str = "covariance") -> ComplexArray:
+    """Inverse of an estimated covariance without the bias that few degrees of freedom give it.
+
+    Args:
+        covariance (..., n, n): Estimated covariance, complex Wishart over its degrees of freedom.
+        freedom: Complex degrees of freedom.
+        name: What to call it in the message.
+
+    Returns:
+        `(freedom - n) / freedom` times the inverse (..., n, n), whose mean is the inverse of the true covariance.
+
+    Raises:
+        DataError: If the covariance has no inverse, or its inverse no mean.
+
+    Source:
+        Mean of the inverted complex Wishart distribution; METHODS sec. 4.
+    """
+    size = covariance.shape[-1]
+    if freedom <= size:
+        rank = min(int(freedom), size)
+        message = f"the {name} of size {size} has rank {rank} from {freedom:g} degrees of freedom: no usable inverse"
+        remedy = f"use the structured covariance, or record enough realizations for more than {size} degrees of freedom"
+        raise DataError(message, remedy=remedy)
+    return np.asarray(np.linalg.inv(covariance) * (freedom - size) / freedom)
+
+
 def pool(covariance: ComplexArray, count: int) -> ComplexArray:
     """Averages covariances (n_freq, n, n) over `count` neighbouring lines, fewer at the edges."""
-    half = count // 2
-    n_freq = covariance.shape[0]
-    return np.array([covariance[max(0, k - half) : min(n_freq, k + half + 1)].mean(axis=0) for k in range(n_freq)])
+    half, n_freq = count // 2, len(covariance)
+    total, members = np.zeros_like(covariance), np.zeros((n_freq, 1, 1))
+    for offset in range(-min(half, n_freq - 1), min(half, n_freq - 1) + 1):
+        here, there = slice(max(0, -offset), n_freq - max(0, offset)), slice(max(0, offset), n_freq + min(0, offset))
+        total[here] += covariance[there]
+        members[here] += 1
+    return np.asarray(total / members)
+
+
+def _outer(vectors: ComplexArray) -> ComplexArray:
+    """Sum of the outer products (n_freq, n_out, n_out) of vectors (n_freq, n_out, ...)."""
+    flat = vectors.reshape(*vectors.shape[:2], -1)
+    return np.asarray(flat @ np.swapaxes(flat, 1, 2).conj())

@@ -70,27 +70,21 @@ def interpolate_response(lines: IntArray, response: ComplexArray, wanted: IntArr
     return np.asarray(parts[..., 0] + 1j * parts[..., 1])
 
 
-def multiple_coherence(residual: ComplexArray, acceleration: ComplexArray, noise: ComplexArray | None) -> FloatArray:
-    """Share of each output's power that the response explains, corrected for the freedom its estimate took.
+def multiple_coherence(acceleration: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
+    """Share of each output's power that the response explains, over experiments and realizations.
 
     Args:
-        residual (n_real, n_freq, n_out, n_exp): `Y - G U`.
-        acceleration (n_real, n_freq, n_out, n_exp): Y.
-        noise (n_freq, n_out, n_out): Noise covariance of the residual, for blocks that leave no freedom: there
-            the residual vanishes whatever the data. None where it is not known.
+        acceleration (n_real, n_freq, n_out, n_exp): Output spectra.
+        covariance (n_freq, n_out, n_out): Covariance of the output residual `Y - G U`, corrected for the freedom
+            that the estimate took: total, or of the noise where a single realization leaves no residual; or None.
 
     Returns:
-        (n_freq, n_out), within 0 and 1; NaN where neither realizations nor periods tell.
+        (n_freq, n_out), within 0 and 1; NaN without a covariance.
     """
-    n_real, _, _, n_exp = residual.shape
-    freedom = (n_real - 1) * n_exp
     power = (np.abs(acceleration) ** 2).mean(axis=(0, -1))
-    if freedom:
-        lost = (np.abs(residual) ** 2).sum(axis=(0, -1)) / freedom
-    elif noise is not None:
-        lost = np.real(np.diagonal(noise, axis1=-2, axis2=-1))
-    else:
+    if covariance is None:
         return np.full(power.shape, np.nan)
+    lost = np.real(np.diagonal(covariance, axis1=-2, axis2=-1))
     return np.asarray(np.clip(1 - lost / np.maximum(power, np.finfo(float).tiny), 0, 1))
 
 

@@ -2,25 +2,60 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.frf.blocks import ESTIMATORS
+from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, NEEDS_SQUARE_BLOCKS, BlockEstimate
 from robid.frf.checks import check_record, finding_notes, refuse_faults
-from robid.frf.compensation import coefficient_names, disturbance, law_table, no_disturbance, record_motion
+from robid.frf.compensation import (
+    Disturbance,
+    coefficient_names,
+    disturbance,
+    law_table,
+    no_disturbance,
+    record_motion,
+)
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
 from robid.frf.frf import CONFIGURATION_WISE, Frf
+from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
+from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 
 _CONDITION_LIMIT = 1e6
+
+
+@dataclass(frozen=True)
+class _Spectra:
+    """What an estimator reads: blocks without the removed torque, that torque, silent lines and windows over lines."""
+
+    blocks: Blocks
+    removed: Disturbance
+    silent: Blocks
+    windows: Windows | None = None
+
+    @property
+    def removed_torque(self) -> ComplexArray:
+        """The removed torque at the lines (n_real, n_freq, n_in, n_exp)."""
+        return self.removed.torque if self.windows is None else self.removed.torque[:, self.windows.lines]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """An estimate, its output residual's covariance, and the removed torque in the order of its weights."""
+
+    estimate: BlockEstimate
+    element_scale: FloatArray
+    total: ComplexArray | None
+    total_freedom: float
+    derivative: ComplexArray
 
 
 def estimate_frf(
@@ -49,47 +84,38 @@ def estimate_frf(
     """
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
-    lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
-    measured = record_blocks(record, lines)
-    motion = None if laws is None else record_motion(record, lines, delay_s)
-    removed = no_disturbance(record, lines) if motion is None or laws is None else disturbance(motion, laws)
-    compensated = replace(measured, torque=measured.torque - removed.torque)
-    n_freq = len(record.excited_lines)
-    blocks, silent = compensated.select(np.arange(n_freq)), compensated.select(np.arange(n_freq, len(lines)))
-    plain = measured.select(np.arange(n_freq))
-    _check_blocks(record, blocks)
-    findings = check_record(record)
+    spectra = _spectra(record, options, laws, delay_s)
+    findings = check_record(record, periodic=options.estimator != "local")
     refuse_faults(record, findings)
-    estimate = ESTIMATORS[options.estimator](blocks)
-    response = estimate.response
-    residual = blocks.acceleration - response @ blocks.torque
-    total, total_freedom = total_covariance(residual, len(record.input_names), options.pooled_lines)
+    windows = spectra.windows
+    found = _by_blocks(record, spectra, options) if windows is None else _by_windows(spectra, windows, options)
+    response = found.estimate.response
+    blocks = spectra.blocks if windows is None else spectra.blocks.select(windows.lines)
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
-    per_block = blocks.acceleration @ np.linalg.inv(blocks.torque)
-    levels = silent_levels(silent, blocks.lines, response)
+    levels = silent_levels(spectra.silent, blocks.lines, response)
     names, deviation, offset = _coefficients(record, laws)
     table = ((), np.zeros(0), np.zeros(0)) if laws is None else law_table(record, laws)
     sensitivity = np.concatenate(
-        [_sensitivity(response, removed.derivative[:, :, :n_freq], estimate.weights), _scale_sensitivity(response)]
+        [_sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)]
     )
     return Frf(
         frequency_hz=record.frequency_hz,
         lines=record.excited_lines,
         configurations=record.configurations,
         response=response[None],
-        input_factor=estimate.input_factor[None],
-        element_scale=element_scale(per_block, estimate.input_factor, total)[None],
-        total_covariance=None if total is None else total[None],
+        input_factor=found.estimate.input_factor[None],
+        element_scale=found.element_scale[None],
+        total_covariance=None if found.total is None else found.total[None],
         noise_covariance=None if noise is None else noise[None],
-        total_degrees_of_freedom=total_freedom,
+        total_degrees_of_freedom=found.total_freedom,
         noise_degrees_of_freedom=noise_freedom,
         sensitivity=sensitivity[None, deviation > 0],
         coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
         coefficient_relative_std=deviation[deviation > 0],
-        removed_torque_rms=_rms(removed.torque[:, :n_freq])[None],
+        removed_torque_rms=_rms(spectra.removed_torque)[None],
         coefficient_offset=offset[deviation > 0],
-        uncompensated_response=None if laws is None else ESTIMATORS[options.estimator](plain).response[None],
+        uncompensated_response=None if laws is None else _uncompensated(spectra, options)[None],
         law_names=table[0],
         law_values=table[1],
         law_std=table[2],
@@ -98,9 +124,9 @@ def estimate_frf(
         output_names=record.output_names,
         torque_unit=record.torque_unit,
         torque_hold=record.torque_hold,
-        notes=(*record.notes, *_notes(total, blocks.lines, silent.lines), *finding_notes(record, findings)),
-        coherence=multiple_coherence(residual, blocks.acceleration, noise)[None],
-        silent_lines=silent.lines,
+        notes=(*record.notes, *_notes(found.total, record.excited_lines), *finding_notes(record, findings)),
+        coherence=multiple_coherence(blocks.acceleration, noise if found.total is None else found.total)[None],
+        silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_doubt=levels.doubt[None],
@@ -118,20 +144,105 @@ def concatenate(parts: list[Frf]) -> Frf:
     return replace(parts[0], **whole, notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)))
 
 
-def _check_blocks(record: Record, blocks: Blocks) -> None:
-    where = f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
-    n_in, n_exp = blocks.torque.shape[-2:]
-    if n_exp != n_in:
-        message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
-        raise DataError(message, where=where, remedy="record as many experiments per realization as there are motors")
+def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> _Spectra:
+    """Transforms the record at the lines that the estimator reads and at the silent ones."""
+    n_freq = len(record.excited_lines)
+    lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
+    blocks, removed = record_blocks(record, lines), _removed(record, lines, laws, delay_s)
+    silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
+    blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.first(n_freq), None
+    if options.estimator == "robust_local":
+        blocks = robust_blocks(record, record.excited_lines, options)
+    if options.estimator in LOCAL:
+        n_in, n_out = len(record.input_names), len(record.output_names)
+        half = half_width(options, record.torque.shape[1] * record.torque.shape[2], n_in, n_out)
+        windows = line_windows(record.excited_lines, half)
+        if options.estimator == "local":
+            source = record.as_one_period()
+            lines, windows = bin_windows(source.excited_lines, half, source.torque.shape[4] // 2)
+            blocks, removed = record_blocks(source, lines), _removed(source, lines, laws, delay_s)
     if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
-        raise DataError("the record holds NaN or infinite samples", where=where, remedy="acquire the record again")
-    condition = np.linalg.cond(blocks.torque).max(axis=0)
+        message = "the record holds NaN or infinite samples"
+        raise DataError(message, where=_where(record), remedy="acquire the record again")
+    return _Spectra(_without(blocks, removed), removed, silent, windows)
+
+
+def _removed(record: Record, lines: IntArray, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> Disturbance:
+    """Torque of the laws along the motion at some lines, zero without laws."""
+    return no_disturbance(record, lines) if laws is None else disturbance(record_motion(record, lines, delay_s), laws)
+
+
+def _without(blocks: Blocks, removed: Disturbance) -> Blocks:
+    return replace(blocks, torque=blocks.torque - removed.torque)
+
+
+def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _Found:
+    """An estimate whose blocks each excite every input; its covariance is that of the realizations."""
+    blocks = spectra.blocks
+    _check_blocks(record, blocks, options.estimator)
+    estimate = ESTIMATORS[options.estimator](blocks)
+    residual = blocks.acceleration - estimate.response @ blocks.torque
+    total, freedom = total_covariance(residual, blocks.torque.shape[2], options.pooled_lines)
+    scale = element_scale(residual @ estimate.weights, estimate.input_factor, total, residual.shape[-1])
+    return _Found(estimate, scale, total, freedom, spectra.removed.derivative)
+
+
+def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> _Found:
+    """An estimate over neighbouring lines; its covariance is that of the local fits' residuals."""
+    fit = local_fit(spectra.blocks, windows, options)
+    derivative = windows.joined(spectra.removed.derivative)
+    return _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative)
+
+
+def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
+    """The response (n_freq, n_out, n_in) of the torque as recorded."""
+    measured = replace(spectra.blocks, torque=spectra.blocks.torque + spectra.removed.torque)
+    if spectra.windows is None:
+        return ESTIMATORS[options.estimator](measured).response
+    return local_fit(measured, spectra.windows, options).response
+
+
+def _where(record: Record) -> str:
+    return f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
+
+
+def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:
+    n_real, _, n_in, n_exp = blocks.torque.shape
+    square = estimator in NEEDS_SQUARE_BLOCKS
+    if n_exp != n_in if square else n_real * n_exp < n_in:
+        message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
+        remedy = "record as many experiments per realization as there are motors, or use the estimator `local_periodic`"
+        raise DataError(message, where=_where(record), remedy=remedy)
+    condition = _condition(blocks.torque, square=square)
     worst = int(np.argmax(condition))
     if condition[worst] > _CONDITION_LIMIT:
         frequency = record.frequency_hz[worst]
         message = f"the experiments do not excite every motor at {frequency:.3g} Hz (condition {condition[worst]:.1e})"
-        raise DataError(message, where=where, remedy="excite all motors, or check that the lines are those played")
+        remedy = "excite all motors, or check that the lines are those played"
+        raise DataError(message, where=_where(record), remedy=remedy)
+    if estimator in NEEDS_REFERENCE:
+        _check_reference(record, blocks, estimator)
+
+
+def _check_reference(record: Record, blocks: Blocks, estimator: str) -> None:
+    if blocks.reference is None:
+        remedy = "choose `logarithmic`, or import what was injected with the log"
+        raise DataError(
+            f"estimator `{estimator}` needs the reference, which the record lacks", where=_where(record), remedy=remedy
+        )
+    lost = ~(_condition(blocks.reference, square=estimator in NEEDS_SQUARE_BLOCKS) < _CONDITION_LIMIT)
+    if lost.any():
+        frequency = record.frequency_hz[int(np.argmax(lost))]
+        message = f"estimator `{estimator}`: the reference does not excite every motor at {frequency:.3g} Hz"
+        raise DataError(message, where=_where(record), remedy="choose `logarithmic`, or check the imported reference")
+
+
+def _condition(inputs: ComplexArray, *, square: bool) -> FloatArray:
+    """Condition (n_freq,) of the worst of the blocks (n_real, n_freq, n_in, n_exp), or of all of them together."""
+    if square:
+        return np.asarray(np.linalg.cond(inputs, 1).max(axis=0))
+    power = (inputs @ np.swapaxes(inputs, -1, -2).conj()).sum(axis=0)
+    return np.asarray(np.sqrt(np.linalg.cond(power, 1)))
 
 
 def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:
@@ -167,12 +278,12 @@ def _rms(torque: ComplexArray) -> FloatArray:
     return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
 
 
-def _notes(total: ComplexArray | None, excited: IntArray, silent: IntArray) -> tuple[str, ...]:
+def _notes(total: ComplexArray | None, excited: IntArray) -> tuple[str, ...]:
     """What the data cannot tell."""
     notes = []
     if total is None:
         notes.append("One realization: the covariance holds noise only, no distortion by nonlinearities.")
-    if not silent.size:
+    if not silent_lines(excited).size:
         notes.append(
             "Every line of the band is excited: distortion by nonlinearities cannot be told from the response."
         )

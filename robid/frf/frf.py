@@ -146,6 +146,28 @@ class Frf:
         return np.asarray(rows[..., :, None] * columns[..., None, :] * scale)
 
     @property
+    def degrees_of_freedom(self) -> float:
+        """Complex degrees of freedom behind `covariance`."""
+        return self.noise_degrees_of_freedom if self.total_covariance is None else self.total_degrees_of_freedom
+
+    def full_covariance(self, configuration: int) -> ComplexArray:
+        """Structured covariance of `vec G`, columns stacked, in one configuration (n_freq, n_out n_in, n_out n_in)."""
+        left, right = self.input_factor[configuration], self.covariance[configuration]
+        size = left.shape[1] * right.shape[1]
+        product = np.einsum("fij,fop->fiojp", left, right).reshape(-1, size, size)
+        root = np.sqrt(self.element_scale[configuration].T.ravel())
+        return np.asarray(product * np.outer(root, root))
+
+    def error_radius(self, level: float) -> FloatArray:
+        """Radius that an element's error exceeds with probability 1 - level (n_conf, n_freq, n_out, n_in).
+
+        The error is circular complex normal and its variance estimated: their ratio is F distributed with 2 and
+        2 nu degrees of freedom, whose quantile is `nu ((1 - level)^(-1/nu) - 1)`.
+        """
+        freedom = self.degrees_of_freedom
+        quantile = freedom * np.expm1(-np.log1p(-level) / freedom) if freedom > 0 else 0.0
+        return np.asarray(np.sqrt(self.element_variance() * quantile))
+
     def signal_to_noise(self) -> FloatArray | None:
         """Power of each element over the variance that noise gives it (n_conf, n_freq, n_out, n_in), or None."""
         if self.noise_covariance is None:

@@ -10,8 +10,37 @@ from typing import Literal
 class EstimateOptions:
     """How a record becomes a frequency response."""
 
-    estimator: Literal["logarithmic", "arithmetic"] = field(
-        default="logarithmic", metadata={"description": "How the blocks' responses are averaged."}
+    estimator: Literal[
+        "logarithmic", "arithmetic", "joint", "h1", "indirect", "robust_local", "local", "local_periodic"
+    ] = field(
+        default="logarithmic",
+        metadata={
+            "description": "How the blocks are averaged. `logarithmic`, `arithmetic`: means of Y U^-1; `joint`: least"
+            " squares with the recorded reference as instrument; `h1`: with the torque, biased in closed loop;"
+            " `indirect`: closed-loop responses from the recorded reference; `robust_local`: `logarithmic` once the"
+            " transient between the lines of several periods is removed; `local` fits a polynomial to neighbouring"
+            " bins of any signal; `local_periodic` to neighbouring excited lines, for fewer experiments than motors."
+        },
+    )
+    local_order: int = field(
+        default=2, metadata={"description": "Order of the local polynomials of response and transient.", "ge": 0}
+    )
+    local_denominator: int = field(
+        default=0,
+        metadata={
+            "description": "Order of the denominator of `local` and `local_periodic`; 0 is a polynomial, 2 follows"
+            " a resonance.",
+            "ge": 0,
+            "le": 4,
+        },
+    )
+    local_half_width_lines: int | None = field(
+        default=None,
+        metadata={
+            "description": "Bins or lines on each side of the one estimated that a local fit uses;"
+            " the smallest number that leaves enough freedom when not given.",
+            "ge": 0,
+        },
     )
     compensation: Literal["none", "nominal", "silent_lines"] = field(
         default="nominal",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import logarithmic
 from robid.frf.compensation import Motion, friction_spectrum, record_motion, ripple_spectra
@@ -20,9 +20,10 @@ COEFFICIENTS = ("coulomb", "breakaway", "stribeck", "presliding", "lag", "ripple
 """Coulomb level [N m], excess of breakaway over it, logarithms of Stribeck speed and of presliding deflection or
 smoothing speed, lag [samples], ripple over its amplitude."""
 
-_MIN_LINES = 20
+_MIN_LINES = 14  # two for each coefficient
+_MIN_EXCITED = 4
 _MIN_EXPLAINED = 0.5
-_SIGNIFICANT = 4.0
+_SIGNIFICANT = 2.0  # friction as strong as the noise
 _ITERATIONS = 12
 _TOLERANCE = 0.1  # of the standard deviation
 _REALIZATIONS = 2
@@ -211,16 +212,22 @@ def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampl
     record = record.realizations(_REALIZATIONS)
     lines = np.arange(record.excited_lines[0], record.excited_lines[-1] + 1)
     excited = np.isin(lines, record.excited_lines)
-    if np.sum(~excited) < _MIN_LINES or np.sum(excited) < 4:
+    telling = int(np.sum(_telling(lines, excited)))
+    if telling < _MIN_LINES or np.sum(excited) < _MIN_EXCITED:
         raise DataError(
-            f"only {np.sum(~excited)} lines of the excited band are silent, fewer than the {_MIN_LINES} that tell"
-            " friction from the linear robot",
+            f"only {telling} lines of the excited band are silent and can show friction, fewer than {_MIN_LINES}",
             where="compensation: silent_lines",
             remedy="use `grid: odd` and fewer excited lines, a longer period, or `compensation: nominal`",
         )
     blocks = record_blocks(record, lines)
     motion = record_motion(record, lines, delay_s, oversampling)
     return _Silent(blocks, motion, excited, tuple(laws), ripple_spectra(motion, laws))
+
+
+def _telling(lines: IntArray, excited: BoolArray) -> BoolArray:
+    """Silent lines that friction, an odd function of the motion, reaches: the odd ones where only odd are excited."""
+    odd_only = bool(np.all(lines[excited] % 2 == 1))
+    return np.asarray(~excited & ((lines % 2 == 1) | (not odd_only)))
 
 
 def _torque_error(silent: _Silent, removed: ComplexArray) -> ComplexArray:
@@ -303,7 +310,7 @@ def _level_only(silent: _Silent, laws: Sequence[TorqueLaw]) -> tuple[FloatArray,
 
 
 def _powers(silent: _Silent, error: ComplexArray, removed: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Power (n_in,) of the silent torque before and after compensation and of its noise, lines weighted as fitted."""
+    """Power (n_in,) of the telling lines' torque before and after compensation and of its noise, weighted as fitted."""
     quiet = ~silent.excited
     before = np.mean(np.abs(error - removed[:, quiet]) ** 2, axis=(0, 3))
     after = np.mean(np.abs(error) ** 2, axis=(0, 3))
@@ -315,7 +322,8 @@ def _powers(silent: _Silent, error: ComplexArray, removed: ComplexArray) -> tupl
         deviation = motion - blocks.torque_scatter[:, :, quiet]
         noise = np.mean(np.sum(np.abs(deviation) ** 2, axis=1), axis=(0, 3)) / blocks.scatter_freedom
     weight = 1 / (after + _FLOOR * np.median(after, axis=0))
-    return (weight * before).mean(axis=0), (weight * after).mean(axis=0), (weight * noise).mean(axis=0)
+    weight *= _telling(blocks.lines, silent.excited)[quiet, None]
+    return (weight * before).sum(axis=0), (weight * after).sum(axis=0), (weight * noise).sum(axis=0)
 
 
 def _values(laws: Sequence[TorqueLaw]) -> FloatArray:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError, SettingsError
-from robid.logs.mapping import INPUT_UNITS, OUTPUT_UNITS, LogMapping
+from robid.logs.mapping import INPUT_UNITS, OUTPUT_UNITS, REFERENCE_UNITS, LogMapping
 from robid.logs.period import Repetition, find_silent_lines, measure_repetition, measure_share
 
 _SHOWN = 8
@@ -21,30 +16,35 @@ _JITTER = 0.05
 """Largest deviation of a time step from the sampling period, relative, that still counts as regular."""
 
 
-def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray) -> None:
+def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray, kind: str = "") -> None:
     """Checks units, signs, torque constants and lines before the file is read.
+
+    Args:
+        mapping: The log mapping.
+        samples_per_period: The stated period.
+        lines (n_freq,): Lines that were said to be excited.
+        kind: Kind of the excitation that references are matched to.
 
     Raises:
         SettingsError: With every contradiction.
     """
     problems = []
-    if len(mapping.inputs) != 1:
-        problems.append(f"a log of one experiment has one input, not {len(mapping.inputs)}")
     if not mapping.outputs:
         problems.append("there is no output channel")
-    known = [(channel, INPUT_UNITS) for channel in mapping.inputs] + [(c, OUTPUT_UNITS) for c in mapping.outputs]
-    for channel, units in known:
+    references = REFERENCE_UNITS.get(kind, {})
+    known = [(c, INPUT_UNITS) for c in mapping.inputs] + [(c, OUTPUT_UNITS) for c in mapping.outputs]
+    for channel, units in [*known, *((c, references) for c in mapping.references)]:
         if channel.unit not in units:
             problems.append(f"{channel.name}: unknown unit `{channel.unit}` (known: {', '.join(units)})")
         if channel.sign not in (-1, 1):
             problems.append(f"{channel.name}: sign {channel.sign} is neither 1 nor -1")
-    for channel in mapping.inputs:
-        if channel.normalised and (not channel.is_current or channel.torque_constant_nm_a != 1):
-            problems.append(f"{channel.name}: `normalised` needs a current and a torque constant of 1")
-        if not channel.is_current and channel.torque_constant_nm_a != 1:
-            problems.append(f"{channel.name}: a torque constant needs a current, not {channel.unit}")
-    for names in ([channel.name for channel in mapping.inputs], [channel.name for channel in mapping.outputs]):
+    problems += _inputs(mapping)
+    for channels in (mapping.inputs, mapping.outputs, mapping.references):
+        names = [channel.name for channel in channels]
         problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    names = [channel.name for channel in mapping.inputs]
+    if mapping.references and [channel.name for channel in mapping.references] != names:
+        problems.append(f"the references must be those of the inputs, in their order: {', '.join(names)}")
     if not len(lines) or lines.min() < 1 or 2 * lines.max() >= samples_per_period:
         problems.append(f"the excited lines are not all within 1 to {(samples_per_period - 1) // 2}, below Nyquist")
     if problems:
@@ -53,49 +53,20 @@ def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray)
         )
 
 
-def read_column(
-    mapping: LogMapping, variables: Mapping[str, Any], name: str
-) -> tuple[NDArray[Any] | None, list[DataError]]:
-    """Returns a variable as a real column of finite, changing numbers, or why it is none."""
-    where = f"{mapping.file}: variable `{name}`"
-    if name not in variables:
-        close = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
-        columns = [key for key, value in variables.items() if np.size(value) > _SHOWN]
-        guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
-        remedy = f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
-        return None, [DataError("The log has no such variable.", where=where, remedy=remedy)]
-    raw = np.asarray(variables[name])
-    if raw.dtype.kind not in "fiu":
-        remedy = "Save it as a real numeric column."
-        return None, [DataError(f"It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
-    if raw.size != max(raw.shape, default=0) or raw.size < 2:
-        remedy = "Save one column per channel."
-        return None, [DataError(f"It has shape {raw.shape}, not one column.", where=where, remedy=remedy)]
-    column = raw.ravel()
-    bad = np.flatnonzero(~np.isfinite(column))
-    if len(bad):
-        what = f"{len(bad)} of {len(column)} values are NaN or infinite, the first at sample {bad[0]}."
-        remedy = "Record again, or cut the log to whole periods without them."
-        return column, [DataError(what, where=f"{where}, sample {bad[0]}", remedy=remedy)]
-    if np.ptp(column) == 0:
-        remedy = "Check that the channel was connected and that the variable is the right one."
-        return column, [DataError(f"It is constant ({column[0]:g}).", where=where, remedy=remedy)]
-    return column, []
-
-
-def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:
-    """Compares the channels' lengths; the most frequent one counts as right."""
-    lengths = [len(column) for column in columns.values()]
-    usual = max(lengths, key=lengths.count, default=0)
-    return [
-        DataError(
-            f"It has {len(column)} samples, the other channels have {usual}.",
-            where=f"{mapping.file}: variable `{name}`",
-            remedy="Export all channels over the same time span and at the same rate.",
-        )
-        for name, column in columns.items()
-        if len(column) != usual
-    ]
+def _inputs(mapping: LogMapping) -> list[str]:
+    """What contradicts itself among the input channels."""
+    problems = [] if mapping.inputs else ["there is no input channel"]
+    for channel in mapping.inputs:
+        if channel.normalised and (not channel.is_current or channel.torque_constant_nm_a != 1):
+            problems.append(f"{channel.name}: `normalised` needs a current and a torque constant of 1")
+        if not channel.is_current and channel.torque_constant_nm_a != 1:
+            problems.append(f"{channel.name}: a torque constant needs a current, not {channel.unit}")
+    units = dict.fromkeys(channel.stands_in for channel in mapping.inputs)
+    if len(units) > 1:
+        problems.append(f"the inputs come out in different units: {', '.join(units)}")
+    if len({channel.hold for channel in mapping.inputs}) > 1:
+        problems.append("the inputs have different holds")
+    return problems
 
 
 def check_time(mapping: LogMapping, variable: str, stamps: FloatArray, to_seconds: float) -> list[DataError]:
@@ -154,13 +125,14 @@ def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, per
 
 
 def check_period(
-    mapping: LogMapping, steady: FloatArray, samples_per_period: int, periods: int, lines: IntArray
+    where: str, steady: FloatArray, sampling_period_s: float, samples_per_period: int, periods: int, lines: IntArray
 ) -> tuple[list[DataError], list[str]]:
-    """Measures the period on the input and compares it with what was said; then the excited lines.
+    """Measures the period of an excited channel and compares it with what was said; then the excited lines.
 
     Args:
-        mapping: The log mapping.
-        steady (n_sample,): The input channel without its dropped periods.
+        where: File and variable.
+        steady (n_sample,): The channel without its dropped periods.
+        sampling_period_s: Sampling period [s].
         samples_per_period: The stated period.
         periods: Periods that are used.
         lines (n_freq,): Lines that were said to be excited.
@@ -168,7 +140,6 @@ def check_period(
     Returns:
         Problems and notes.
     """
-    where = f"{mapping.file}: variable `{mapping.inputs[0].variable}`"
     found = measure_repetition(steady, samples_per_period, lines)
     notes = [] if found.reachable else ["The log holds one period: its length could not be checked by repetition."]
     if found.samples is None and found.reachable:
@@ -177,10 +148,10 @@ def check_period(
         return [DataError(what, where=where, remedy=remedy)], notes
     real = _real_period(found, samples_per_period, lines)
     if real != samples_per_period:
-        period_s = real * mapping.sampling_period_s
+        period_s = real * sampling_period_s
         what = (
             f"It repeats every {real} samples ({period_s:.9g} s), not every {samples_per_period}"
-            f" ({samples_per_period * mapping.sampling_period_s:.9g} s)."
+            f" ({samples_per_period * sampling_period_s:.9g} s)."
         )
         remedy = f"Set excitation.period_s to {period_s:.9g}, or correct sampling_period_s."
         return [DataError(what, where=where, remedy=remedy)], notes

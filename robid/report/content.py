@@ -7,6 +7,7 @@ from typing import Literal
 
 from robid.arrays import ComplexArray, check_shape
 from robid.frf.frf import Frf
+from robid.report.section import Section
 
 
 @dataclass(frozen=True)
@@ -298,6 +299,7 @@ class ReportContent:
         removed_torques: Removed friction torque per campaign and motor.
         stages: What was run.
         warnings: What the reader must know before using a number.
+        sections: Sections of a study.
     """
 
     title: str
@@ -311,3 +313,4 @@ class ReportContent:
     removed_torques: tuple[TorqueRow, ...] = ()
     stages: tuple[StageRow, ...] = ()
     warnings: tuple[str, ...] = ()
+    sections: tuple[Section, ...] = ()

@@ -10,6 +10,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.frf.frf import Frf
 from robid.report.content import CostRow, FitContent, ParameterRow, ReportContent, StartRow
 from robid.report.numbers import MINUS, engineering, number_of, percent, pretty_unit
+from robid.report.section import Figure
 from robid.report.tables import campaign_title
 
 RATIO_PANELS = (
@@ -22,7 +23,21 @@ _SMALLEST = 1e-30
 
 def page_data(content: ReportContent) -> dict[str, Any]:
     """Gathers what the page's figures draw."""
-    return {"fits": [_fit_data(fit) for fit in content.fits]}
+    figures = [_figure_data(figure) for section in content.sections for figure in section.figures]
+    return {"fits": [_fit_data(fit) for fit in content.fits], "figures": figures}
+
+
+def _figure_data(figure: Figure) -> dict[str, Any]:
+    return {
+        "x_title": figure.x_title,
+        "y_title": figure.y_title,
+        "log_x": figure.log_x,
+        "log_y": figure.log_y,
+        "curves": [
+            {"name": curve.name, "x": [_rounded(x) for x in curve.x], "y": [_rounded(y) for y in curve.y]}
+            for curve in figure.curves
+        ],
+    }
 
 
 def configuration_label(frf: Frf, index: int) -> str:
@@ -33,12 +48,8 @@ def configuration_label(frf: Frf, index: int) -> str:
 
 
 def band_radius(frf: Frf, level: float) -> FloatArray:
-    """Radius of each element's uncertainty circle relative to its magnitude (n_conf, n_freq, n_out, n_in).
-
-    The error is taken as circular complex normal, `P(|error| > r) = exp(-r^2 / s^2)` with `s^2` its variance.
-    """
-    radius = np.sqrt(frf.element_variance() * -np.log1p(-level))
-    return np.asarray(radius / np.maximum(np.abs(frf.response), _SMALLEST))
+    """Radius of each element's uncertainty circle relative to its magnitude (n_conf, n_freq, n_out, n_in)."""
+    return np.asarray(frf.error_radius(level) / np.maximum(np.abs(frf.response), _SMALLEST))
 
 
 def _fit_data(fit: FitContent) -> dict[str, Any]:

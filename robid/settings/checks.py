@@ -8,22 +8,23 @@ from typing import TypeAlias
 
 import numpy as np
 
-from robid.design.lines import choose_lines
+from robid.design.signal import check_signal
 from robid.errors import SettingsError
-from robid.settings.base import DATA_VARIABLE
-from robid.settings.experiment import Acquire, Campaign, Configurations, Experiment, Fit
+from robid.settings.experiment import Campaign, Configurations, Experiment, Fit
+from robid.settings.log_checks import check_channels, check_logs
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile
+from robid.settings.study_checks import check_study
 from robid.settings.yaml import Document, FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
-_FOLDERS = ("designs", "fits")
+_FOLDERS = ("designs", "fits", "tasks")
 _LIMIT_TOLERANCE_DEG = 1e-9
 
 
 def check_experiment(document: Document, experiment: Experiment, robot: RobotFile | None) -> list[Problem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
-    found = [_folders(experiment), _designs(experiment), _cycles(experiment)]
+    found = [_folders(experiment), _designs(experiment), _cycles(experiment), check_study(experiment)]
     for name, campaign in experiment.campaigns.items():
         found.append(_campaign(experiment, name, campaign))
         if robot is not None:
@@ -117,26 +118,8 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
     if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
         yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
     if campaign.source is not None and campaign.source.acquire is not None:
-        yield from _acquire(experiment, campaign, campaign.source.acquire, field)
-
-
-def _acquire(experiment: Experiment, campaign: Campaign, acquire: Acquire, field: FieldPath) -> _Found:
-    inside = (*field, "source", "acquire")
-    if "$" in acquire.file.removeprefix(DATA_VARIABLE):
-        yield (*inside, "file"), f"only `{DATA_VARIABLE}`, at the start, is replaced in a path"
-    for key, channels in (("inputs", acquire.inputs), ("outputs", acquire.outputs)):
-        names = [channel.name for channel in channels]
-        for index, channel in enumerate(names):
-            if channel in names[:index]:
-                yield (*inside, key, index, "name"), f"`{channel}` is there twice"
-    if configuration_count(experiment, campaign) not in (1, None):
-        yield (*field, "configurations"), "a log is of one robot configuration: give exactly one"
-    if campaign.realizations > 1:
-        message = f"a log is of one realization, not of {campaign.realizations}: leave `realizations` at 1"
-        yield (*field, "realizations"), message
-    if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
-        message = "friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
-        yield (*field, "estimate", "compensation"), message
+        count = configuration_count(experiment, campaign)
+        yield from check_logs(field, campaign, campaign.source.acquire, count)
 
 
 def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
@@ -147,15 +130,28 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     if isinstance(rms, tuple) and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
+    yield from _experiments(field, campaign, n_joint)
     if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
         yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
     yield from _lines(field, campaign, robot)
     acquire = None if campaign.source is None else campaign.source.acquire
     yield from _outputs(field, campaign, robot)
     if acquire is not None:
-        yield from _channels((*field, "source", "acquire"), acquire, robot)
+        yield from check_channels(field, acquire, robot)
     elif campaign.source is not None and robot.controller is None:
         yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
+
+
+def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
+    count = n_motor if campaign.experiments is None else campaign.experiments
+    if count > n_motor:
+        yield (*field, "experiments"), f"a block has {n_motor} experiments, one per motor: {count} are too many"
+    elif count < n_motor and campaign.estimate.estimator != "local_periodic":
+        message = f"{count} experiments do not separate {n_motor} motors: use the estimator `local_periodic`"
+        yield (*field, "estimate", "estimator"), message
+    if count < n_motor and campaign.estimate.compensation == "silent_lines":
+        message = f"needs a block of {n_motor} experiments, not {count}: use `compensation: nominal` or `none`"
+        yield (*field, "estimate", "compensation"), message
 
 
 def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
@@ -174,24 +170,13 @@ def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
             yield (*field, "outputs", index), f"`{name}` is there twice"
 
 
-def _channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Found:
-    joints = [joint.name for joint in robot.joints]
-    if [channel.name for channel in acquire.inputs] != joints:
-        yield (*field, "inputs"), f"must be one channel per joint, named in this order: {', '.join(joints)}"
-    known = [*joints, *(f"{joint}.arm" for joint in joints)]
-    for index, channel in enumerate(acquire.outputs):
-        if channel.name not in known:
-            message = f"`{channel.name}` is not an angle of the robot; {suggest(channel.name, known)}"
-            yield (*field, "outputs", index, "name"), message
-
-
 def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
-    """Chooses the lines as the design will."""
+    """Chooses the signal's lines as the design will."""
     period_s = sampling_period_s(campaign, robot)
     if period_s is None:
         return
     try:
-        choose_lines(campaign.excitation, period_s)
+        check_signal(campaign.excitation, period_s)
     except SettingsError as error:
         yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
 

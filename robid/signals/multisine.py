@@ -1,20 +1,36 @@
-"""Orthogonal random-phase multisines: spectra, time signals and low crest factors."""
+"""Orthogonal random-phase multisines: spectra and time signals."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import fft, ifft, irfft, next_fast_len
-from scipy.optimize import minimize
+from scipy.fft import irfft
+from scipy.linalg import hadamard
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 
-CREST_EXPONENTS = (4, 8, 16, 32)
-"""Rising exponents p of the L2p norm whose minimum approaches the lowest peak."""
+_SQUARES_MODULO_5 = (0, 1, -1, -1, 1)
+"""Whether an index is a square modulo 5 (1), is none (-1), or is 0."""
 
 
 def orthogonal_matrix(size: int) -> ComplexArray:
-    """Returns `T_il = exp(2 pi j (i-1)(l-1)/n)`, (n, n), with `T T^H = n I`."""
+    """Returns a matrix (n, n) with entries of magnitude 1 and `T T^H = n I`.
+
+    Entries of few phases leave each motor few different signals in a block, and so a lower crest factor:
+    Hadamard's +-1 where n is a power of two, +-1 and +-j for n = 6 (`I + jC` with Paley's conference matrix C),
+    else the DFT matrix `exp(2 pi j (i-1)(l-1)/n)`.
+
+    Source:
+        Dobrowiecki, Schoukens and Guillaume (2006), Optimized excitation signals for MIMO frequency response
+        function measurements; Paley (1933) for C.
+    """
+    if size & (size - 1) == 0:
+        return np.asarray(hadamard(size), complex)
     index = np.arange(size)
+    if size == 6:
+        conference = np.ones((6, 6))
+        conference[0, 0] = 0
+        conference[1:, 1:] = np.take(_SQUARES_MODULO_5, (index[:5, None] - index[:5]) % 5)
+        return np.eye(6) + 1j * conference
     return np.asarray(np.exp(2j * np.pi * (np.outer(index, index) % size) / size))
 
 
@@ -48,80 +64,3 @@ def time_signal(spectrum: ComplexArray, lines: IntArray, n_sample: int) -> Float
 def crest_factor(signal: FloatArray) -> FloatArray:
     """Returns peak over RMS along the sample axis of (..., n_sample, n_channel)."""
     return np.asarray(np.abs(signal).max(axis=-2) / np.sqrt(np.mean(signal**2, axis=-2)))
-
-
-def reduce_crest(
-    phases: FloatArray, amplitudes: FloatArray, lines: IntArray, shifts: FloatArray, *, iterations: int
-) -> FloatArray:
-    """Lowers the peak of a multisine and of its phase-shifted copies at once.
-
-    Minimises the L2p norm over all copies for rising p by L-BFGS with the analytic gradient. One complex FFT
-    serves every copy, since they are `Re(z exp(j shift))` of one analytic signal; a signal of odd lines repeats
-    with opposite sign after half a period, which halves the grid.
-
-    Args:
-        phases (n_lines,): Starting phases [rad].
-        amplitudes (n_lines,): Amplitudes [any unit].
-        lines (n_lines,): DFT lines.
-        shifts (n_shift,): Phase added to all lines in each copy [rad].
-        iterations: Iterations at each exponent p; 0 returns the start.
-
-    Returns:
-        Phases (n_lines,) [rad]; never with a larger peak than the start's on the evaluation grid.
-
-    Source:
-        Guillaume, Schoukens, Pintelon and Kollar (1991), Crest-factor minimization using nonlinear Chebyshev
-        approximation methods (the L2p norm).
-    """
-    if iterations == 0:
-        return phases
-    norm = _BlockNorm(amplitudes, lines, shifts)
-    best, best_peak = phases, norm.peak(phases)
-    current = phases
-    options = {"maxiter": iterations, "maxcor": 20}
-    for exponent in CREST_EXPONENTS:
-        current = minimize(norm, current, args=(exponent,), jac=True, method="L-BFGS-B", options=options).x
-        peak = norm.peak(current)
-        if peak < best_peak:
-            best, best_peak = current, peak
-    return np.asarray(best)
-
-
-class _BlockNorm:
-    """Logarithm of the L2p norm of a multisine and its phase-shifted copies, with its gradient."""
-
-    def __init__(self, amplitudes: FloatArray, lines: IntArray, shifts: FloatArray) -> None:
-        odd = bool(np.all(lines % 2 == 1))
-        stride, offset = (2, 1) if odd else (1, 0)
-        # Four samples per Nyquist interval of the highest line.
-        self.size = next_fast_len(int(np.ceil(8 * lines.max() / stride)))
-        self.twiddle = np.exp(2j * np.pi * offset * np.arange(self.size) / (stride * self.size))
-        self.bins = (lines - offset) // stride
-        self.amplitudes = amplitudes / np.sqrt(np.sum(amplitudes**2) / 2)
-        # A copy shifted by pi has the same absolute values.
-        angles = np.unique(np.round(np.mod(shifts, np.pi), 9))
-        self.rotations = np.exp(1j * angles[angles < np.pi - 1e-8])[:, None]
-
-    def _signals(self, phases: FloatArray) -> tuple[ComplexArray, FloatArray]:
-        coefficients = self.amplitudes * np.exp(1j * phases)
-        spectrum = np.zeros(self.size, complex)
-        spectrum[self.bins] = coefficients
-        analytic = ifft(spectrum, norm="forward") * self.twiddle
-        return coefficients, np.real(self.rotations * analytic)
-
-    def peak(self, phases: FloatArray) -> float:
-        """Largest absolute value over all copies, relative to the RMS."""
-        return float(np.abs(self._signals(phases)[1]).max())
-
-    def __call__(self, phases: FloatArray, exponent: int) -> tuple[float, FloatArray]:
-        coefficients, signals = self._signals(phases)
-        scale = np.abs(signals).max()
-        scaled = signals / scale
-        powers = scaled ** (2 * exponent - 1)
-        total = float(np.sum(powers * scaled))
-        force = np.sum(powers * self.rotations, axis=0) * self.twiddle
-        # sum_t force(t) exp(j w_k t) is the conjugate of the forward transform of conj(force).
-        projected = np.conj(fft(np.conj(force)))[self.bins]
-        gradient = np.real(1j * coefficients * projected) / (scale * total)
-        value = np.log(scale) + np.log(total / signals.size) / (2 * exponent)
-        return float(value), np.asarray(gradient)

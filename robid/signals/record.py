@@ -64,6 +64,18 @@ class Record:
         """Excited frequencies (n_freq,) [Hz]."""
         return np.asarray(self.excited_lines / self.period_s)
 
+    def as_one_period(self) -> Record:
+        """Returns the record with all periods of an experiment as a single one, its lines counted anew."""
+        periods = self.torque.shape[3]
+        return replace(
+            self,
+            torque=self.torque.reshape(*self.torque.shape[:3], 1, -1, self.torque.shape[5]),
+            position=self.position.reshape(*self.position.shape[:3], 1, -1, self.position.shape[5]),
+            reference=None if self.reference is None else np.tile(self.reference, (1, 1, 1, periods, 1)),
+            excited_lines=self.excited_lines * periods,
+            detection_lines=self.detection_lines * periods,
+        )
+
     def select(self, configuration: int) -> Record:
         """Returns the record of one configuration, its axis kept."""
         part = slice(configuration, configuration + 1)
@@ -76,26 +88,12 @@ class Record:
             position_offset_rad=self.position_offset_rad[part],
         )
 
-    def realizations(self, count: int) -> Record:
-        """Returns the record of the first realizations."""
+    def realizations(self, count: int, first: int = 0) -> Record:
+        """Returns the record of some successive realizations."""
+        chosen = slice(first, first + count)
         return replace(
             self,
-            torque=self.torque[:, :count],
-            position=self.position[:, :count],
-            reference=None if self.reference is None else self.reference[:, :count],
+            torque=self.torque[:, chosen],
+            position=self.position[:, chosen],
+            reference=None if self.reference is None else self.reference[:, chosen],
         )
-
-
-def concatenate(records: list[Record]) -> Record:
-    """Joins records of single configurations along the configuration axis."""
-    first = records[0]
-    references = [record.reference for record in records if record.reference is not None]
-    return replace(
-        first,
-        configurations=np.concatenate([record.configurations for record in records]),
-        torque=np.concatenate([record.torque for record in records]),
-        position=np.concatenate([record.position for record in records]),
-        reference=np.concatenate(references) if references else None,
-        position_offset_rad=np.concatenate([record.position_offset_rad for record in records]),
-        notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
-    )

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+from rich.console import Group
 
 from robid.arrays import FloatArray
 from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_to_artifact
+from robid.artifacts.excitation import (
+    EXCITATION,
+    CampaignExcitation,
+    excitation_from_artifact,
+    excitation_to_artifact,
+)
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.excitation import Excitation, design_excitation, predict
-from robid.design.lines import choose_lines, samples_per_period
+from robid.design.excitation import Excitation
+from robid.design.lines import samples_per_period
+from robid.design.loop import nominal_loop
+from robid.design.prediction import predict
+from robid.design.signal import design_signal, signal_lines
+from robid.report.plan import plan_table
 from robid.robot.description import Robot
-from robid.robot.linearize import linearize, solve_statics
-from robid.robot.model import build_model
-from robid.robot.response import nominal_parameters, response
-from robid.settings.experiment import Campaign
+from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.stages.slices import delay_s, line_settings, require_controller, robot_settings
+from robid.stages.slices import line_settings, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
 
@@ -25,10 +34,11 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     campaign = loaded.experiment.campaigns[owner]
     section = f"campaigns.{owner}"
     settings = {f"{section}.configurations": to_plain(campaign.configurations)}
-    acquire = None if campaign.source is None else campaign.source.acquire
+    acquire = played_by_others(campaign)
     if acquire is None:
-        read = ("excitation", "realizations", "payload_kg")
+        read = ("excitation", "realizations", "experiments", "periods", "payload_kg")
         settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
+        settings |= {f"{section}.source.{key}": value for key, value in _transient_periods(campaign).items()}
         settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
     else:
         settings[f"{section}.excitation"] = line_settings(campaign)
@@ -44,8 +54,9 @@ def _run(job: Job) -> str:
     if configurations is None:
         design = design_from_artifact(read_artifact(job.inputs["design"], DESIGN))
         configurations = design.configurations[design.chosen]
-    if campaign.source is not None and campaign.source.acquire is not None:
-        excitation = _declared(campaign, campaign.source.acquire.sampling_period_s, len(robot.joints))
+    acquire = played_by_others(campaign)
+    if acquire is not None:
+        excitation = _declared(campaign, acquire.sampling_period_s, len(robot.joints))
     else:
         excitation = _designed(job, robot, configurations)
     artifact = excitation_to_artifact(
@@ -55,10 +66,16 @@ def _run(job: Job) -> str:
     return figures(excitation, len(configurations))
 
 
+def played_by_others(campaign: Campaign) -> Acquire | None:
+    """Returns the logs of a campaign whose excitation is not designed here: those without references."""
+    acquire = None if campaign.source is None else campaign.source.acquire
+    return None if acquire is None or acquire.references else acquire
+
+
 def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Excitation:
     """The lines of a log, which somebody else has played: there are no realizations of ours."""
     options = campaign.excitation
-    excited, detection = choose_lines(options, sampling_period_s)
+    excited, detection = signal_lines(options, sampling_period_s)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     return Excitation(
         reference=np.zeros((0, 0, n_sample, n_motor)),
@@ -73,15 +90,28 @@ def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Exc
 
 
 def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
-    controller = require_controller(job.loaded)
-    period = controller.sampling_period_s
-    excitation = design_excitation(job.campaign.excitation, len(robot.joints), job.campaign.realizations, period)
-    model = build_model(robot)
-    rest = solve_statics(model, configurations)
-    linear = linearize(model, rest)
-    nominal = nominal_parameters(robot, linear, delay_s(job.loaded, job.campaign))
-    sampled = response(linear, nominal, excitation.frequency_hz, period).sampled
-    return predict(excitation, sampled, controller, rest.motor_torque, robot)
+    campaign, controller = job.campaign, require_controller(job.loaded)
+    options, period_s = campaign.excitation, controller.sampling_period_s
+    lines, _ = signal_lines(options, period_s)
+    loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
+    excitation = design_signal(options, len(robot.joints), campaign.realizations, period_s, loop)
+    excitation = excitation.first_experiments(campaign.experiments)
+    transient = next(iter(_transient_periods(campaign).values()))
+    return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
+
+
+def _transient_periods(campaign: Campaign) -> dict[str, int]:
+    """Periods before those that count, by the name of the setting below `source`."""
+    source = campaign.source
+    if source is not None and source.acquire is not None:
+        return {"acquire.drop_periods": source.acquire.drop_periods}
+    simulated = None if source is None else source.simulate
+    return {"simulate.transient_periods": 0 if simulated is None else simulated.transient_periods}
+
+
+def _show(output: Path, loaded: LoadedExperiment) -> Group | None:
+    content = excitation_from_artifact(read_artifact(output, EXCITATION))
+    return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints))
 
 
 def figures(excitation: Excitation, n_conf: int) -> str:
@@ -108,4 +138,5 @@ STAGE = Stage(
     measured_campaigns,
     _plan,
     _run,
+    show=_show,
 )

@@ -21,6 +21,7 @@ from robid.frf.frf import LEVELS, Frf, Level
 from robid.frf.options import EstimateOptions
 from robid.frf.silent import LawEstimate, combine_laws, identify_laws, start_laws
 from robid.robot.description import Motor
+from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.signals.friction import TorqueLaw
@@ -109,10 +110,7 @@ def _run(job: Job) -> str:
     options = job.campaign.estimate
     n_conf = read_outline(path, RECORD).n_rows
     notes: tuple[str, ...] = ()
-    laws, delay = None, 0.0
-    if options.compensation != "none":
-        laws = tuple(stated_law(joint.motor) for joint in job.loaded.robot.to_robot().joints)
-        delay = delay_s(job.loaded, job.campaign)
+    laws, delay = stated_laws(job.loaded, job.campaign, options)
     if options.compensation == "silent_lines" and laws is not None:
         laws, notes = _identified(job, path, n_conf, laws, delay)
     parts = Parts(job.output, FRF, job.key)
@@ -125,6 +123,15 @@ def _run(job: Job) -> str:
     for finding in dict.fromkeys(finding for brief in briefs for finding in brief.findings):
         job.progress.warn(finding)
     return _phrase(briefs)
+
+
+def stated_laws(
+    loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions
+) -> tuple[tuple[TorqueLaw, ...] | None, float]:
+    """Returns the robot file's torque laws and the delay [s], where these options compensate."""
+    if options.compensation == "none":
+        return None, 0.0
+    return tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints), delay_s(loaded, campaign)
 
 
 def stated_law(motor: Motor) -> TorqueLaw:

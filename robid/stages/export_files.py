@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.io import savemat
 
+from robid.arrays import FloatArray
 from robid.artifacts.atomic import plain
 
 Content: TypeAlias = dict[str, Any]
@@ -28,6 +29,14 @@ def encode_csv(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> byte
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerows([columns, *rows])
+    return text.getvalue().encode()
+
+
+def encode_table(notes: Sequence[str], columns: Sequence[str], rows: FloatArray) -> bytes:
+    """Writes a table of numbers below lines of notes that begin with `#`; nine digits keep every float32."""
+    text = io.StringIO(newline="")
+    text.writelines(f"# {note}\n" for note in notes)
+    np.savetxt(text, rows, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
     return text.getvalue().encode()
 
 

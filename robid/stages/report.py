@@ -10,6 +10,7 @@ from pathlib import Path
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.atomic import replacing, write_json
 from robid.errors import ArtifactError
+from robid.report.content import ReportContent
 from robid.report.page import render
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
@@ -57,13 +58,18 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
 
 def _run(job: Job) -> str:
     gathered = gather(job.loaded, job.folder, job.inputs)
-    stamp = json.dumps(asdict(job.provenance(STAGE.name)), sort_keys=True).replace("<", "\\u003c")
-    page = render(gathered.content)
-    mark = f'<script type="application/json" id="provenance">{stamp}</script>\n'
     write_json(job.output.with_name("summary.json"), summarize(gathered))
-    with replacing(job.output) as partial:
-        partial.write_text(page.replace("</body>", f"{mark}</body>", 1), encoding="utf-8")
+    write_page(job.output, gathered.content, job.provenance(STAGE.name))
     return counted(len(gathered.content.fits), "fit")
+
+
+def write_page(path: Path, content: ReportContent, provenance: Provenance) -> None:
+    """Writes a report that says how it came about, see `read_stamp`."""
+    stamp = json.dumps(asdict(provenance), sort_keys=True).replace("<", "\\u003c")
+    mark = f'<script type="application/json" id="provenance">{stamp}</script>\n'
+    page = render(content).replace("</body>", f"{mark}</body>", 1)
+    with replacing(path) as partial:
+        partial.write_text(page, encoding="utf-8")
 
 
 def read_stamp(path: Path) -> Provenance:

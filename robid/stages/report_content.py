@@ -16,7 +16,7 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.validation import VALIDATION, validation_from_artifact
-from robid.design.excitation import UNITS
+from robid.design.excitation import UNITS, Plan
 from robid.design.information import ConfigurationDesign
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
@@ -176,7 +176,15 @@ def _excitation(run: _Run, campaign: str) -> ExcitationRow:
         detection_lines=len(excitation.detection_lines),
         period_s=excitation.period_s,
         crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
+        worst_snr_db=_worst_snr_db(excitation.plan),
     )
+
+
+def _worst_snr_db(plan: Plan | None) -> float | None:
+    """Lowest predicted ratio of the motors' own responses; those across motors have zeros."""
+    if plan is None or plan.snr_db is None:
+        return None
+    return float(np.diagonal(plan.snr_db, axis1=-2, axis2=-1).min())
 
 
 def _peaks(content: CampaignExcitation, names: tuple[str, ...]) -> tuple[PeakRow, ...]:

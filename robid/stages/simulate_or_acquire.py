@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
@@ -14,9 +13,7 @@ from robid.artifacts.atomic import write_json
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_to_artifact
-from robid.artifacts.store import read_artifact, write_artifact
-from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, TimeChannel
-from robid.logs.mat import import_mat
+from robid.artifacts.store import read_artifact
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -24,14 +21,13 @@ from robid.settings.checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.signals.record import Record
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.simulate.truth import true_robot, with_imperfections
+from robid.stages.acquire import acquire_configuration, experiment_count, log_files
 from robid.stages.slices import delay_s, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _BYTES_PER_SAMPLE = 4
 
 
@@ -42,8 +38,8 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings[f"{section}.source"] = to_plain(campaign.source)
     record, inputs = f"{owner}/record.h5", {"excitation": f"{owner}/excitation.h5"}
     if campaign.source is not None and campaign.source.acquire is not None:
-        log = campaign.source.acquire.log_path(loaded.path.parent)
-        return Plan((record,), settings, inputs, {"log": log})
+        settings |= {f"{section}.{key}": getattr(campaign, key) for key in ("realizations", "experiments")}
+        return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
     settings[f"{section}.payload_kg"] = campaign.payload_kg
     settings[f"{section}.outputs"] = to_plain(campaign.outputs)
     settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", "sensors")
@@ -54,7 +50,8 @@ def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
     """Torque and angle of all samples, once in the parts and once merged."""
     n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
     n_channel = 2 * n_motor + len(campaign.outputs) - 1
-    experiments = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations * n_motor
+    blocks = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations
+    experiments = blocks * (campaign.experiments or n_motor)
     samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
     return 2 * _BYTES_PER_SAMPLE * samples * n_channel
 
@@ -66,9 +63,7 @@ def _run(job: Job) -> str:
         message = f"campaign {job.owner} has no source, and so no record"
         raise RuntimeError(message)
     if source.acquire is not None:
-        record = _acquire(job, source.acquire, content)
-        write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
-        return figures(record.torque.shape, record.period_s)
+        return _acquire(job, source.acquire, content)
     return _simulate(job, source.simulate or SimulateOptions(), content)
 
 
@@ -94,6 +89,33 @@ class _Task:
 def _simulate_part(task: _Task) -> None:
     record = simulate(task.experiment, task.configuration, task.index, task.threads)
     task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
+
+
+@dataclass(frozen=True)
+class _LogTask:
+    parts: Parts
+    campaign: Campaign
+    acquire: Acquire
+    content: CampaignExcitation
+    index: int
+    folder: Path
+
+
+def _acquire_part(task: _LogTask) -> None:
+    record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder)
+    task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
+
+
+def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
+    campaign, n_conf, n_exp = job.campaign, len(content.configurations), experiment_count(job.campaign, acquire)
+    parts = Parts(job.output, RECORD, job.key)
+    todo = [index for index in range(n_conf) if not parts.has(index)]
+    job.progress.expect(n_conf, "configurations", n_conf - len(todo))
+    folder = job.loaded.path.parent
+    tasks = [_LogTask(parts, campaign, acquire, content, index, folder) for index in todo]
+    job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
+    parts.merge(n_conf, job.provenance(STAGE.name))
+    return figures((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
 
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
@@ -157,38 +179,6 @@ def _torque_errors(joint: Joint, stated: Joint, options: SimulateOptions) -> dic
         # The ripple drives the motor; what a regressor counts opposes it.
         errors |= {"ripple_sin": -1.0 if flaws.ripple else 0.0, "ripple_cos": 0.0}
     return errors
-
-
-def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> Record:
-    mapping = LogMapping(
-        file=job.inputs["log"],
-        sampling_period_s=acquire.sampling_period_s,
-        drop_periods=acquire.drop_periods,
-        time=None if acquire.time is None else TimeChannel(acquire.time.variable, _SECONDS[acquire.time.unit]),
-        inputs=tuple(
-            InputChannel(
-                name=channel.name,
-                variable=channel.variable,
-                unit=channel.unit,
-                torque_constant_nm_a=channel.torque_constant_nm_a or 1.0,
-                torque_constant_relative_std=channel.torque_constant_relative_std,
-                normalised=channel.normalised,
-                sign=channel.sign,
-                hold=channel.hold,
-            )
-            for channel in acquire.inputs
-        ),
-        outputs=tuple(OutputChannel(**channel.model_dump()) for channel in acquire.outputs),
-    )
-    detection = content.excitation.detection_lines
-    return import_mat(
-        mapping,
-        samples_per_period=content.excitation.reference.shape[2],
-        periods=job.campaign.periods,
-        excited_lines=content.excitation.excited_lines,
-        configurations=content.configurations,
-        detection_lines=np.asarray(detection),
-    )
 
 
 STAGE = Stage(

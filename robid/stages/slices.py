@@ -50,7 +50,8 @@ _ROBOT: dict[str, Part] = {
 }
 
 _TIMING = ("sampling_period_s", "delay_samples")
-_LINES = ("period_s", "low_hz", "high_hz", "count", "spacing", "grid", "detection_share", "seed")
+_LINES = ("period_s", "low_hz", "high_hz", "count", "spacing", "grid", "detection_share", "seed", "signal")
+_LINES_OF_SIGNALS = ("chirp_peak", "slow_motion_rad_s", "slow_motion_line")
 
 
 def robot_settings(loaded: LoadedExperiment, *parts: Part) -> dict[str, Any]:
@@ -69,7 +70,7 @@ def robot_settings(loaded: LoadedExperiment, *parts: Part) -> dict[str, Any]:
 
 def line_settings(campaign: Campaign) -> dict[str, Any]:
     """Returns what decides a campaign's excited lines."""
-    return {key: getattr(campaign.excitation, key) for key in _LINES}
+    return {key: getattr(campaign.excitation, key) for key in (*_LINES, *_LINES_OF_SIGNALS)}
 
 
 def require_controller(loaded: LoadedExperiment) -> Controller:

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
+from rich.console import Group
+
 from robid.artifacts.artifact import Kind, Provenance
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
 from robid.backends.map import Map
@@ -118,6 +120,7 @@ class Stage:
         plan: What it reads and writes for one of them.
         run: Does it; returns its key figures in a phrase.
         problem: Reads from its output what went wrong numerically; empty when all is well.
+        show: Lays out from its output what its command prints below its line; None for nothing.
         takes_what_is_there: Whether it runs without inputs that a numerical problem has kept from being made.
     """
 
@@ -129,6 +132,7 @@ class Stage:
     plan: Callable[[LoadedExperiment, str], Plan]
     run: Callable[[Job], str]
     problem: Callable[[Path], str] = lambda _: ""
+    show: Callable[[Path, LoadedExperiment], Group | None] = lambda *_: None
     takes_what_is_there: bool = False
 
 

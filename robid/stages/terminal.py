@@ -119,6 +119,16 @@ def dataset_table(datasets: dict[str, dict[str, Any]]) -> Table:
     return table
 
 
+def section_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """Lays out a table of a study, its first column naming the row."""
+    table = Table(box=None, pad_edge=False, header_style="dim", title=title, title_justify="left")
+    for index, name in enumerate(columns):
+        table.add_column(escape(name), justify="right" if index else "left")
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    return table
+
+
 def _table(*names: str) -> Table:
     table = Table(box=None, pad_edge=False, header_style="dim")
     for name in names:

@@ -9,6 +9,7 @@ import pytest
 
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
+from tolerances import RECOVERY_SIGMA
 
 OUTPUTS = {
     "designs/best.h5",
@@ -54,6 +55,34 @@ def test_sensors_are_recorded_estimated_and_fitted(shop):
     assert frf.output_names == ("turn", "lift", "lift.arm", "tip_z", "felt")
     summary = json.loads((shop.runs / "summary.json").read_text())
     assert summary["fits.elastic.springs.worst_error"] < 0.02
+
+
+def test_friction_identified_at_the_silent_lines(shop):
+    for _ in range(2):
+        shop.change("{compensation: nominal}", "{compensation: silent_lines, silent_configurations: 1}")
+    shop.change("friction_relative: 0.1", "friction_relative: 0.4")
+    shop.change("period_s: 0.5", "period_s: 1")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 0, answer.err
+    frf = frf_from_artifact(read_artifact(shop.runs / "estimation/frf.h5", FRF))
+    found = dict(zip(frf.law_names, zip(frf.law_values, frf.law_std, strict=True), strict=True))
+    truth = json.loads((shop.runs / "estimation" / "truth.json").read_text())["values"]
+    for joint in ("turn", "lift"):
+        value, std = found[f"{joint}.coulomb_nm"]
+        assert abs(value - 0.2 * (1 + truth[f"{joint}.level"])) < RECOVERY_SIGMA * std
+        assert std < 0.03
+    assert any("silent lines of 1 configuration: they explain at least" in note for note in frf.notes)
+    summary = json.loads((shop.runs / "summary.json").read_text())
+    assert summary["fits.elastic.springs.worst_error"] < 0.02
+
+
+def test_too_few_silent_lines_are_a_data_error(shop):
+    shop.change("count: 14", "count: 34, grid: full, detection_share: 0")
+    shop.change("{compensation: nominal}", "{compensation: silent_lines}")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 4
+    assert "lines of the excited band are silent" in answer.flat
+    assert "`compensation: nominal`" in answer.flat
 
 
 def test_a_run_ends_with_table_verdict_and_report(done):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.frf.blocks import logarithmic_mean
-from robid.frf.covariance import pool
+from robid.frf.blocks import ESTIMATORS, logarithmic_mean
+from robid.frf.covariance import inverse_covariance, pool, sample_covariance
 from robid.frf.estimate import concatenate, estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.friction import TorqueLaw
@@ -61,10 +61,15 @@ def make_record(*, noise=0.0, realizations=4, periods=2, seed=0, response=None, 
     )
 
 
-@pytest.mark.parametrize("estimator", ["logarithmic", "arithmetic"])
+def with_reference(record, mixing=((2.0, 1.0), (-1.0, 1.5))):
+    """The record with a reference that the torque follows through a constant matrix."""
+    return replace(record, reference=record.torque[:, :, :, 0] @ np.array(mixing), reference_kind="speed_reference")
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
 @pytest.mark.parametrize("realizations", [1, 3])
 def test_exact_data_give_the_exact_response(estimator, realizations):
-    record = make_record(realizations=realizations)
+    record = with_reference(make_record(realizations=realizations))
     frf = estimate_frf(record, replace(PLAIN, estimator=estimator))
     np.testing.assert_allclose(frf.response[0], true_response(), rtol=IDENTITY * 10)
     np.testing.assert_allclose(frf.frequency_hz, LINES / PERIOD_S)
@@ -84,12 +89,6 @@ def vec(response):
     return np.swapaxes(response, -1, -2).reshape(*response.shape[:-2], -1)
 
 
-def kronecker(frf):
-    root = np.sqrt(vec(frf.element_scale[0][None])[0])
-    pairs = zip(frf.input_factor[0], frf.covariance[0], strict=True)
-    return np.array([np.kron(a, b) * np.outer(root, root) for a, b in pairs])
-
-
 @pytest.mark.parametrize(("realizations", "periods"), [(4, 2), (1, 4)])
 def test_covariance_against_monte_carlo(realizations, periods):
     runs, found, claimed = 400, [], []
@@ -97,7 +96,7 @@ def test_covariance_against_monte_carlo(realizations, periods):
         record = make_record(noise=1e-4, realizations=realizations, periods=periods, seed=seed, reuse_phases=True)
         frf = estimate_frf(record, replace(PLAIN, estimator="arithmetic"))
         found.append(vec(frf.response[0]))
-        claimed.append(kronecker(frf))
+        claimed.append(frf.full_covariance(0))
     error = np.array(found) - vec(true_response())
     empirical = np.einsum("rka,rkb->kab", error, error.conj()) / runs
     claimed = np.mean(claimed, axis=0)
@@ -107,7 +106,7 @@ def test_covariance_against_monte_carlo(realizations, periods):
         assert distance < 4 / np.sqrt(runs), (line, distance)
     ratio = np.diagonal(empirical, axis1=1, axis2=2).real / np.diagonal(claimed, axis1=1, axis2=2).real
     np.testing.assert_allclose(ratio.mean(), 1.0, atol=4 / np.sqrt(runs * ratio.size))
-    np.testing.assert_allclose(frf.element_variance()[0, 2, 1, 0], kronecker(frf)[2, 1, 1].real, rtol=1e-12)
+    np.testing.assert_allclose(frf.element_variance()[0, 2, 1, 0], frf.full_covariance(0)[2, 1, 1].real, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("realizations", "periods"), [(4, 1), (1, 4)])
@@ -136,6 +135,53 @@ def test_more_realizations_and_periods_reduce_noise_as_they_should():
     np.testing.assert_allclose(spread(2, 16), few / 8, rtol=0.5)
 
 
+def test_full_covariance_is_the_scaled_kronecker_product():
+    frf = estimate_frf(make_record(noise=1e-4), PLAIN)
+    full = frf.full_covariance(0)
+    root = np.sqrt(vec(frf.element_scale[0][None])[0])
+    wanted = np.kron(frf.input_factor[0, 2], frf.covariance[0, 2]) * np.outer(root, root)
+    np.testing.assert_allclose(full[2], wanted, rtol=IDENTITY)
+    diagonal = np.diagonal(full, axis1=1, axis2=2).real
+    np.testing.assert_allclose(diagonal, vec(frf.element_variance()[0]), rtol=IDENTITY)
+
+
+def complex_normal(generator, *shape):
+    return (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)) / np.sqrt(2)
+
+
+def test_sample_covariance_and_its_inverse_have_the_right_mean():
+    generator, realizations, size = np.random.default_rng(6), 9, 4
+    root = complex_normal(generator, size, size)
+    truth = root @ root.conj().T
+    draws = complex_normal(generator, realizations, 20_000, size) @ root.T
+    # Each realization's share of the mean's error, columns stacked.
+    errors = (draws - draws.mean(axis=0)) / realizations
+    found, freedom = sample_covariance(np.swapaxes(errors.reshape(realizations, -1, 2, 2), -1, -2))
+    assert freedom == realizations - 1
+    distance = np.linalg.norm(found.mean(axis=0) * realizations - truth) / np.linalg.norm(truth)
+    assert distance < 0.03
+    inverse = inverse_covariance(found, freedom).mean(axis=0) / realizations
+    np.testing.assert_allclose(inverse @ truth, np.eye(size), atol=0.1)
+
+
+def test_inverse_of_a_rank_deficient_covariance_is_refused_by_name():
+    draws = complex_normal(np.random.default_rng(7), 4, 3, 2, 2)
+    covariance, freedom = sample_covariance(draws - draws.mean(axis=0))
+    np.testing.assert_array_equal(np.linalg.matrix_rank(covariance), 3)
+    with pytest.raises(DataError, match=r"the covariance of vec G of size 4 has rank 3 .*\n.*structured"):
+        inverse_covariance(covariance, freedom, name="covariance of vec G")
+
+
+def test_error_radius_covers_as_often_as_it_says():
+    # Phases of each block its own, few degrees of freedom: (4 - 1) x 2.
+    outside, runs = [], 300
+    for seed in range(runs):
+        frf = estimate_frf(make_record(noise=1e-4, seed=seed), replace(PLAIN, estimator="arithmetic"))
+        outside.append(np.abs(frf.response[0] - true_response()) > frf.error_radius(0.95)[0])
+    # A normal radius would be left by 9 % of the errors.
+    np.testing.assert_allclose(np.mean(outside), 0.05, atol=0.012)
+
+
 def test_logarithm_takes_its_branch_from_the_mean():
     blocks = np.array([np.exp(1j * (np.pi - 0.1)), np.exp(1j * (np.pi + 0.1)) * 1.21])
     np.testing.assert_allclose(logarithmic_mean(blocks[:, None])[0], -1.1, rtol=1e-12)
@@ -159,6 +205,45 @@ def test_missing_experiment_is_refused():
     record = make_record()
     with pytest.raises(DataError, match="1 experiments per block cannot separate 2 inputs"):
         estimate_frf(replace(record, torque=record.torque[:, :, :1], position=record.position[:, :, :1]), PLAIN)
+
+
+@pytest.mark.parametrize("estimator", ["joint", "indirect"])
+def test_instrument_that_is_missing_or_excites_too_little_is_refused(estimator):
+    options = replace(PLAIN, estimator=estimator)
+    with pytest.raises(DataError, match=rf"`{estimator}` needs the reference.*\n.*`logarithmic`"):
+        estimate_frf(make_record(), options)
+    with pytest.raises(DataError, match=rf"`{estimator}`: the reference does not excite every motor at .* Hz"):
+        estimate_frf(with_reference(make_record(), ((1.0, 2.0), (1.0, 2.0))), options)
+    with pytest.raises(DataError, match=rf"`{estimator}`: the reference does not excite every motor at .* Hz"):
+        estimate_frf(with_reference(make_record(), np.zeros((2, 2))), options)
+
+
+def part_of(record, realizations=slice(None), experiments=slice(None)):
+    fields = {name: getattr(record, name)[:, realizations, experiments] for name in ("torque", "position", "reference")}
+    return replace(record, **fields)
+
+
+@pytest.mark.parametrize("estimator", ["joint", "h1"])
+def test_blocks_of_fewer_experiments_serve_together(estimator):
+    options = replace(PLAIN, estimator=estimator)
+    part = part_of(with_reference(make_record()), experiments=slice(1))
+    np.testing.assert_allclose(estimate_frf(part, options).response[0], true_response(), rtol=1e-8)
+    with pytest.raises(DataError, match="1 experiments per block cannot separate 2 inputs"):
+        estimate_frf(part_of(part, realizations=slice(1)), options)
+
+
+def test_joint_weighs_by_the_references_power_and_indirect_does_not():
+    record = make_record(realizations=2, noise=1e-3)
+    gain = np.array([1.0, 30.0])[:, None, None, None, None]
+    # The second realization is louder and its noise with it.
+    record = with_reference(replace(record, torque=record.torque * gain, position=record.position * gain))
+
+    def response(part, estimator):
+        return estimate_frf(part, replace(PLAIN, estimator=estimator)).response[0]
+
+    quiet, loud = (response(part_of(record, slice(k, k + 1)), "joint") for k in range(2))
+    np.testing.assert_allclose(response(record, "joint"), loud, atol=0.05 * np.abs(quiet - loud).max())
+    assert np.abs(response(record, "indirect") - loud).max() > 0.2 * np.abs(quiet - loud).max()
 
 
 @pytest.mark.parametrize("channel", ["torque", "position"])
@@ -188,8 +273,9 @@ def test_compensation_takes_the_nominal_friction_out():
 
 
 @pytest.mark.parametrize("name", ["first.level", "second.level", "first.shape", "second.shape"])
-def test_sensitivity_is_the_derivative(name):
-    record = make_record(realizations=2)
+@pytest.mark.parametrize("estimator", ["arithmetic", "joint"])
+def test_sensitivity_is_the_derivative(name, estimator):
+    record = with_reference(make_record(realizations=2))
     motor, kind = ("first", "second").index(name.partition(".")[0]), name.partition(".")[2]
     fields = ("coulomb_nm", "static_nm") if kind == "level" else ("stribeck_rad_s", "presliding_rad")
 
@@ -197,7 +283,7 @@ def test_sensitivity_is_the_derivative(name):
         law = LAWS[motor]
         changed = replace(law, **{field: getattr(law, field) * (1 + relative) for field in fields})
         laws = tuple(changed if index == motor else law for index, law in enumerate(LAWS))
-        return estimate_frf(record, EstimateOptions(estimator="arithmetic"), laws)
+        return estimate_frf(record, EstimateOptions(estimator=estimator), laws)
 
     step = 1e-4 if kind == "level" else 0.05
     here = moved(0.0)

@@ -142,7 +142,7 @@ def test_what_no_law_explains_is_refused():
 
 def test_too_few_silent_lines_are_refused():
     record = replace(make_record((BRISTLE, CURVE)), excited_lines=BAND)
-    with pytest.raises(DataError, match="only 0 lines of the excited band are silent"):
+    with pytest.raises(DataError, match="only 0 lines of the excited band are silent and can show friction"):
         start_laws(record, UNKNOWN, DELAY_S)
 
 

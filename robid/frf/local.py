@@ -1,0 +1,294 @@
+"""Local polynomial and rational models of the response over neighbouring bins or lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
+from robid.frf.blocks import BlockEstimate
+from robid.frf.options import EstimateOptions
+from robid.frf.spectra import Blocks
+
+LOCAL = ("local", "local_periodic")
+"""Estimators that fit the response over neighbouring bins or lines."""
+
+_CONDITION_LIMIT = 1e8
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Neighbouring bins that each line's model is fitted to.
+
+    Attributes:
+        index (n_freq, width): Position of each bin among the blocks' lines.
+        offset (n_freq, width): Distance from the line, at most 1.
+        lines (n_freq,): Position of the lines themselves.
+    """
+
+    index: IntArray
+    offset: FloatArray
+    lines: IntArray
+
+    def rows(self, spectra: ComplexArray) -> ComplexArray:
+        """Reorders block spectra (n_real, n_bin, n_channel, n_exp) to (n_freq, n_real n_exp, width, n_channel)."""
+        around = spectra[:, self.index].transpose(1, 0, 4, 2, 3)
+        return around.reshape(len(self.lines), -1, *around.shape[3:])
+
+    def joined(self, spectra: ComplexArray) -> ComplexArray:
+        """Reorders several block spectra (n, n_real, n_bin, n_channel, n_exp) to (n, 1, n_freq, n_channel, n_row)."""
+        n_freq, n_channel = len(self.lines), spectra.shape[3]
+        joined = np.empty(
+            (len(spectra), n_freq, self.index.shape[1] * spectra.shape[1] * spectra.shape[4], n_channel), complex
+        )
+        for target, each in zip(joined, spectra, strict=True):
+            target[:] = self.rows(each).reshape(n_freq, -1, n_channel)
+        return np.swapaxes(joined, 2, 3)[:, None]
+
+
+@dataclass(frozen=True)
+class LocalEstimate(BlockEstimate):
+    """A response with the covariance that its local fits' residuals show.
+
+    The weights' experiments are all bins of all experiments, `n_real n_exp width`, of a single block.
+
+    Attributes:
+        covariance (n_freq, n_out, n_out): Covariance of one experiment's output residual.
+        freedom: Complex degrees of freedom of each.
+        element_scale (n_out, n_in): Variance of each element over that of the product, mean over the lines.
+    """
+
+    covariance: ComplexArray
+    freedom: float
+    element_scale: FloatArray
+
+
+def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int) -> int:
+    """Returns the bins on each side: as set, else the fewest that leave enough freedom.
+
+    Enough is as much as there are outputs for `local`, whose bias falls with the width, and as much as there are
+    coefficients for `local_periodic`, which also has to average the noise.
+
+    Args:
+        options: Orders of the local model.
+        n_exp: Experiments of all realizations.
+        n_in: Inputs.
+        n_out: Outputs.
+
+    Raises:
+        DataError: If the width that was set leaves no freedom.
+    """
+    short = options.estimator == "local"
+    own = (options.local_order + 1) * short
+    common = (options.local_order + 1) * n_in + options.local_denominator
+    needed = own + (common + (n_out if short else max(n_out, common))) / n_exp
+    # The polynomials themselves need a bin per coefficient.
+    needed = max(needed, own + 1, options.local_order + 1 + options.local_denominator)
+    fewest = int(np.ceil((needed - 1) / 2))
+    if options.local_half_width_lines is None:
+        return fewest
+    width = 2 * options.local_half_width_lines + 1
+    if width < options.local_order + 1 or n_exp * (width - own) <= common:
+        message = f"{width} bins of {n_exp} experiments leave no freedom beside the local model's coefficients"
+        raise DataError(message, remedy=f"set `local_half_width_lines` to {fewest} or more, or lower `local_order`")
+    return options.local_half_width_lines
+
+
+def bin_windows(lines: IntArray, half: int, highest: int) -> tuple[IntArray, Windows]:
+    """Windows of neighbouring DFT bins around some of them.
+
+    Args:
+        lines (n_freq,): Bins at the centres.
+        half: Bins on each side; near the band's ends the window shifts inwards.
+        highest: First bin that is not available.
+
+    Returns:
+        The bins needed, rising, and the windows over them.
+
+    Raises:
+        DataError: If the windows do not fit.
+    """
+    _check_fit(highest - 1, half, "bins")
+    window = np.clip(lines - half, 1, highest - 2 * half - 1)[:, None] + np.arange(2 * half + 1)
+    bins = np.unique(window)
+    return bins, _windows(bins, np.searchsorted(bins, window), np.searchsorted(bins, lines))
+
+
+def line_windows(lines: IntArray, half: int) -> Windows:
+    """Windows over neighbouring excited lines, shifted inwards at the ends of the band.
+
+    Raises:
+        DataError: If the windows do not fit.
+    """
+    _check_fit(lines.size, half, "excited lines")
+    centre = np.arange(lines.size)
+    first = np.clip(centre - half, 0, lines.size - 2 * half - 1)
+    return _windows(lines, first[:, None] + np.arange(2 * half + 1), centre)
+
+
+def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> LocalEstimate:
+    """Fits `D Y = N U + T` around every line by linear least squares, over all experiments at once.
+
+    N is a matrix polynomial in the frequency, D a polynomial common to all outputs (1 without
+    `local_denominator`), T the transient of each experiment (`local` only). Where the reference was recorded,
+    torque and acceleration are both fitted to it and the response is their ratio, as the loop is closed. The
+    covariance is of first order in the noise: the denominator's is underestimated where noise is large.
+
+    Args:
+        blocks: Spectra at the windows' bins.
+        windows: Neighbours of each line.
+        options: Estimator and orders.
+
+    Raises:
+        DataError: If the bins around a line do not determine the model.
+
+    Source:
+        Pintelon and Schoukens (2012), System Identification, 2nd ed., ch. 7; McKelvey and Guerin (2012), IFAC
+        SYSID (rational); METHODS sec. 4.
+    """
+    n_in, n_power = blocks.torque.shape[2], options.local_order + 1
+    torque, acceleration = windows.rows(blocks.torque), windows.rows(blocks.acceleration)
+    indirect = blocks.reference is not None
+    regressor = torque if blocks.reference is None else windows.rows(blocks.reference)
+    explained = np.concatenate([torque, acceleration], axis=-1) if indirect else acceleration
+    powers = windows.offset[:, :, None] ** np.arange(n_power)
+    silence = _transient_projection(powers) if options.estimator == "local" else None
+    fit = _Fit(_flat(_products(powers, regressor), silence), n_in)
+    observed = _flat(explained, silence)
+    own = regressor.shape[1] * n_power * (silence is not None)
+    freedom = float(observed.shape[1] - own - n_power * n_in - options.local_denominator)
+    denominator = None
+    if options.local_denominator:
+        degrees = np.arange(1, options.local_denominator + 1)
+        products = _flat(_products(windows.offset[:, :, None] ** degrees, explained), silence)
+        denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.size, -1))
+        observed = observed + denominator.change
+    return _estimate(fit, observed, denominator, freedom, n_in, indirect=indirect)
+
+
+def _estimate(
+    fit: _Fit, observed: ComplexArray, denominator: _Denominator | None, freedom: float, n_in: int, *, indirect: bool
+) -> LocalEstimate:
+    """Reads the response off a fit; of an indirect one the first observations are the torques."""
+    centre, output = fit.centre(observed, n_in), fit.residual(observed)
+    turn = np.eye(n_in)[None].astype(complex)
+    response = np.swapaxes(centre, 1, 2)
+    if indirect:
+        turn = np.linalg.inv(centre[..., :n_in])
+        response = np.swapaxes(turn @ centre[..., n_in:], 1, 2)
+        output = _output_part(output, response, n_in)
+    gain = turn @ fit.gain(n_in)
+    covariance = np.einsum("fro,frp->fop", output, output.conj()) / freedom
+    scale: FloatArray = np.ones(response.shape[1:])
+    if denominator is not None:
+        slope = turn[:, None] @ denominator.sensitivity(n_in)
+        slope = _output_part(slope, response[:, None], n_in) if indirect else slope
+        scale = _element_scale(slope, denominator.covariance(freedom), gain, covariance)
+    return LocalEstimate(response, np.swapaxes(gain, 1, 2)[None], covariance, freedom, scale)
+
+
+class _Fit:
+    """Least squares of all lines at once by QR."""
+
+    def __init__(self, columns: ComplexArray, n_in: int) -> None:
+        self._orthonormal, self._triangle = np.linalg.qr(columns)
+        size = np.linalg.norm(self._triangle, axis=1).reshape(len(columns), -1, n_in).max(axis=1)
+        scaled = self._triangle / np.tile(size, columns.shape[2] // n_in)[:, None]
+        if not (size > 0).all() or np.linalg.cond(scaled).max() > _CONDITION_LIMIT:
+            message = "the spectrum around a line is too empty to determine a local model of every motor's response"
+            remedy = "use `robust_local` for sparse lines of periodic data; else excite all motors, or widen the window"
+            raise DataError(message, remedy=remedy)
+
+    def centre(self, observed: ComplexArray, n_in: int) -> ComplexArray:
+        """Transposed model (n_freq, n_in, n_observed) at the lines themselves."""
+        solution = np.linalg.solve(self._triangle, self._adjoint @ observed)
+        return np.asarray(solution[:, :n_in])
+
+    def gain(self, n_in: int) -> ComplexArray:
+        """What turns observations into `centre` (n_freq, n_in, n_row)."""
+        return np.asarray(np.linalg.solve(self._triangle, self._adjoint)[:, :n_in])
+
+    def residual(self, observed: ComplexArray) -> ComplexArray:
+        """What the model leaves of the observations."""
+        return np.asarray(observed - self._orthonormal @ (self._adjoint @ observed))
+
+    @property
+    def _adjoint(self) -> ComplexArray:
+        return np.asarray(np.swapaxes(self._orthonormal.conj(), 1, 2))
+
+
+class _Denominator:
+    """Coefficients of the denominator that all outputs share, weighted by the residual of each."""
+
+    def __init__(self, fit: _Fit, observed: ComplexArray, products: ComplexArray) -> None:
+        self._fit, self._products = fit, products
+        flat = products.reshape(*products.shape[:2], -1)
+        left, moved = fit.residual(observed), fit.residual(flat).reshape(products.shape)
+        rest = left
+        # The weights settle after one step; noise-free outputs keep a floor.
+        for _ in range(2):
+            variance = np.mean(np.abs(rest) ** 2, axis=1) + 1e-24 * np.mean(np.abs(observed) ** 2, axis=1)
+            weighted = moved.conj() / variance[:, None, None]
+            self._normal = np.einsum("frso,frto->fst", weighted, moved)
+            self._coefficients = -np.linalg.solve(self._normal, np.einsum("frso,fro->fs", weighted, left)[..., None])
+            rest = left + np.einsum("frso,fs->fro", moved, self._coefficients[..., 0])
+        self._rows = products.shape[1]
+
+    @property
+    def change(self) -> ComplexArray:
+        """`(D - 1) Y` of all bins."""
+        return np.asarray(np.einsum("frso,fs->fro", self._products, self._coefficients[..., 0]))
+
+    def sensitivity(self, n_in: int) -> ComplexArray:
+        """Derivative (n_freq, n_den, n_in, n_observed) of the transposed model at the line."""
+        flat = self._products.reshape(*self._products.shape[:2], -1)
+        moved = self._fit.centre(flat, n_in)
+        return np.asarray(np.moveaxis(moved.reshape(*moved.shape[:2], *self._products.shape[2:]), 2, 1))
+
+    def covariance(self, freedom: float) -> ComplexArray:
+        """Covariance (n_freq, n_den, n_den) of the coefficients."""
+        return np.asarray(np.linalg.inv(self._normal) * self._rows / freedom)
+
+
+def _windows(bins: IntArray, index: IntArray, lines: IntArray) -> Windows:
+    distance = (bins[index] - bins[lines][:, None]).astype(float)
+    return Windows(index, distance / np.maximum(np.abs(distance).max(axis=1, keepdims=True), 1), lines)
+
+
+def _products(powers: FloatArray, spectra: ComplexArray) -> ComplexArray:
+    """Powers (n_freq, width, n) times spectra (n_freq, n_exp, width, m), joined to columns n m."""
+    return (powers[:, None, :, :, None] * spectra[:, :, :, None, :]).reshape(*spectra.shape[:3], -1)
+
+
+def _transient_projection(powers: FloatArray) -> FloatArray:
+    """What takes a polynomial of each experiment's own out of its window (n_freq, width, width)."""
+    return np.asarray(np.eye(powers.shape[1]) - powers @ np.linalg.pinv(powers))
+
+
+def _flat(windowed: ComplexArray, silence: FloatArray | None) -> ComplexArray:
+    """Joins experiments and bins (n_freq, n_exp, width, n) to rows, their transients removed."""
+    kept = windowed if silence is None else silence[:, None] @ windowed
+    return kept.reshape(len(kept), -1, kept.shape[-1])
+
+
+def _output_part(joint: ComplexArray, response: ComplexArray, n_in: int) -> ComplexArray:
+    """`V_y - G V_u` of rows (..., n_row, n_in + n_out)."""
+    return np.asarray(joint[..., n_in:] - joint[..., :n_in] @ np.swapaxes(response, -1, -2))
+
+
+def _element_scale(
+    moved: ComplexArray, denominator: ComplexArray, gain: ComplexArray, covariance: ComplexArray
+) -> FloatArray:
+    """Variance (n_out, n_in) with that of the denominator, over the product's, mean over the lines."""
+    added = np.real(np.einsum("fsio,fst,ftio->foi", moved, denominator, moved.conj()))
+    rows = np.real(np.diagonal(covariance, axis1=1, axis2=2))
+    product = rows[:, :, None] * (np.abs(gain) ** 2).sum(axis=2)[:, None]
+    return np.asarray(1 + np.divide(added, product, out=np.zeros_like(product), where=product > 0).mean(axis=0))
+
+
+def _check_fit(available: int, half: int, kind: str) -> None:
+    if available < 2 * half + 1:
+        message = f"a local model needs {2 * half + 1} neighbouring {kind}, but there are {available}"
+        raise DataError(message, remedy="excite more lines, record longer or more experiments, or lower `local_order`")

@@ -1,0 +1,76 @@
+"""Reads a log's channels and checks each for itself."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.errors import DataError
+from robid.logs.files import find_variable
+from robid.logs.mapping import LogMapping
+
+_SHOWN = 8
+"""Fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists."""
+
+
+def read_columns(mapping: LogMapping, variables: Mapping[str, Any]) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
+    """Reads every column that the mapping names, with every problem on the way."""
+    names = mapping.variables + ([mapping.time.variable] if mapping.time is not None else [])
+    columns: dict[str, NDArray[Any]] = {}
+    problems: list[DataError] = []
+    for name in dict.fromkeys(names):
+        column, found = read_column(mapping, variables, name)
+        problems += found
+        if column is not None:
+            columns[name] = column
+    return columns, problems
+
+
+def read_column(
+    mapping: LogMapping, variables: Mapping[str, Any], name: str
+) -> tuple[NDArray[Any] | None, list[DataError]]:
+    """Returns a variable as a real column of finite, changing numbers, or why it is none."""
+    where = f"{mapping.file}: variable `{name}`"
+    try:
+        raw = np.asarray(find_variable(variables, name))
+    except KeyError:
+        close = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
+        columns = [key for key, value in variables.items() if np.size(value) > _SHOWN]
+        guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
+        remedy = f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
+        return None, [DataError("The log has no such variable.", where=where, remedy=remedy)]
+    if raw.dtype.kind not in "fiu":
+        remedy = "Save it as a real numeric column."
+        return None, [DataError(f"It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
+    if raw.size != max(raw.shape, default=0) or raw.size < 2:
+        remedy = "Save one column per channel."
+        return None, [DataError(f"It has shape {raw.shape}, not one column.", where=where, remedy=remedy)]
+    column = raw.ravel()
+    bad = np.flatnonzero(~np.isfinite(column))
+    if len(bad):
+        what = f"{len(bad)} of {len(column)} values are NaN or infinite, the first at sample {bad[0]}."
+        remedy = "Record again, or cut the log to whole periods without them."
+        return column, [DataError(what, where=f"{where}, sample {bad[0]}", remedy=remedy)]
+    if np.ptp(column) == 0:
+        remedy = "Check that the channel was connected and that the variable is the right one."
+        return column, [DataError(f"It is constant ({column[0]:g}).", where=where, remedy=remedy)]
+    return column, []
+
+
+def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:
+    """Compares the channels' lengths; the most frequent one counts as right."""
+    lengths = [len(column) for column in columns.values()]
+    usual = max(lengths, key=lengths.count, default=0)
+    return [
+        DataError(
+            f"It has {len(column)} samples, the other channels have {usual}.",
+            where=f"{mapping.file}: variable `{name}`",
+            remedy="Export all channels over the same time span and at the same rate.",
+        )
+        for name, column in columns.items()
+        if len(column) != usual
+    ]

@@ -1,0 +1,226 @@
+"""Imports logs into records and refuses what cannot be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.arrays import FloatArray, IntArray, check_shape
+from robid.errors import DataError
+from robid.logs.checks import check_count, check_mapping, check_period, check_time
+from robid.logs.columns import check_lengths, read_columns
+from robid.logs.files import load_variables
+from robid.logs.mapping import REFERENCE_UNITS, LogMapping
+from robid.logs.match import Played, check_size, explain_mismatch, find_periods
+from robid.signals.record import Record
+
+
+def import_log(
+    mapping: LogMapping,
+    *,
+    samples_per_period: int,
+    periods: int,
+    excited_lines: IntArray,
+    configurations: FloatArray,
+    detection_lines: IntArray | None = None,
+    played: Played | None = None,
+) -> Record:
+    """Imports one realization of one experiment in one configuration.
+
+    Angles stay as they were measured, less the first sample that is used; drift is left to the estimate. Where
+    references were logged, the periods begin where they match the excitation.
+
+    Args:
+        mapping: File, channels, units, sampling period and dropped periods.
+        samples_per_period: Samples of one period.
+        periods: Periods to import after the dropped ones.
+        excited_lines (n_freq,): Lines that were excited.
+        configurations (1, n_joint): Arm-side joint angles [rad].
+        detection_lines (n_detection,): Lines of the band that were left out on purpose, or None.
+        played: What the references are matched to; needed where the mapping has references.
+
+    Raises:
+        SettingsError: If the mapping contradicts itself or names an unknown unit.
+        DataError: If the log is missing, unreadable or not what was said; every problem at once.
+    """
+    check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
+    check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
+    columns, problems = read_columns(mapping, load_variables(mapping.file, mapping.format))
+    problems += check_lengths(mapping, columns)
+    if mapping.time is not None and mapping.time.variable in columns:
+        stamps = columns[mapping.time.variable]
+        if np.all(np.isfinite(stamps)):
+            problems += check_time(mapping, mapping.time.variable, stamps, mapping.time.to_seconds)
+    n_sample = min((len(columns[name]) for name in mapping.variables if name in columns), default=0)
+    if played is not None and mapping.references:
+        start, found, notes = _match(mapping, columns, played, periods, excited_lines)
+    else:
+        start, found, notes = _place(mapping, columns, n_sample, samples_per_period, periods, excited_lines)
+    _raise(mapping.file, problems + found)
+    used = slice(start, start + periods * samples_per_period)
+    shape = (1, 1, 1, periods, samples_per_period, -1)
+
+    def signal(channels: tuple[Any, ...]) -> FloatArray:
+        scaled = [channel.factor * columns[channel.variable][used].astype(float) for channel in channels]
+        return np.stack(scaled, axis=-1).reshape(shape)
+
+    angle = signal(mapping.outputs)
+    offset = angle[:, 0, 0, 0, 0]
+    return Record(
+        sampling_period_s=mapping.sampling_period_s,
+        configurations=configurations,
+        torque=signal(mapping.inputs),
+        position=angle - offset,
+        reference=None if played is None else played.expected[None, None, None],
+        reference_kind="" if played is None else played.kind,
+        excited_lines=np.asarray(excited_lines),
+        detection_lines=np.zeros(0, int) if detection_lines is None else np.asarray(detection_lines),
+        input_names=tuple(channel.name for channel in mapping.inputs),
+        output_names=tuple(channel.name for channel in mapping.outputs),
+        position_offset_rad=offset,
+        torque_unit=mapping.inputs[0].stands_in,
+        torque_hold=mapping.inputs[0].hold,
+        torque_relative_std=np.array([channel.torque_constant_relative_std for channel in mapping.inputs]),
+        notes=(*_notes(mapping), *notes),
+    )
+
+
+def join_experiments(records: list[Record], n_experiment: int) -> Record:
+    """Joins records of single experiments in one configuration.
+
+    Args:
+        records: One record of each experiment, realization by realization.
+        n_experiment: Experiments in a realization.
+
+    Returns:
+        The record (1, n_real, n_exp, ...), its angles relative to the first experiment's offset.
+    """
+    first = records[0]
+    if len(records) == 1:
+        return first
+
+    def joined(parts: list[FloatArray]) -> FloatArray:
+        return np.stack(parts).reshape(1, -1, n_experiment, *parts[0].shape[3:])
+
+    offset = first.position_offset_rad
+    return replace(
+        first,
+        torque=joined([record.torque for record in records]),
+        position=joined([record.position + (record.position_offset_rad - offset) for record in records]),
+        reference=None
+        if first.reference is None
+        else joined([r.reference for r in records if r.reference is not None]),
+        notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
+    )
+
+
+def _place(
+    mapping: LogMapping,
+    columns: Mapping[str, NDArray[Any]],
+    n_sample: int,
+    samples_per_period: int,
+    periods: int,
+    lines: IntArray,
+) -> tuple[int, list[DataError], list[str]]:
+    """First sample that is used where the log has no references; checks the period on the input that moves most."""
+    start = mapping.drop_periods * samples_per_period
+    problems = check_count(mapping, n_sample, samples_per_period, periods) if n_sample else []
+    if mapping.take == "last":
+        start = max(n_sample - periods * samples_per_period, 0)
+    usable = [channel for channel in mapping.inputs if channel.variable in columns]
+    signals = [channel.factor * columns[channel.variable][start:].astype(float) for channel in usable]
+    finite = [(np.ptp(values), index) for index, values in enumerate(signals) if len(values) > 2]
+    finite = [(size, index) for size, index in finite if np.isfinite(size) and size > 0]
+    if not finite:
+        return start, problems, []
+    strongest = max(finite)[1]
+    where = f"{mapping.file}: variable `{usable[strongest].variable}`"
+    found, notes = check_period(
+        where, signals[strongest], mapping.sampling_period_s, samples_per_period, periods, lines
+    )
+    return start, problems + found, notes
+
+
+def _match(
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], played: Played, periods: int, lines: IntArray
+) -> tuple[int, list[DataError], list[str]]:
+    """First sample that is used, where the logged references show which periods were played."""
+    names = tuple(channel.name for channel in mapping.references)
+    where = f"{mapping.file}: references"
+    found = [columns.get(channel.variable) for channel in mapping.references]
+    kept = [column for column in found if column is not None and np.all(np.isfinite(column))]
+    if len(kept) < len(names) or len({len(column) for column in kept}) > 1:
+        return 0, [], []
+    factors = REFERENCE_UNITS[played.kind]
+    scales = [channel.sign * channel.scale * factors[channel.unit] for channel in mapping.references]
+    logged = np.stack(kept, axis=-1).astype(float) * scales
+    n_sample = len(played.expected)
+    wanted = mapping.drop_periods + periods
+    if len(logged) < wanted * n_sample:
+        return 0, check_count(mapping, len(logged), n_sample, periods), []
+    match = find_periods(logged, played.expected)
+    if match.count < wanted:
+        return 0, _unmatched(mapping, logged, played, periods, lines), []
+    stop = match.start + match.count * n_sample
+    steady = logged[match.start : stop, int(np.argmax(np.ptp(logged, axis=0)))]
+    problems, notes = check_period(where, steady, mapping.sampling_period_s, n_sample, periods, lines)
+    sizes, size_notes = check_size(match.gain, names, np.sqrt(np.mean(played.expected**2, axis=0)))
+    if sizes:
+        what = f"The references differ in size from the excitation: {'; '.join(sizes)}."
+        remedy = "Correct their unit or scale, or set excitation.rms to what was played and design again."
+        problems.append(DataError(what, where=where, remedy=remedy))
+    first = match.count - periods if mapping.take == "last" else mapping.drop_periods
+    return match.start + first * n_sample, problems, [*notes, *size_notes]
+
+
+def _unmatched(
+    mapping: LogMapping, logged: FloatArray, played: Played, periods: int, lines: IntArray
+) -> list[DataError]:
+    """Says why a log does not hold the periods that are needed."""
+    names = tuple(channel.name for channel in mapping.references)
+    where, n_sample = f"{mapping.file}: references", len(played.expected)
+    match = find_periods(logged, played.expected)
+    if match.count == 0:
+        what, remedy = explain_mismatch(logged, played, names)
+        return [DataError(what, where=where, remedy=remedy)]
+    steady = logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))]
+    problems, _ = check_period(where, steady, mapping.sampling_period_s, n_sample, periods, lines)
+    if problems:
+        return problems
+    stop = match.start + match.count * n_sample
+    what = (
+        f"The excitation is there from sample {match.start} to {stop}, {match.count} whole periods, fewer than the"
+        f" {mapping.drop_periods + periods} that were said ({mapping.drop_periods} dropped and {periods} used)."
+    )
+    remedy = f"Look for lost samples after sample {stop}, or set periods to {match.count - mapping.drop_periods}."
+    return [DataError(what, where=where, remedy=remedy)]
+
+
+def _notes(mapping: LogMapping) -> list[str]:
+    """What the reader of the record has to know about its torque."""
+    notes = []
+    for channel in mapping.inputs:
+        if channel.normalised:
+            notes.append(
+                f"The torque constant K_t of {channel.name} is unknown: the torque is a current in A, and only ratios"
+                " to K_t are identified (stiffness/K_t, damping/K_t, inertia/K_t)."
+            )
+        elif channel.torque_constant_relative_std:
+            notes.append(
+                f"The torque constant of {channel.name} is known to {100 * channel.torque_constant_relative_std:.3g} %"
+                " (1 sigma): this error is common to all stiffnesses, dampings and inertias."
+            )
+    return notes
+
+
+def _raise(file: Path, problems: list[DataError]) -> None:
+    """Raises one problem as it is, several as one error; does nothing when there are none."""
+    if len(problems) == 1:
+        raise problems[0]
+    if problems:
+        raise DataError("\n".join([f"{len(problems)} problems", *map(str, problems)]), where=str(file))

@@ -1,0 +1,73 @@
+"""The plan of an excitation as a table for the terminal, before anything is measured."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from robid.arrays import FloatArray
+from robid.design.excitation import UNITS, Excitation
+from robid.report.numbers import duration, significant
+
+
+def plan_table(excitation: Excitation, names: tuple[str, ...]) -> Group | None:
+    """Lays out what an excitation is predicted to do to each motor, each figure at its worst configuration.
+
+    Args:
+        excitation: The excitation.
+        names: Names of the motors.
+
+    Returns:
+        A row per motor, the duration and the weakest pair of motors; None without a plan.
+    """
+    plan = excitation.plan
+    if plan is None:
+        return None
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("plan", no_wrap=True)
+    columns = [
+        (f"rms\n[{UNITS[excitation.kind]}]", [significant(value) for value in excitation.rms]),
+        ("crest", [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]),
+        ("speed\n[rad/s]", _reached(plan.speed_rms, plan.speed_peak, plan.speed_limit)),
+        ("torque\n[N m]", _reached(plan.torque_rms, plan.torque_peak, plan.torque_limit)),
+        (
+            "excursion\n[deg]",
+            _reached(*(np.degrees(each) for each in (plan.excursion_rms, plan.excursion_peak, plan.excursion_limit))),
+        ),
+    ]
+    if plan.speed_crest is not None:
+        columns.append(("speed\ncrest", [f"{value:.2f}" for value in plan.speed_crest.max(axis=0)]))
+    if plan.snr_db is not None:
+        own = np.diagonal(plan.snr_db, axis1=2, axis2=3).min(axis=0)
+        columns.append(("SNR\n[dB]", [f"{value:.0f}" for value in own.min(axis=0)]))
+        columns.append(("at\n[Hz]", [significant(value, 2) for value in excitation.frequency_hz[own.argmin(axis=0)]]))
+    for header, _ in columns:
+        table.add_column(header, justify="right", no_wrap=True)
+    for motor, name in enumerate(names):
+        table.add_row(f"  {name}", *(cells[motor] for _, cells in columns))
+    return Group(table, Text("\n".join(_notes(excitation, names)), style="dim"))
+
+
+def _reached(rms: FloatArray, peak: FloatArray, limit: FloatArray) -> list[str]:
+    worst = np.argmax(peak, axis=0)
+    return [
+        f"{significant(rms[:, motor].max(), 2)} {significant(peak[at, motor], 2)}/{significant(limit[motor], 2)}"
+        for motor, at in enumerate(worst)
+    ]
+
+
+def _notes(excitation: Excitation, names: tuple[str, ...]) -> list[str]:
+    plan = excitation.plan
+    notes = ["rms peak/limit, each at its worst configuration; static torque is in it, friction is not"]
+    if plan is not None and plan.snr_db is not None:
+        flat = plan.snr_db.reshape(-1, *plan.snr_db.shape[2:])
+        output, motor = np.unravel_index(int(np.argmin(np.median(flat, axis=0))), flat.shape[1:])
+        notes.append(
+            f"SNR: a motor's own element at its worst line; weakest pair: {names[motor]} to {names[output]},"
+            f" {np.median(flat[:, output, motor]):.0f} dB (median)"
+        )
+    if plan is not None and plan.duration_s is not None:
+        notes.append(f"the campaign takes {duration(plan.duration_s)}")
+    return notes

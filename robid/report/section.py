@@ -1,0 +1,66 @@
+"""Sections of a report that a study fills: tables of text and figures of curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table, its first column naming the row.
+
+    Attributes:
+        columns: Heads of the columns.
+        rows: Cells as they are written; numbers stand to the right.
+        title: Title above it.
+        caption: What the reader has to know.
+        strong: Index of the row to stress, or None.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    title: str = ""
+    caption: str = ""
+    strong: int | None = None
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve of a figure; where y is not finite there is a gap."""
+
+    name: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Curves over one axis.
+
+    Attributes:
+        title: Title above it.
+        x_title: Quantity and unit along x.
+        y_title: Quantity and unit along y.
+        curves: The curves, at most seven.
+        log_x: Whether x is logarithmic.
+        log_y: Whether y is logarithmic.
+        caption: What the reader has to know.
+    """
+
+    title: str
+    x_title: str
+    y_title: str
+    curves: tuple[Curve, ...]
+    log_x: bool = True
+    log_y: bool = True
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled part of the page."""
+
+    title: str
+    lead: str = ""
+    tables: tuple[Table, ...] = ()
+    figures: tuple[Figure, ...] = ()

@@ -1,0 +1,34 @@
+"use strict";
+// Figures of a study's sections: named curves over one axis, with a legend.
+(() => {
+  const { data, colour, axis, layout, title, logTicks, hover, onDraw } = robid;
+  const DASHES = ["solid", "dash", "dot", "dashdot"];
+
+  function scale(values, isLog, text) {
+    const known = values.filter((value) => value !== null && (!isLog || value > 0));
+    const low = Math.min(...known), high = Math.max(...known);
+    if (!known.length || !isLog) return axis({ title: title(text), showline: true });
+    const ends = [Math.log10(low), Math.log10(high)];
+    const pad = Math.max(0.04 * (ends[1] - ends[0]), 0.01);
+    const ticks = high / low > 1e3 ? logTicks(low / 2, high * 2, [1]) : logTicks(low / 2, high * 2);
+    return axis({ title: title(text), showline: true, type: "log", range: [ends[0] - pad, ends[1] + pad], tickvals: ticks, ticktext: ticks.map(String) });
+  }
+
+  function draw(host, figure) {
+    const names = ["measured", "model", "ok", "warn", "other", "bad", "ink"];
+    const x = figure.curves.flatMap((curve) => curve.x), y = figure.curves.flatMap((curve) => curve.y);
+    const all = figure.curves.map((curve, index) => ({
+      type: "scatter", mode: "lines", name: curve.name, x: curve.x, y: curve.y,
+      line: { color: colour(names[index % names.length]), width: 1.8, dash: DASHES[index % DASHES.length] },
+      hovertemplate: `${curve.name}: %{y:.3g}<extra></extra>`,
+    }));
+    Plotly.react(host, all, layout({
+      width: host.clientWidth, height: 340, margin: { l: 72, r: 10, t: 34, b: 46 }, hovermode: "x",
+      showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 12 } },
+      xaxis: { ...scale(x, figure.log_x, figure.x_title), hoverformat: ".4~r" },
+      yaxis: scale(y, figure.log_y, figure.y_title),
+    }), hover);
+  }
+
+  document.querySelectorAll("[data-figure]").forEach((host) => onDraw(() => draw(host, data.figures[Number(host.dataset.figure)])));
+})();

@@ -1,0 +1,92 @@
+"""The logs of a campaign and their import, configuration by configuration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from robid.artifacts.excitation import CampaignExcitation
+from robid.logs.importing import import_log, join_experiments
+from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, ReferenceChannel, TimeChannel
+from robid.logs.match import Played
+from robid.settings.checks import configuration_count
+from robid.settings.experiment import Acquire, Campaign
+from robid.settings.load import LoadedExperiment
+from robid.signals.record import Record
+
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+
+def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) -> dict[str, Path]:
+    """Returns the path of every log by a name that says which it is; `log` where there is only one."""
+    counts = (
+        configuration_count(loaded.experiment, campaign) or 0,
+        campaign.realizations,
+        experiment_count(campaign, acquire),
+    )
+    paths = acquire.log_paths(loaded.path.parent, *counts)
+    if len(paths) == 1:
+        return {"log": paths[0]}
+    return {
+        f"log of configuration {c + 1}, realization {r + 1}, experiment {e + 1}": path
+        for (c, r, e), path in zip(np.ndindex(*counts), paths, strict=True)
+    }
+
+
+def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
+    """Returns the number of logged experiments of each block: as many as motors unless the campaign says less."""
+    return campaign.experiments or len(acquire.inputs)
+
+
+def acquire_configuration(
+    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, index: int, folder: Path
+) -> Record:
+    """Imports every experiment of one configuration.
+
+    Args:
+        campaign: The campaign.
+        acquire: Its logs.
+        content: Its excitation: lines and configurations, and what the references are matched to.
+        index: Index of the configuration.
+        folder: Folder of the experiment file.
+
+    Raises:
+        DataError: If a log is not what was said.
+    """
+    excitation, n_exp = content.excitation, experiment_count(campaign, acquire)
+    records = [
+        import_log(
+            _mapping(acquire, acquire.log_path(folder, index, realization, experiment)),
+            samples_per_period=excitation.reference.shape[2],
+            periods=campaign.periods,
+            excited_lines=excitation.excited_lines,
+            configurations=content.configurations[index : index + 1],
+            detection_lines=np.asarray(excitation.detection_lines),
+            played=Played(np.asarray(excitation.reference), excitation.kind, realization, experiment)
+            if acquire.references
+            else None,
+        )
+        for realization, experiment in np.ndindex(campaign.realizations, n_exp)
+    ]
+    record = join_experiments(records, n_exp)
+    told = f"Imported from {Path(acquire.file).name}, periods dropped: {acquire.drop_periods}, used: {campaign.periods}"
+    return replace(record, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes))
+
+
+def _mapping(acquire: Acquire, file: Path) -> LogMapping:
+    return LogMapping(
+        file=file,
+        sampling_period_s=acquire.sampling_period_s,
+        drop_periods=acquire.drop_periods,
+        time=None if acquire.time is None else TimeChannel(acquire.time.variable, _SECONDS[acquire.time.unit]),
+        inputs=tuple(
+            InputChannel(**{**channel.model_dump(), "torque_constant_nm_a": channel.torque_constant_nm_a or 1.0})
+            for channel in acquire.inputs
+        ),
+        outputs=tuple(OutputChannel(**channel.model_dump()) for channel in acquire.outputs),
+        references=tuple(ReferenceChannel(**channel.model_dump()) for channel in acquire.references),
+        format=acquire.format,
+        take=acquire.take,
+    )

@@ -1,0 +1,1 @@
+"""What reproduces a paper or a comparison beyond its experiment file."""

@@ -1,0 +1,212 @@
+"""The study of estimators: many small groups of realizations against the best linear approximation of all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.artifact import Dataset
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.store import read_artifact, read_header
+from robid.errors import DataError
+from robid.frf.estimate import estimate_frf
+from robid.frf.options import EstimateOptions
+from robid.frf.silent import combine_laws, identify_laws, start_laws
+from robid.pipeline import Run
+from robid.settings.experiment import Campaign
+from robid.settings.load import LoadedExperiment
+from robid.settings.slices import to_plain
+from robid.settings.study import FrfStudy, choices
+from robid.signals.friction import TorqueLaw
+from robid.signals.record import Record
+from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.options import SimulateOptions
+from robid.simulate.truth import true_robot
+from robid.stages.estimate_frf import stated_laws
+from robid.stages.slices import require_controller, robot_settings
+from robid.studies.tasks import Task
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """One way to estimate, with what it reads from the robot file."""
+
+    options: EstimateOptions
+    laws: tuple[TorqueLaw, ...] | None
+    delay_s: float
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some realizations in one configuration: simulated at once, estimated group by group and as a whole."""
+
+    experiment: Experiment
+    configuration: FloatArray
+    index: int
+    group: int
+    small: tuple[Estimator, ...]
+    whole: tuple[Estimator, ...]
+    threads: int
+
+
+def compared(study: FrfStudy, campaign: Campaign) -> list[EstimateOptions]:
+    """Returns what is estimated from each group: every estimator, then every other compensation.
+
+    Estimators are compared under the campaign's compensation, compensations with the campaign's estimator.
+    """
+    own = campaign.estimate
+    estimators = dict.fromkeys([own.estimator, *(study.estimators or choices("estimator"))])
+    others = [name for name in compensations(study, campaign) if name != own.compensation]
+    chosen = [replace(own, estimator=name) for name in estimators]  # type: ignore[arg-type]
+    return chosen + [replace(own, compensation=name) for name in others]  # type: ignore[arg-type]
+
+
+def compensations(study: FrfStudy, campaign: Campaign) -> list[str]:
+    """Returns the compensations to compare, the campaign's own among them."""
+    named = study.compensations or choices("compensation")
+    return list(dict.fromkeys([*named, campaign.estimate.compensation]))
+
+
+def campaign_of(loaded: LoadedExperiment) -> tuple[FrfStudy, Campaign, SimulateOptions]:
+    """Returns the study, its campaign, and how that is simulated."""
+    study = loaded.experiment.study
+    source = None if study is None else loaded.experiment.campaigns[study.campaign].source
+    if study is None or source is None or source.simulate is None:
+        message = "the settings' checks let a study without a simulated campaign pass"
+        raise RuntimeError(message)
+    return study, loaded.experiment.campaigns[study.campaign], source.simulate
+
+
+def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
+    """Returns the outputs of the chain that the tasks read."""
+    return (f"{campaign_of(loaded)[0].campaign}/excitation.h5",)
+
+
+def tasks(run: Run) -> list[Task]:
+    """Returns one task for each configuration and chunk of realizations."""
+    study, campaign, options = campaign_of(run.loaded)
+    path = run.path(needs(run.loaded)[0])
+    excitation = excitation_from_artifact(read_artifact(path, EXCITATION))
+    nominal = run.loaded.robot.to_robot(campaign.payload_kg)
+    whole = Experiment(
+        robot=true_robot(nominal, options.truth),
+        controller=require_controller(run.loaded),
+        options=options,
+        reference=excitation.excitation.reference,
+        inject=excitation.excitation.kind,
+        excited_lines=excitation.excitation.excited_lines,
+        detection_lines=excitation.excitation.detection_lines,
+        periods=campaign.periods,
+    )
+    decides = _decides(run.loaded, read_header(path, EXCITATION).content_sha256)
+    small = tuple(_estimator(run.loaded, campaign, each) for each in compared(study, campaign))
+    large = tuple(_estimator(run.loaded, campaign, each) for each in reference_options(study, campaign))
+    length = study.group * study.groups_per_task
+    found = []
+    for index, configuration in enumerate(excitation.configurations):
+        for number, start in enumerate(range(0, campaign.realizations, length)):
+            seed = int(np.random.SeedSequence([options.seed, number]).generate_state(1)[0])
+            part = replace(
+                whole,
+                reference=whole.reference[start : start + length],
+                options=replace(options, seed=seed),
+            )
+            threads = run.workers if run.backend == "serial" else 1
+            chunk = Chunk(part, configuration, index, study.group, small, large, threads)
+            place = {"configuration": index, "chunk": number}
+            found.append(Task(f"configuration_{index + 1}_chunk_{number + 1}", {**decides, **place}, chunk))
+    return found
+
+
+def reference_options(study: FrfStudy, campaign: Campaign) -> list[EstimateOptions]:
+    """Returns how the best linear approximation is estimated, once per compensation."""
+    own = replace(campaign.estimate, estimator=study.reference_estimator)  # type: ignore[arg-type]
+    return [replace(own, compensation=name) for name in compensations(study, campaign)]  # type: ignore[arg-type]
+
+
+def _estimator(loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions) -> Estimator:
+    laws, delay = stated_laws(loaded, campaign, options)
+    return Estimator(options, laws, delay)
+
+
+def _decides(loaded: LoadedExperiment, excitation: str) -> dict[str, Any]:
+    study, campaign, _ = campaign_of(loaded)
+    return {
+        "excitation": excitation,
+        "source": to_plain(campaign.source),
+        "periods": campaign.periods,
+        "payload_kg": campaign.payload_kg,
+        "group": study.group,
+        "groups_per_task": study.groups_per_task,
+        "estimates": to_plain(compared(study, campaign)),
+        "references": to_plain(reference_options(study, campaign)),
+        **robot_settings(loaded, "mechanics", "motor_limits", "friction", "friction_std", "controller"),
+    }
+
+
+def estimate_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
+    """Simulates a chunk and estimates from each of its groups, and from all of it."""
+    record = simulate(chunk.experiment, chunk.configuration, chunk.index, chunk.threads)
+    n_real = record.torque.shape[1]
+    groups = [record.realizations(chunk.group, at) for at in range(0, n_real, chunk.group)]
+    identified = _identified(groups[0], (*chunk.small, *chunk.whole))
+    small = [[_estimate(group, each, identified) for group in groups] for each in chunk.small]
+    whole = [_estimate(record, each, identified) for each in chunk.whole]
+    element = ("frequency", "output", "input")
+    unit = f"rad/(s^2 {record.torque_unit})"
+    refused = [next((one.refusal for one in row if one.refusal), "") for row in (*small, whole)]
+    return {
+        "configuration": Dataset(np.array(chunk.index), "1", ()),
+        "angles": Dataset(chunk.configuration, "rad", ("joint",)),
+        "frequency_hz": Dataset(record.frequency_hz, "Hz", ("frequency",)),
+        "response": Dataset(
+            np.array([[one.response for one in row] for row in small]), unit, ("estimate", "group", *element)
+        ),
+        "variance": Dataset(
+            np.array([[one.variance for one in row] for row in small]), f"({unit})^2", ("estimate", "group", *element)
+        ),
+        "whole": Dataset(np.array([one.response for one in whole]), unit, ("compensation", *element)),
+        "realizations": Dataset(np.array(n_real), "1", ()),
+        "refusals": Dataset(np.array(refused, dtype=str), "1", ("reason",), "First refusal of each; last: of whole"),
+    }
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    response: Any
+    variance: Any
+    refusal: str = ""
+
+
+def _identified(record: Record, estimators: tuple[Estimator, ...]) -> tuple[TorqueLaw, ...] | str | None:
+    """Laws that the silent lines of a group show, why there are none, or None where nobody asks."""
+    asking = [each for each in estimators if each.options.compensation == "silent_lines"]
+    if not asking or asking[0].laws is None:
+        return None
+    stated, delay = asking[0].laws, asking[0].delay_s
+    try:
+        start = start_laws(record, stated, delay)
+        return combine_laws([identify_laws(record, start, delay)], start, stated, record.input_names)[0]
+    except DataError as error:
+        return error.what
+
+
+def _estimate(record: Record, estimator: Estimator, identified: tuple[TorqueLaw, ...] | str | None) -> _Outcome:
+    """Estimates; a refusal becomes NaN with its reason."""
+    laws = identified if estimator.options.compensation == "silent_lines" else estimator.laws
+    if isinstance(laws, str):
+        return _refused(record, laws)
+    try:
+        frf = estimate_frf(record, estimator.options, laws, estimator.delay_s)
+    except DataError as error:
+        return _refused(record, error.what)
+    return _Outcome(frf.response[0], frf.element_variance()[0])
+
+
+def _refused(record: Record, reason: str) -> _Outcome:
+    shape = (len(record.excited_lines), len(record.output_names), len(record.input_names))
+    return _Outcome(np.full(shape, complex(np.nan, np.nan)), np.full(shape, np.nan), reason)

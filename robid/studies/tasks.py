@@ -1,0 +1,109 @@
+"""The tasks of a study: each is done once, and a stopped study goes on with those that are left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robid.artifacts.artifact import Artifact, Dataset, Provenance
+from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
+from robid.artifacts.store import read_artifact, write_artifact
+from robid.artifacts.task import TASK
+from robid.backends.map import Map
+from robid.errors import ArtifactError
+from robid.stages.stage import Progress
+
+Function = Callable[[Any], Mapping[str, Dataset]]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One independent piece of a study.
+
+    Attributes:
+        name: Name of its file in the folder of tasks.
+        decides: Everything that decides its result, as values that JSON knows.
+        argument: What the study's function is given.
+    """
+
+    name: str
+    decides: dict[str, Any]
+    argument: Any
+
+    def path(self, folder: Path) -> Path:
+        """Returns where its result lies; one that other settings gave lies elsewhere."""
+        return folder / f"{self.name}.{canonical_hash(self.decides)[:16]}.h5"
+
+
+@dataclass(frozen=True)
+class _Work:
+    function: Function
+    task: Task
+    path: Path
+
+
+def run_tasks(
+    folder: Path,
+    function: Function,
+    tasks: Sequence[Task],
+    parallel_map: Map,
+    progress: Progress,
+    *,
+    force: bool = False,
+) -> list[Artifact]:
+    """Does the tasks that are not done yet, and returns the results of all in their order.
+
+    Args:
+        folder: Where the results lie, one file each; files of other tasks are removed once all are done.
+        function: Does one task; a function of a module.
+        tasks: The tasks, their names different.
+        parallel_map: Runs them.
+        progress: Is told how far it is.
+        force: Whether to do again what is done.
+
+    Raises:
+        RobidError: What the first failing task raised; what is finished stays.
+    """
+    if force:
+        for task in tasks:
+            task.path(folder).unlink(missing_ok=True)
+    todo = [task for task in tasks if not is_done(folder, task)]
+    progress.expect(len(tasks), "tasks", len(tasks) - len(todo))
+    work = [_Work(function, task, task.path(folder)) for task in todo]
+    parallel_map(_do, work, lambda _index, _result: progress.advance())
+    results = [read_artifact(task.path(folder), TASK) for task in tasks]
+    used = {task.path(folder) for task in tasks}
+    for path in folder.glob("*.h5"):
+        if path not in used:
+            path.unlink()
+    return results
+
+
+def is_done(folder: Path, task: Task) -> bool:
+    """Tells whether a task's result is there and sound; a damaged one is removed."""
+    path = task.path(folder)
+    if not path.exists():
+        return False
+    try:
+        read_artifact(path, TASK)
+    except ArtifactError:
+        path.unlink()
+        return False
+    return True
+
+
+def _do(work: _Work) -> None:
+    started = utc_now()
+    datasets = work.function(work.task.argument)
+    provenance = Provenance(
+        stage="study",
+        settings=work.task.decides,
+        settings_hash=canonical_hash(work.task.decides),
+        versions=package_versions(),
+        git_commit=git_commit(),
+        started_utc=started,
+        finished_utc=utc_now(),
+    )
+    write_artifact(work.path, Artifact(TASK, datasets, {}, provenance))

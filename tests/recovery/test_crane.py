@@ -1,0 +1,106 @@
+"""A measured overhead crane: its log, its pendulum, and its cart as an integrator of the reference velocity."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robid.errors import DataError
+from robid.frf.estimate import estimate_frf
+from robid.frf.options import EstimateOptions
+from robid.logs.importing import import_log
+from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, TimeChannel
+
+N_SAMPLE, STEP_S, LINES = 8192, 0.02, np.arange(1, 820)  # 163.84 s; all lines to 5 Hz are excited
+CABLE_M = 0.4557
+PENDULUM_HZ = np.sqrt(9.81 / CABLE_M) / (2 * np.pi)
+
+
+def mapping_of(file, name):
+    return LogMapping(
+        file=file,
+        sampling_period_s=STEP_S,
+        drop_periods=0,
+        take="last",
+        time=TimeChannel(f"{name}.X.Data"),
+        inputs=(InputChannel("cart", f"{name}.Y(4).Data", "m/s", sign=-1),),
+        outputs=(
+            OutputChannel("cart", f"{name}.Y(2).Data", "m", scale=0.035 * np.pi / 9000),
+            OutputChannel("cable", f"{name}.Y(1).Data", "rad", scale=2 * np.pi / 10000),
+        ),
+    )
+
+
+def bring(mapping, samples_per_period=N_SAMPLE, periods=10):
+    return import_log(
+        mapping,
+        samples_per_period=samples_per_period,
+        periods=periods,
+        excited_lines=LINES,
+        configurations=np.zeros((1, 1)),
+    )
+
+
+@pytest.fixture(params=["meas1", "meas2"])
+def crane(request, data_folder):
+    return mapping_of(data_folder("crane") / f"{request.param}.mat", request.param)
+
+
+def test_the_crane_is_a_pendulum_below_an_integrator(crane):
+    record = bring(crane)
+    assert record.torque.shape == (1, 1, 1, 10, N_SAMPLE, 1)
+    assert record.torque_unit == "m/s"
+    frf = estimate_frf(record, EstimateOptions(compensation="none", pooled_lines=1))
+    omega = 2 * np.pi * frf.frequency_hz
+    cart, cable = (frf.response[0, :, :, 0] / -(omega[:, None] ** 2)).T
+    band = (frf.frequency_hz > 0.1) & (frf.frequency_hz < 2)
+    peak = frf.lines[band][np.argmax(np.abs(cable[band]))]
+    assert abs(peak - PENDULUM_HZ * N_SAMPLE * STEP_S) < 2
+    slow = (frf.frequency_hz > 0.02) & (frf.frequency_hz < 1)
+    slope, _ = np.polyfit(np.log10(omega[slow]), 20 * np.log10(np.abs(cart[slow])), 1)
+    assert slope == pytest.approx(-20, abs=0.1)
+    gain = np.abs(cart * omega)[slow]
+    assert np.median(gain) == pytest.approx(0.59, abs=0.01)
+    assert gain.std() / gain.mean() < 0.02
+    assert np.degrees(np.angle(cart[slow])).mean() == pytest.approx(-90, abs=3)
+
+
+def test_the_pendulum_hangs_from_the_cart(crane):
+    """Cable angle over cart position is w^2 / (g - L w^2), away from the damped resonance."""
+    frf = estimate_frf(bring(crane), EstimateOptions(compensation="none", pooled_lines=1))
+    omega = 2 * np.pi * frf.frequency_hz
+    ratio = frf.response[0, :, 1, 0] / frf.response[0, :, 0, 0]
+    exact = omega**2 / (9.81 - CABLE_M * omega**2)
+    for low_hz, high_hz in ((0.3, 0.65), (0.85, 2.0)):
+        band = (frf.frequency_hz > low_hz) & (frf.frequency_hz < high_hz)
+        assert np.median(np.abs(np.abs(ratio[band] / exact[band]) - 1)) < 0.05
+
+
+def test_the_noise_is_that_of_the_encoders(crane):
+    """The covariance of the responses against the scatter of the periods, computed apart; levels as measured."""
+    record = bring(crane)
+    frf = estimate_frf(record, EstimateOptions(compensation="none", pooled_lines=1))
+    assert frf.total_covariance is None
+    spectrum = np.fft.rfft(record.position[0, 0, 0], axis=1)[:, LINES]
+    spectrum /= np.fft.rfft(record.torque[0, 0, 0], axis=1)[:, LINES]
+    omega = 2 * np.pi * frf.frequency_hz[:, None]
+    scatter = spectrum.std(axis=0, ddof=1) / np.sqrt(10) * omega**2
+    ratio = np.sqrt(frf.element_variance())[0, 50:, :, 0] / scatter[50:]
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
+    relative = np.median(np.sqrt(frf.element_variance())[0, :, :, 0] / np.abs(frf.response[0, :, :, 0]), axis=0)
+    assert np.all(20 * np.log10(relative) < [-60, -40])
+
+
+@pytest.mark.parametrize("stated", [8191, 8193])
+def test_a_period_off_by_one_is_refused(crane, stated):
+    with pytest.raises(DataError, match=f"repeats every {N_SAMPLE} samples"):
+        bring(crane, stated, periods=8)
+
+
+def test_an_eleventh_period_and_a_wrong_field_are_told(crane):
+    with pytest.raises(DataError, match="Set periods to 10 at most"):
+        bring(crane, periods=11)
+    name = crane.file.stem
+    wrong = replace(crane, outputs=(OutputChannel("cable", f"{name}.Y(6).Data"),))
+    with pytest.raises(DataError, match=f"`{name}.Y\\([1-5]\\).Data`"):
+        bring(wrong)

@@ -1,0 +1,71 @@
+from pathlib import Path
+
+import pytest
+
+from robid.errors import SettingsError
+from robid.settings.load import load_experiment
+
+ROOT = Path(__file__).parents[3]
+STAGES = ROOT / "tests/stages"
+
+
+@pytest.fixture
+def refused(tmp_path):
+    (tmp_path / "arm.yaml").write_text((STAGES / "arm.yaml").read_text())
+
+    def load(*changes):
+        text = (STAGES / "study.yaml").read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new, 1)
+        (tmp_path / "study.yaml").write_text(text)
+        with pytest.raises(SettingsError) as found:
+            load_experiment(tmp_path / "study.yaml")
+        return str(found.value)
+
+    return load
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "configs/studies").glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_study_loads_and_is_named_like_its_file(path):
+    experiment = load_experiment(path).experiment
+    assert experiment.study is not None
+    assert experiment.name == path.stem
+
+
+def test_all_problems_are_told_at_once(refused):
+    message = refused(
+        ("campaign: bench", "campaign: bensch"),
+        ("estimators: [logarithmic, arithmetic]", "estimators: [logarithm, arithmetic, arithmetic]"),
+        ("compensations: [none, nominal]", "compensations: [zzz]\n  reference_estimator: best"),
+    )
+    for text in (
+        "study.campaign: there is no campaign `bensch`; did you mean `bench`?",
+        "study.estimators[0]: there is no `logarithm`; did you mean `logarithmic`?",
+        "study.estimators[2]: `arithmetic` is there twice",
+        "study.compensations[0]: there is no `zzz`; known here:",
+        "study.reference_estimator: there is no `best`",
+    ):
+        assert text in message
+
+
+@pytest.mark.parametrize(("old", "new"), [("group: 2", "group: 3"), ("group: 2", "group: 4")])
+def test_groups_divide_the_realizations(refused, old, new):
+    assert "study.group: does not divide the 4 realizations of `bench`" in refused((old, new))
+
+
+def test_only_simulated_campaigns_have_a_truth(refused):
+    source = (STAGES / "study.yaml").read_text()
+    simulate = source[source.index("    source:\n") : source.index("    estimate:")]
+    assert "study.campaign: campaign `bench` is not simulated" in refused((simulate, ""))
+
+
+def test_unknown_keys_and_kinds_are_named(refused):
+    assert "study.grup: unknown key; did you mean `group`?" in refused(("group: 2", "grup: 2"))
+    assert "study.kind" in refused(("kind: frf", "kind: frequency"))
+
+
+def test_a_campaign_may_not_take_the_folder_of_tasks(refused):
+    assert "`tasks` is a folder of every run" in refused(
+        ("  bench:\n", "  tasks:\n"), ("campaign: bench", "campaign: tasks")
+    )
