@@ -93,10 +93,13 @@ def _timing(record: Record) -> list[Finding]:
     if found is None:
         return []
     shifts = find_shifts(record, found)
-    if shifts:
-        n_real, n_exp, n_pair = found.difference.shape[:3]
-        lost = common_shift(shifts, n_real * n_exp * n_pair)
-        return [_wrong_period(record, -lost) if lost else _dropped(record, shifts)]
+    n_real, n_exp, n_pair = found.difference.shape[:3]
+    lost = common_shift(shifts, n_real * n_exp * n_pair)
+    if lost:
+        return [_wrong_period(record, -lost)]
+    dropped = [shift for shift in shifts if shift.unusual]
+    if dropped:
+        return [_dropped(record, dropped)]
     jitter, sigmas = measure_jitter(found)
     if jitter < JITTER_LIMIT or sigmas < JITTER_SIGMAS:
         return []

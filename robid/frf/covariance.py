@@ -109,9 +109,9 @@ def inverse_covariance(covariance: ComplexArray, freedom: float, *, name: str = 
 
 
 def pool(covariance: ComplexArray, count: int) -> ComplexArray:
-    """Averages covariances (n_freq, n, n) over `count` neighbouring lines, fewer at the edges."""
+    """Averages covariances (n_freq, ...) over `count` neighbouring lines, fewer at the edges."""
     half, n_freq = count // 2, len(covariance)
-    total, members = np.zeros_like(covariance), np.zeros((n_freq, 1, 1))
+    total, members = np.zeros_like(covariance), np.zeros((n_freq, *(1,) * (covariance.ndim - 1)))
     for offset in range(-min(half, n_freq - 1), min(half, n_freq - 1) + 1):
         here, there = slice(max(0, -offset), n_freq - max(0, offset)), slice(max(0, offset), n_freq + min(0, offset))
         total[here] += covariance[there]

@@ -37,6 +37,7 @@ class Shift:
         lost: Samples missing between the two; negative where there are too many.
         sample: Sample of that period (of the one before, if negative: counted back from its end) where it begins.
         whole: Whether the whole period is shifted, so that the fault lies between the two.
+        unusual: Whether the periods differ there far more than periods usually do.
         channels: Channels that it explains: torques first, then outputs.
     """
 
@@ -46,6 +47,7 @@ class Shift:
     lost: int
     sample: int
     whole: bool
+    unusual: bool
     channels: tuple[int, ...]
 
 
@@ -188,13 +190,13 @@ def _locate(record: Record, scale: FloatArray, realization: int, experiment: int
     n_sample = len(early)
     length = n_sample - best.at if best.after else best.at
     whole = length > n_sample - n_sample // _WINDOWS
-    unusual = 4 * length >= n_sample and before[telling].sum() > _UNUSUAL * length * np.count_nonzero(telling)
-    limit = _LEFT if whole or unusual else _LEFT_OF_LITTLE
+    unusual = bool(before[telling].sum() > _UNUSUAL * length * np.count_nonzero(telling))
+    limit = _LEFT if whole or (unusual and 4 * length >= n_sample) else _LEFT_OF_LITTLE
     if behind[telling].sum() >= limit * before[telling].sum():
         return None
     channels = tuple(np.flatnonzero(telling & (behind < _LEFT * before)).tolist())
     sample = best.at if best.after else best.at - n_sample
-    return Shift(realization, experiment, pair + 1, best.lost, sample, whole, channels)
+    return Shift(realization, experiment, pair + 1, best.lost, sample, whole, unusual, channels)
 
 
 def _guesses(early: FloatArray, late: FloatArray, *, after: bool) -> list[_Guess]:
