@@ -168,6 +168,7 @@ class Frf:
         quantile = freedom * np.expm1(-np.log1p(-level) / freedom) if freedom > 0 else 0.0
         return np.asarray(np.sqrt(self.element_variance() * quantile))
 
+    @property
     def signal_to_noise(self) -> FloatArray | None:
         """Power of each element over the variance that noise gives it (n_conf, n_freq, n_out, n_in), or None."""
         if self.noise_covariance is None:
