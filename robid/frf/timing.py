@@ -11,7 +11,7 @@ from robid.arrays import FloatArray
 from robid.signals.record import Record
 
 _WINDOWS = 16
-_POINTS = 600
+_POINTS = 300
 _SUSPICIOUS_SHIFT = 0.3
 _SUSPICIOUS_SHARE = 0.3
 _LEFT = 0.5
