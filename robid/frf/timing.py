@@ -127,6 +127,8 @@ def find_shifts(record: Record, found: Differences) -> list[Shift]:
         a, b, d = (np.cumsum(one[..., direction], axis=-1) for one in (cross, slope, energy))
         shifted = (np.abs(a) > _SUSPICIOUS_SHIFT * b) & (a**2 > _SUSPICIOUS_SHARE * b * d)
         suspicious |= (shifted | (d > wrecked)).any(axis=-1)
+    if not suspicious.any():
+        return []
     located = (_locate(record, found.scale, *map(int, place)) for place in np.argwhere(suspicious))
     return [shift for shift in located if shift is not None]
 
@@ -194,9 +196,19 @@ def _locate(record: Record, scale: FloatArray, realization: int, experiment: int
     limit = _LEFT if whole or (unusual and 4 * length >= n_sample) else _LEFT_OF_LITTLE
     if behind[telling].sum() >= limit * before[telling].sum():
         return None
+    if _drifts(early[:, telling], late[:, telling], best, part, sparse_samples(record).reach):
+        return None
     channels = tuple(np.flatnonzero(telling & (behind < _LEFT * before)).tolist())
     sample = best.at if best.after else best.at - n_sample
     return Shift(realization, experiment, pair + 1, best.lost, sample, whole, unusual, channels)
+
+
+def _drifts(early: FloatArray, late: FloatArray, guess: _Guess, part: slice, reach: int) -> bool:
+    """Whether the shift explains slow wandering only: nothing of the differences between nearby samples."""
+    early, late = (one - np.roll(one, reach, axis=0) for one in (early, late))
+    inside = slice(part.start + reach if guess.after else reach, part.stop)
+    before, behind = ((late - early)[inside] ** 2).sum(), _left(early, late, guess)[inside].sum()
+    return bool(behind >= _LEFT * before)
 
 
 def _guesses(early: FloatArray, late: FloatArray, *, after: bool) -> list[_Guess]:
