@@ -21,7 +21,7 @@ from robid.frf.compensation import (
 )
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
-from robid.frf.frf import CONFIGURATION_WISE, Frf
+from robid.frf.frf import Frf
 from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
@@ -94,12 +94,8 @@ def estimate_frf(
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     levels = silent_levels(spectra.silent, blocks.lines, response)
-    names, deviation, offset = _coefficients(record, laws)
-    table = ((), np.zeros(0), np.zeros(0)) if laws is None else law_table(record, laws)
-    sensitivity = np.concatenate(
-        [_sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)]
-    )
     return Frf(
+        **_coefficients(record, laws, found),
         frequency_hz=record.frequency_hz,
         lines=record.excited_lines,
         configurations=record.configurations,
@@ -110,15 +106,8 @@ def estimate_frf(
         noise_covariance=None if noise is None else noise[None],
         total_degrees_of_freedom=found.total_freedom,
         noise_degrees_of_freedom=noise_freedom,
-        sensitivity=sensitivity[None, deviation > 0],
-        coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
-        coefficient_relative_std=deviation[deviation > 0],
         removed_torque_rms=_rms(spectra.removed_torque)[None],
-        coefficient_offset=offset[deviation > 0],
         uncompensated_response=None if laws is None else _uncompensated(spectra, options)[None],
-        law_names=table[0],
-        law_values=table[1],
-        law_std=table[2],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
         output_names=record.output_names,
@@ -131,17 +120,6 @@ def estimate_frf(
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_doubt=levels.doubt[None],
     )
-
-
-def concatenate(parts: list[Frf]) -> Frf:
-    """Joins responses of single configurations along the configuration axis."""
-
-    def joined(name: str) -> FloatArray | ComplexArray | None:
-        present = [getattr(part, name) for part in parts if getattr(part, name) is not None]
-        return np.concatenate(present) if present else None
-
-    whole: dict[str, Any] = {name: joined(name) for name in CONFIGURATION_WISE}
-    return replace(parts[0], **whole, notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)))
 
 
 def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> _Spectra:
@@ -258,19 +236,29 @@ def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
     return np.asarray(-response * np.eye(n_in)[:, None, None, :])
 
 
-def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Name, standard deviation and distance from the robot file's of every coefficient, the torques' scales last."""
+def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Found) -> dict[str, Any]:
+    """What a fit may move of the removed torque, and the torques' scales last; the removed laws themselves."""
+    response = found.estimate.response
     scale = np.zeros(record.torque.shape[-1]) if record.torque_relative_std is None else record.torque_relative_std
     names = tuple(f"{name}.torque_scale" for name in record.input_names)
-    if laws is None:
-        return names, scale, np.zeros_like(scale)
-    deviation = np.ravel(np.transpose([law.coefficient_std for law in laws]))
-    offset = np.ravel(np.transpose([law.offset for law in laws]))
-    return (
-        coefficient_names(record) + names,
-        np.concatenate([deviation, scale]),
-        np.concatenate([offset, np.zeros_like(scale)]),
-    )
+    deviation, offset = scale, np.zeros_like(scale)
+    table: tuple[tuple[str, ...], FloatArray, FloatArray] = ((), np.zeros(0), np.zeros(0))
+    if laws is not None:
+        names = coefficient_names(record) + names
+        deviation = np.concatenate([np.ravel(np.transpose([law.coefficient_std for law in laws])), deviation])
+        offset = np.concatenate([np.ravel(np.transpose([law.offset for law in laws])), offset])
+        table = law_table(record, laws)
+    moved = _sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)
+    unsure = deviation > 0
+    return {
+        "sensitivity": np.concatenate(moved)[None, unsure],
+        "coefficient_names": tuple(name for name, chosen in zip(names, unsure, strict=True) if chosen),
+        "coefficient_relative_std": deviation[unsure],
+        "coefficient_offset": offset[unsure],
+        "law_names": table[0],
+        "law_values": table[1],
+        "law_std": table[2],
+    }
 
 
 def _rms(torque: ComplexArray) -> FloatArray:
