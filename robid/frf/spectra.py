@@ -103,22 +103,17 @@ def acceleration_factor(record: Record, lines: IntArray) -> FloatArray:
     return np.asarray(np.where(is_acceleration, 1.0, -(omega**2)[:, None]))
 
 
-def remove_drift(angle: FloatArray) -> FloatArray:
-    """Removes the ramp between the means of successive periods.
+def mean_without_drift(angle: FloatArray) -> FloatArray:
+    """Mean over the periods (n_real, n_exp, n_sample, n_out), the ramp between their means removed.
 
     Args:
         angle (n_real, n_exp, n_period, n_sample, n_out): Angles [rad].
-
-    Returns:
-        The angles without drift, of the same shape; unchanged when there is only one period.
     """
-    return np.asarray(angle - _drift(angle) * _ramp(angle.shape[3])) if angle.shape[2] > 1 else angle
-
-
-def _drift(angle: FloatArray) -> FloatArray:
-    """Drift of each angle (n_real, n_exp, n_period, 1, n_out) over one period [rad]; 0 when there is only one."""
-    means = angle.mean(axis=3, keepdims=True)
-    return np.asarray(np.gradient(means, axis=2)) if angle.shape[2] > 1 else np.zeros_like(means)
+    mean = angle.mean(axis=2)
+    if angle.shape[2] < 2:
+        return np.asarray(mean)
+    drift = np.gradient(angle.mean(axis=3), axis=2).mean(axis=2)
+    return np.asarray(mean - drift[:, :, None] * _ramp(angle.shape[3]))
 
 
 def _ramp(n_sample: int) -> FloatArray:
