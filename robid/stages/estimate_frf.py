@@ -131,7 +131,12 @@ def stated_laws(
     """Returns the robot file's torque laws and the delay [s], where these options compensate."""
     if options.compensation == "none":
         return None, 0.0
-    return tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints), delay_s(loaded, campaign)
+    laws = tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints)
+    acquire = None if campaign.source is None else campaign.source.acquire
+    if acquire is not None and any(channel.normalised for channel in acquire.inputs):
+        # Levels in N m say nothing about a current with an unknown torque constant.
+        laws = tuple(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0) for law in laws)
+    return laws, delay_s(loaded, campaign)
 
 
 def stated_law(motor: Motor) -> TorqueLaw:
