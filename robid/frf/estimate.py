@@ -29,6 +29,9 @@ from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 
+READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
+"""Estimators that look at what was injected, if it was recorded."""
+
 _CONDITION_LIMIT = 1e6
 
 
@@ -126,7 +129,7 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
     """Transforms the record at the lines that the estimator reads and at the silent ones."""
     n_freq = len(record.excited_lines)
     lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
-    with_reference = options.estimator in {*NEEDS_REFERENCE, *LOCAL}
+    with_reference = options.estimator in READS_REFERENCE
     blocks = record_blocks(record, lines, with_reference=with_reference)
     removed = _removed(record, lines, laws, delay_s)
     silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
