@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.friction import FrictionMove, friction_move
 from robid.fit.levenberg import Normal
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import ParameterMap
@@ -37,6 +39,11 @@ class Problem:
     weight: FloatArray
     model_error: float
 
+    @cached_property
+    def friction(self) -> FrictionMove:
+        """How the measured response follows the friction scales."""
+        return friction_move(self.frf)
+
     def model_response(self, internal: FloatArray) -> ComplexArray:
         """Parametric response (n_conf, n_freq, n_out, n_in)."""
         values = self.parameters.parameters(internal)
@@ -45,9 +52,7 @@ class Problem:
     def measured(self, internal: FloatArray) -> ComplexArray:
         """Measured response, friction compensation moved by the estimated friction scales."""
         count = self.parameters.n_friction
-        if count == 0:
-            return self.frf.response
-        return np.asarray(self.frf.response + np.einsum("s,csfoi->cfoi", internal[-count:], self.frf.sensitivity))
+        return self.friction.moved(internal[-count:]) if count else self.frf.response
 
     def residual(self, internal: FloatArray, modelled: ComplexArray) -> ComplexArray:
         """Residual (n_conf, n_freq, n_out, n_in), Wernholt and Moberg (2008) eq. 4c or 7c."""
@@ -79,7 +84,7 @@ class Problem:
         if self.estimator == "lls":
             derivative /= result.sampled[..., None]
         if count:
-            moved = -np.moveaxis(self.frf.sensitivity, 1, -1)
+            moved = -self.friction.slopes(internal[-count:])
             if self.estimator == "lls":
                 moved = moved / self.measured(internal)[..., None]
             derivative = np.concatenate([derivative, moved], axis=-1)
