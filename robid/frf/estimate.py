@@ -56,6 +56,7 @@ class _Found:
     total: ComplexArray | None
     total_freedom: float
     derivative: ComplexArray
+    realization_error: ComplexArray | None = None
 
 
 def estimate_frf(
@@ -102,6 +103,7 @@ def estimate_frf(
         response=response[None],
         input_factor=found.estimate.input_factor[None],
         element_scale=found.element_scale[None],
+        realization_error=None if found.realization_error is None else found.realization_error[None],
         total_covariance=None if found.total is None else found.total[None],
         noise_covariance=None if noise is None else noise[None],
         total_degrees_of_freedom=found.total_freedom,
@@ -161,8 +163,10 @@ def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _
     estimate = ESTIMATORS[options.estimator](blocks)
     residual = blocks.acceleration - estimate.response @ blocks.torque
     total, freedom = total_covariance(residual, blocks.torque.shape[2], options.pooled_lines)
-    scale = element_scale(residual @ estimate.weights, estimate.input_factor, total, residual.shape[-1])
-    return _Found(estimate, scale, total, freedom, spectra.removed.derivative)
+    errors = residual @ estimate.weights
+    scale = element_scale(errors, estimate.input_factor, total, residual.shape[-1])
+    each = None if total is None else errors
+    return _Found(estimate, scale, total, freedom, spectra.removed.derivative, each)
 
 
 def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> _Found:
