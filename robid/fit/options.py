@@ -65,5 +65,13 @@ class ElasticOptions:
             "gt": 0,
         },
     )
+    bootstrap: int = field(
+        default=0,
+        metadata={
+            "description": "Fits repeated on realizations weighted anew, for intervals that assume nothing about how"
+            " a realization's errors are correlated; 0 for none.",
+            "ge": 0,
+        },
+    )
     confidence: float = field(default=0.95, metadata={"description": "Level of the intervals.", "gt": 0, "lt": 1})
     seed: int = field(default=1, metadata={"description": "Seed of the starts.", "ge": 0})

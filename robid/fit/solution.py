@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.fit.model_error import ModelError
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,13 @@ class Solution:
         frequency_hz (n_freq,): Frequencies of the fit [Hz].
         measured (n_conf, n_freq, n_out, n_in): Response after the fitted friction compensation.
         modelled (n_conf, n_freq, n_out, n_in): Parametric response.
+        undetermined: Combinations of parameters that the data do not determine, a sentence each.
+        model_error: The residual of each element against its expectation; None without a covariance.
+        realization_relative_std (n_param,): As `relative_std`, from what each realization does to the parameters
+            instead of the structured covariance; None without realizations.
+        bootstrap_relative_std (n_param,): The same from repeated fits; None without a bootstrap.
+        bootstrap_lower (n_param,): Lower end of the bootstrap's interval.
+        bootstrap_upper (n_param,): Upper end of the bootstrap's interval.
     """
 
     family: str
@@ -75,3 +83,9 @@ class Solution:
     frequency_hz: FloatArray
     measured: ComplexArray
     modelled: ComplexArray
+    undetermined: tuple[str, ...] = ()
+    model_error: ModelError | None = None
+    realization_relative_std: FloatArray | None = None
+    bootstrap_relative_std: FloatArray | None = None
+    bootstrap_lower: FloatArray | None = None
+    bootstrap_upper: FloatArray | None = None

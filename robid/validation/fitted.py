@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.fit.elastic import check_inputs
+from robid.fit.checks import check_inputs
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap, map_parameters
 from robid.fit.problem import Problem, make_problem

@@ -7,8 +7,9 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
-from robid.fit.elastic import distinct_minima, fit_elastic
+from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions, Weights
+from robid.fit.result import distinct_minima
 from tolerances import RECOVERY, RECOVERY_SIGMA
 
 BENCH_HZ = np.arange(11.0, 251.0, 3.0)
