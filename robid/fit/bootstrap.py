@@ -10,13 +10,13 @@ import numpy as np
 from scipy.stats import norm, t
 
 from robid.arrays import FloatArray
-from robid.fit.levenberg import minimise
 from robid.fit.problem import Problem
 from robid.fit.uncertainty import Influence, realization_freedom, realization_shifts
 
 Map: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
-_STEPS = 4
+_FURTHER_STEPS = 1
+_LONGEST_STEP = 1.0
 _CHUNK = 10
 
 
@@ -40,6 +40,7 @@ class _Chunk:
     problem: Problem
     internal: FloatArray
     inverse: FloatArray
+    shifts: FloatArray
     seed: np.random.SeedSequence
     count: int
 
@@ -81,26 +82,28 @@ def bootstrap(
         return None
     sizes = [min(_CHUNK, count - begin) for begin in range(0, count, _CHUNK)]
     seeds = np.random.SeedSequence([seed, count]).spawn(len(sizes))
-    chunks = [_Chunk(problem, internal, found.inverse, *each) for each in zip(seeds, sizes, strict=True)]
+    chunks = [_Chunk(problem, internal, found.inverse, shifts, *each) for each in zip(seeds, sizes, strict=True)]
     replicates = np.concatenate(parallel_map(_replicates, chunks))
     tail = 0.5 - 0.5 * confidence
     expanded = t.ppf(1 - tail, np.maximum(realization_freedom(shifts), 1.0)) / norm.ppf(1 - tail)
-    ends = np.quantile(replicates, [tail, 1 - tail], axis=0) - internal
+    ends = np.quantile(replicates, [tail, 1 - tail], axis=0, method="weibull") - internal
     return Bootstrap(replicates.std(axis=0, ddof=1), *(internal + expanded * ends))
 
 
 def _replicates(chunk: _Chunk) -> FloatArray:
     """Minima (count, n_param), what is known beforehand drawn anew as well."""
     generator = np.random.default_rng(chunk.seed)
-    errors = chunk.problem.frf.realization_error
-    assert errors is not None
-    n_conf, n_real = errors.shape[:2]
+    frf, n_real = chunk.problem.frf, chunk.shifts.shape[1]
     known = 0.5 / chunk.problem.parameters.prior_std
     minima = []
     for _ in range(chunk.count):
-        weights = generator.standard_normal((n_conf, n_real)) * np.sqrt(n_real / (n_real - 1))
-        response = chunk.problem.frf.response + np.einsum("cm,cmfoi->cfoi", weights, errors)
-        drawn = replace(chunk.problem, frf=replace(chunk.problem.frf, response=response))
-        end = minimise(drawn.cost, drawn.normal, chunk.internal, max_iterations=_STEPS)
-        minima.append(end.parameters + chunk.inverse @ (known * generator.standard_normal(known.size)))
+        weights = generator.standard_normal(chunk.shifts.shape[:2])
+        errors = np.einsum("cm,cmfoi->cfoi", np.sqrt(n_real / (n_real - 1)) * weights, frf.realization_error)
+        drawn = replace(chunk.problem, frf=replace(frf, response=frf.response + errors))
+        # The linear move is the first Gauss-Newton step.
+        point = chunk.internal + np.clip(np.einsum("cm,cmp->p", weights, chunk.shifts), -_LONGEST_STEP, _LONGEST_STEP)
+        for _ in range(_FURTHER_STEPS):
+            here = drawn.normal(point)
+            point = point - np.clip(np.linalg.solve(here.hessian, here.gradient), -_LONGEST_STEP, _LONGEST_STEP)
+        minima.append(point + chunk.inverse @ (known * generator.standard_normal(known.size)))
     return np.array(minima)
