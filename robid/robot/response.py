@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel
+from robid.robot.rest import Moves, Springs, SpringValues, settle_springs, spring_slopes
 
 _ALIASES = (-2, -1, 1, 2)
 
@@ -24,6 +25,8 @@ class ElasticParameters:
         motor_inertia (n_joint,): Rotor inertias, motor side [kg m^2].
         link_inertia (n_joint,): Links' own inertia about the joint axis direction [kg m^2].
         delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
+        cubic (n_spring,): Cubic coefficients, arm side [N m/rad^3].
+        location (3 n_spring,): Where springs of links, payload and base sit, see `Spring.point_m` [m].
     """
 
     stiffness: FloatArray
@@ -32,6 +35,13 @@ class ElasticParameters:
     motor_inertia: FloatArray
     link_inertia: FloatArray
     delay: FloatArray
+    cubic: FloatArray
+    location: FloatArray
+
+    @property
+    def springs(self) -> SpringValues:
+        """What decides where the springs rest."""
+        return SpringValues(self.stiffness, self.cubic, self.damping, self.location)
 
 
 @dataclass(frozen=True)
@@ -44,6 +54,8 @@ class Response:
         outputs (n_conf, n_freq, n, n_out): `Z^-1 C'`.
         hold (n_freq,): Zero-order hold and delay.
         omega (n_freq,): Angular frequency [rad/s].
+        model: The linearised robot where these parameters let it rest.
+        springs: Its springs there.
     """
 
     sampled: ComplexArray
@@ -51,6 +63,8 @@ class Response:
     outputs: ComplexArray
     hold: ComplexArray
     omega: FloatArray
+    model: LinearModel
+    springs: Springs
 
 
 def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> ElasticParameters:
@@ -62,6 +76,8 @@ def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> Elas
         motor_inertia=robot.motor_inertia_kgm2,
         link_inertia=model.axial,
         delay=np.array([delay_s]),
+        cubic=np.array([spring.cubic_nm_rad3 for spring in robot.springs]),
+        location=np.concatenate([spring.point_m for spring in robot.springs]),
     )
 
 
@@ -83,7 +99,8 @@ def response(
         METHODS sec. 1 (FRF, Sampling).
     """
     omega = 2 * np.pi * np.asarray(frequency_hz, float)
-    stiffness = _dynamic_stiffness(model, parameters, omega)
+    model, springs = at_rest(model, parameters)
+    stiffness = _dynamic_stiffness(model, parameters, springs, omega)
     n_motor, n = model.n_motor, model.mass.shape[-1]
     collocated = model.output.shape[1] == n_motor and bool((model.output == np.eye(n_motor, n)).all())
     seen = _seen(model, omega)
@@ -99,7 +116,26 @@ def response(
     if sampling_period_s is not None:
         fast = _fast_limit(model, parameters)
         sampled = sampled + _aliases(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
-    return Response(sampled, inputs, outputs, hold, omega)
+    return Response(sampled, inputs, outputs, hold, omega, model, springs)
+
+
+def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:
+    """Returns the linear model where the parameters let it rest, to first order, and its springs there."""
+    if not parameters.cubic.any() and model.rest.moves is None:
+        rest = model.rest
+        stiffness = np.broadcast_to(parameters.stiffness, rest.deflection.shape)
+        return model, Springs(stiffness, rest.deflection, np.zeros_like(rest.deflection), np.zeros((len(stiffness), 0)))
+    springs = settle_springs(model.rest, parameters.springs)
+    moves = model.rest.moves
+    if moves is None:
+        return model, springs
+    fields = ("mass", "gravity_stiffness", "output", "tilt")
+    moved = {key: _moved(getattr(model, key), getattr(moves, key), springs.displacement) for key in fields}
+    return replace(model, **moved), springs
+
+
+def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> FloatArray:
+    return np.asarray(matrix + np.einsum("cm,cmij->cij", displacement, slopes))
 
 
 def jacobian(
@@ -124,20 +160,31 @@ def jacobian(
     Source:
         METHODS sec. 1: `dG = w^2 X_o' (dZ) X_i`.
     """
-    columns = [_columns(model, parameters, result, kind, sampling_period_s) for kind in kinds]
+    model = result.model
+    loaded = parameters.cubic.any() or model.rest.moves is not None or not {"cubic", "location"}.isdisjoint(kinds)
+    through_rest = _rest_columns(parameters, result, sampling_period_s) if loaded else {}
+    columns = [_columns(model, parameters, result, kind, sampling_period_s, through_rest.get(kind)) for kind in kinds]
     return np.concatenate(columns, axis=-1)
 
 
 def _columns(
-    model: LinearModel, parameters: ElasticParameters, result: Response, kind: str, sampling_period_s: float | None
+    model: LinearModel,
+    parameters: ElasticParameters,
+    result: Response,
+    kind: str,
+    sampling_period_s: float | None,
+    through_rest: ComplexArray | None,
 ) -> ComplexArray:
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
     rate = 1j * result.omega[:, None, None, None]
+    if kind == "damping":
+        own = scale * rate * _outer(result, slice(n_motor, None))
+        return own if through_rest is None else own + through_rest
+    if through_rest is not None:
+        return through_rest
     if kind == "stiffness":
         return scale * _outer(result, slice(n_motor, None))
-    if kind == "damping":
-        return scale * rate * _outer(result, slice(n_motor, None))
     if kind == "viscous":
         return scale * rate * _outer(result, slice(0, n_motor))
     if kind == "motor_inertia":
@@ -147,6 +194,41 @@ def _columns(
     if kind == "link_inertia":
         return _inertia_columns(model, parameters, result, model.link_inertia, sampling_period_s)
     return _delay_column(model, parameters, result, sampling_period_s)
+
+
+def _rest_columns(
+    parameters: ElasticParameters, result: Response, sampling_period_s: float | None
+) -> dict[str, ComplexArray]:
+    """Derivatives that pass through expected slopes and rest positions, by kind."""
+    model = result.model
+    slopes = spring_slopes(model.rest, parameters.springs, result.springs)
+    scale = (result.hold * result.omega**2)[:, None, None, None]
+    stiffness = scale * _outer(result, slice(model.n_motor, None))
+    columns = {kind: np.einsum("cfois,cst->cfoit", stiffness, each.stiffness) for kind, each in slopes.items()}
+    if model.rest.moves is not None:
+        moved = _move_columns(parameters, result, model.rest.moves, sampling_period_s)
+        for kind, each in slopes.items():
+            columns[kind] += np.einsum("cfoim,cmt->cfoit", moved, each.displacement)
+    return columns
+
+
+def _move_columns(
+    parameters: ElasticParameters, result: Response, moves: Moves, sampling_period_s: float | None
+) -> ComplexArray:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest."""
+    model, square = result.model, result.omega**2
+    columns = _inertia_columns(model, parameters, result, moves.mass, sampling_period_s)
+    left, right = np.swapaxes(result.outputs, -1, -2), result.inputs
+    for index in range(moves.mass.shape[1]):
+        change = square[:, None, None] * (left @ (moves.gravity_stiffness[:, index, None] @ right))
+        seen = square[:, None, None] * moves.output[:, index, None] + moves.tilt[:, index, None]
+        columns[..., index] += result.hold[:, None, None] * (change - seen @ right)
+    if sampling_period_s is not None:
+        inverse = np.linalg.inv(_mass(model, parameters))[..., : model.n_motor]
+        aliases = _aliases(result.omega, parameters.delay[0], sampling_period_s)[0]
+        fast = np.einsum("cmoa,cai->coim", moves.output, inverse)
+        columns += aliases[:, None, None, None] * fast[:, None]
+    return columns
 
 
 def _outer(result: Response, rows: slice) -> ComplexArray:
@@ -190,7 +272,8 @@ def motion_matrices(
     model: LinearModel, parameters: ElasticParameters, configuration: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Returns mass, damping and stiffness (n, n) of one configuration in the model's coordinates."""
-    stiffness = model.gravity_stiffness[configuration] + _springs(model, parameters)
+    model, springs = at_rest(model, parameters)
+    stiffness = (model.gravity_stiffness + _springs(model, springs))[configuration]
     return _mass(model, parameters)[configuration], _dampers(parameters), stiffness
 
 
@@ -205,12 +288,16 @@ def _dampers(parameters: ElasticParameters) -> FloatArray:
     return np.diag(np.concatenate([parameters.viscous, parameters.damping]))
 
 
-def _springs(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
-    return np.diag(np.concatenate([np.zeros(model.n_motor), parameters.stiffness]))
+def _springs(model: LinearModel, springs: Springs) -> FloatArray:
+    """Stiffness matrices (n_conf, n, n) of the springs alone."""
+    full = np.pad(springs.stiffness, ((0, 0), (model.n_motor, 0)))
+    return np.asarray(full[:, :, None] * np.eye(full.shape[1]))
 
 
-def _dynamic_stiffness(model: LinearModel, parameters: ElasticParameters, omega: FloatArray) -> ComplexArray:
-    constant = model.gravity_stiffness[:, None] + _springs(model, parameters)
+def _dynamic_stiffness(
+    model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray
+) -> ComplexArray:
+    constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
     dynamic = constant - (omega**2)[:, None, None] * _mass(model, parameters)[:, None]
     return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(parameters))
 
