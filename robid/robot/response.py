@@ -129,9 +129,15 @@ def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearMo
     moves = model.rest.moves
     if moves is None:
         return model, springs
-    fields = ("mass", "gravity_stiffness", "output", "tilt")
-    moved = {key: _moved(getattr(model, key), getattr(moves, key), springs.displacement) for key in fields}
-    return replace(model, **moved), springs
+    by = springs.displacement
+    moved = replace(
+        model,
+        mass=_moved(model.mass, moves.mass, by),
+        gravity_stiffness=_moved(model.gravity_stiffness, moves.gravity_stiffness, by),
+        output=_moved(model.output, moves.output, by),
+        tilt=_moved(model.tilt, moves.tilt, by),
+    )
+    return moved, springs
 
 
 def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> FloatArray:

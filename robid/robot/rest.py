@@ -106,9 +106,10 @@ class SpringSlopes:
 def settle_springs(rest: Rest, values: SpringValues) -> Springs:
     """Finds mean deflections and expected slopes under gravity and excitation.
 
-    A cubic spring `k1 d + k3 d^3` that swings about `d0` with the mean square `v` shows the slope `k1 + 3 k3 (d0^2 + v)`
-    and the mean torque `k1 d0 + k3 (d0^3 + 3 d0 v)`; the torque through it is measured, so `v` is that torque's power
-    over the dynamic stiffness of the pair. Gravity is linear about the rest that it was taken at.
+    A cubic spring `k1 d + k3 d^3` that swings about `d0` with the mean square `v` shows the slope
+    `k1 + 3 k3 (d0^2 + v)` and the mean torque `k1 d0 + k3 (d0^3 + 3 d0 v)`. The torque through it is measured, so `v`
+    is that torque's power over the squared dynamic stiffness of spring and damper. Gravity is linear about the rest
+    that it was taken at.
 
     Args:
         rest: What the springs carry.
