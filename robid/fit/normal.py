@@ -32,7 +32,7 @@ class SymmetricNormal:
         self._problem = problem
         used = problem.weight.any(axis=(2, 3))
         frf = problem.frf
-        self._collocated = Collocated(problem.model, frf.frequency_hz, frf.hold_period_s, used)
+        self._collocated = Collocated(problem.model, frf.frequency_hz, frf.hold_period_s, used, problem.parameters.kinds)
         rows, columns = np.triu_indices(problem.weight.shape[-1])
 
         def pairs(values: FloatArray | ComplexArray) -> FloatArray | ComplexArray:

@@ -8,7 +8,8 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import map_parameters
-from robid.fit.problem import make_problem, make_weights
+from robid.fit.problem import make_problem
+from robid.fit.weights import make_weights, make_whitening
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
