@@ -33,22 +33,14 @@ class SymmetricNormal:
         used = problem.weight.any(axis=(2, 3))
         frf = problem.frf
         self._collocated = Collocated(problem.model, frf.frequency_hz, frf.hold_period_s, used, problem.parameters.kinds)
-        rows, columns = np.triu_indices(problem.weight.shape[-1])
-
-        def pairs(values: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
-            both = np.stack([values[used][:, rows, columns], values[used][:, columns, rows]])
-            return np.ascontiguousarray(np.swapaxes(both, 1, 2))
-
-        weight = pairs(problem.weight)
-        weight[1, rows == columns] = 0.0
-        self._weight = np.asarray(weight, float)
+        self._used = used
+        self._rows, self._columns = np.triu_indices(problem.weight.shape[-1])
+        self._weight = np.asarray(self._pairs(problem.weight), float)
+        self._weight[1, self._rows == self._columns] = 0.0
         self._sum = np.asarray(self._weight.sum(axis=0))
         self._root = np.sqrt(self._sum)
         self._inverse_root = np.divide(1, self._root, out=np.zeros_like(self._root), where=self._root > 0)
-        measured = pairs(frf.response)
-        self._measured = np.where((self._weight > 0) & (measured != 0), measured, 1.0)
-        moved = [pairs(frf.sensitivity[:, index]) for index in range(problem.parameters.n_friction)]
-        self._moved = np.array(moved, complex).reshape(len(moved), *measured.shape)
+        self._measured = self._counted(frf.response)
         self._log_measured = self._logarithm(self._measured)
         self._point: FloatArray | None = None
         self._residual = np.empty(0)
@@ -59,6 +51,17 @@ class SymmetricNormal:
     def serves(problem: Problem) -> bool:
         """Whether the problem has the symmetry and the parameters that this needs."""
         return is_collocated(problem.model) and set(problem.parameters.kinds) <= set(KINDS)
+
+    def _pairs(self, values: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
+        """Elements (2, n_pair, n_line) of (n_conf, n_freq, n_out, n_in): upper triangle, and what mirrors it."""
+        lines = values[self._used]
+        both = lines[:, self._rows, self._columns].T, lines[:, self._columns, self._rows].T
+        return np.stack(both)
+
+    def _counted(self, values: ComplexArray) -> ComplexArray:
+        """The same of a measured response, with ones where there is no weight."""
+        paired = self._pairs(values)
+        return np.where((self._weight > 0) & (paired != 0), paired, 1.0)
 
     def cost(self, internal: FloatArray) -> float:
         """Weighted squares of the residual, without what is known beforehand."""
@@ -111,16 +114,16 @@ class SymmetricNormal:
         return result
 
     def _shifted(self, internal: FloatArray) -> ComplexArray:
-        count = self._problem.parameters.n_friction
-        if count == 0:
+        if self._problem.parameters.n_friction == 0:
             return self._measured
-        return np.asarray(self._measured + np.tensordot(internal[-count:], self._moved, 1))
+        return self._counted(self._problem.measured(internal))
 
     def _with_friction(
         self, internal: FloatArray, rows: ComplexArray, hessian: FloatArray, gradient: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Adds the friction scales, which move each measured element on its own."""
-        moved = -self._moved
+        slopes = np.moveaxis(self._problem.measured_slopes(internal), -1, 0)
+        moved = -np.array([self._pairs(slope) for slope in slopes])
         if self._problem.estimator != "nls":
             moved /= self._shifted(internal)
         shared = (self._weight * moved).sum(axis=1) * self._inverse_root

@@ -62,6 +62,11 @@ class Problem:
             return self.frf.response
         return np.asarray(self.frf.response + np.einsum("s,csfoi->cfoi", internal[-count:], self.frf.sensitivity))
 
+    def measured_slopes(self, internal: FloatArray) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in, n_friction) of the measured response by the friction scales."""
+        del internal
+        return np.moveaxis(self.frf.sensitivity, 1, -1)
+
     def residual(self, internal: FloatArray, modelled: ComplexArray) -> ComplexArray:
         """Residual (n_conf, n_freq, n_out, n_in), Wernholt and Moberg (2008) eq. 4c or 7c, or its real part."""
         if self.estimator == "nls":
@@ -104,7 +109,7 @@ class Problem:
         if self.estimator != "nls":
             derivative /= result.sampled[..., None]
         if count:
-            moved = -np.moveaxis(self.frf.sensitivity, 1, -1)
+            moved = -self.measured_slopes(internal)
             if self.estimator != "nls":
                 moved = moved / self.measured(internal)[..., None]
             derivative = np.concatenate([derivative, moved], axis=-1)
