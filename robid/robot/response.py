@@ -1,4 +1,4 @@
-"""Sampled frequency response of the linearised elastic robot and its analytic derivatives."""
+"""Sampled frequency response of the linearised elastic robot."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel
-from robid.robot.rest import Moves, Springs, SpringValues, settle_springs, spring_slopes
+from robid.robot.rest import Springs, SpringValues, settle_springs
 
 _ALIASES = (-2, -1, 1, 2)
 
@@ -111,11 +111,13 @@ def response(
     inputs = solved[..., :n_motor]
     outputs = inputs if collocated else solved[..., n_motor:]
     continuous = -(omega**2)[:, None, None] * (seen @ inputs)
-    hold = _hold(omega, parameters.delay[0], sampling_period_s)
+    hold = hold_factor(omega, parameters.delay[0], sampling_period_s)
     sampled = hold[:, None, None] * continuous
     if sampling_period_s is not None:
-        fast = _fast_limit(model, parameters)
-        sampled = sampled + _aliases(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
+        fast = fast_limit(model, parameters)
+        sampled = (
+            sampled + alias_factor(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
+        )
     return Response(sampled, inputs, outputs, hold, omega, model, springs)
 
 
@@ -144,146 +146,17 @@ def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> 
     return np.asarray(matrix + np.einsum("cm,cmij->cij", displacement, slopes))
 
 
-def jacobian(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    kinds: tuple[str, ...],
-    sampling_period_s: float | None,
-) -> ComplexArray:
-    """Derivatives of the sampled response, springs and dampers as outer products.
-
-    Args:
-        model: Linearised robot.
-        parameters: Where `result` was computed.
-        result: The response.
-        kinds: Field names of `ElasticParameters`, in the order wanted.
-        sampling_period_s: As for `response`.
-
-    Returns:
-        (n_conf, n_freq, n_out, n_in, n_param), with respect to the plain (not logarithmic) values.
-
-    Source:
-        METHODS sec. 1: `dG = w^2 X_o' (dZ) X_i`.
-    """
-    model = result.model
-    loaded = parameters.cubic.any() or model.rest.moves is not None or not {"cubic", "location"}.isdisjoint(kinds)
-    through_rest = _rest_columns(parameters, result, sampling_period_s) if loaded else {}
-    columns = [_columns(model, parameters, result, kind, sampling_period_s, through_rest.get(kind)) for kind in kinds]
-    return np.concatenate(columns, axis=-1)
-
-
-def _columns(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    kind: str,
-    sampling_period_s: float | None,
-    through_rest: ComplexArray | None,
-) -> ComplexArray:
-    n_motor = model.n_motor
-    scale = (result.hold * result.omega**2)[:, None, None, None]
-    rate = 1j * result.omega[:, None, None, None]
-    if kind == "damping":
-        own = scale * rate * _outer(result, slice(n_motor, None))
-        return own if through_rest is None else own + through_rest
-    if through_rest is not None:
-        return through_rest
-    if kind == "stiffness":
-        return scale * _outer(result, slice(n_motor, None))
-    if kind == "viscous":
-        return scale * rate * _outer(result, slice(0, n_motor))
-    if kind == "motor_inertia":
-        matrices = np.eye(n_motor, model.mass.shape[-1])
-        directions = np.einsum("li,lj->lij", matrices, matrices)
-        return _inertia_columns(model, parameters, result, directions[None], sampling_period_s)
-    if kind == "link_inertia":
-        return _inertia_columns(model, parameters, result, model.link_inertia, sampling_period_s)
-    return _delay_column(model, parameters, result, sampling_period_s)
-
-
-def _rest_columns(
-    parameters: ElasticParameters, result: Response, sampling_period_s: float | None
-) -> dict[str, ComplexArray]:
-    """Derivatives that pass through expected slopes and rest positions, by kind."""
-    model = result.model
-    slopes = spring_slopes(model.rest, parameters.springs, result.springs)
-    scale = (result.hold * result.omega**2)[:, None, None, None]
-    stiffness = scale * _outer(result, slice(model.n_motor, None))
-    columns = {kind: np.einsum("cfois,cst->cfoit", stiffness, each.stiffness) for kind, each in slopes.items()}
-    if model.rest.moves is not None:
-        moved = _move_columns(parameters, result, model.rest.moves, sampling_period_s)
-        for kind, each in slopes.items():
-            columns[kind] += np.einsum("cfoim,cmt->cfoit", moved, each.displacement)
-    return columns
-
-
-def _move_columns(
-    parameters: ElasticParameters, result: Response, moves: Moves, sampling_period_s: float | None
-) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest."""
-    model, square = result.model, result.omega**2
-    columns = _inertia_columns(model, parameters, result, moves.mass, sampling_period_s)
-    left, right = np.swapaxes(result.outputs, -1, -2), result.inputs
-    for index in range(moves.mass.shape[1]):
-        change = square[:, None, None] * (left @ (moves.gravity_stiffness[:, index, None] @ right))
-        seen = square[:, None, None] * moves.output[:, index, None] + moves.tilt[:, index, None]
-        columns[..., index] += result.hold[:, None, None] * (change - seen @ right)
-    if sampling_period_s is not None:
-        inverse = np.linalg.inv(_mass(model, parameters))[..., : model.n_motor]
-        aliases = _aliases(result.omega, parameters.delay[0], sampling_period_s)[0]
-        fast = np.einsum("cmoa,cai->coim", moves.output, inverse)
-        columns += aliases[:, None, None, None] * fast[:, None]
-    return columns
-
-
-def _outer(result: Response, rows: slice) -> ComplexArray:
-    left = np.swapaxes(result.outputs[..., rows, :], -1, -2)
-    right = np.swapaxes(result.inputs[..., rows, :], -1, -2)
-    return np.asarray(left[..., :, None, :] * right[..., None, :, :])
-
-
-def _inertia_columns(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    directions: FloatArray,
-    sampling_period_s: float | None,
-) -> ComplexArray:
-    spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
-    change = np.einsum("cfao,clab,cfbi->cfoil", result.outputs, spread, result.inputs, optimize=True)
-    columns = -(result.hold * result.omega**4)[:, None, None, None] * change
-    if sampling_period_s is None:
-        return np.asarray(columns)
-    inverse = np.linalg.inv(_mass(model, parameters))
-    left, right = model.output @ inverse, inverse[..., : model.n_motor]
-    fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
-    aliases = _aliases(result.omega, parameters.delay[0], sampling_period_s)[0]
-    return np.asarray(columns + aliases[:, None, None, None] * fast[:, None])
-
-
-def _delay_column(
-    model: LinearModel, parameters: ElasticParameters, result: Response, sampling_period_s: float | None
-) -> ComplexArray:
-    rate = -1j * result.omega[:, None, None]
-    if sampling_period_s is None:
-        return np.asarray(rate * result.sampled)[..., None]
-    fast = _fast_limit(model, parameters)[:, None]
-    aliases, slope = _aliases(result.omega, parameters.delay[0], sampling_period_s)
-    own = result.sampled - aliases[:, None, None] * fast
-    return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]
-
-
 def motion_matrices(
     model: LinearModel, parameters: ElasticParameters, configuration: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Returns mass, damping and stiffness (n, n) of one configuration in the model's coordinates."""
     model, springs = at_rest(model, parameters)
     stiffness = (model.gravity_stiffness + _springs(model, springs))[configuration]
-    return _mass(model, parameters)[configuration], _dampers(parameters), stiffness
+    return mass_matrix(model, parameters)[configuration], _dampers(parameters), stiffness
 
 
-def _mass(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+def mass_matrix(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    """Returns the inertia matrices (n_conf, n, n) with rotors and links."""
     mass = model.mass + np.einsum("l,clij->cij", parameters.link_inertia, model.link_inertia)
     motors = np.arange(model.n_motor)
     mass[:, motors, motors] += parameters.motor_inertia
@@ -304,7 +177,7 @@ def _dynamic_stiffness(
     model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray
 ) -> ComplexArray:
     constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
-    dynamic = constant - (omega**2)[:, None, None] * _mass(model, parameters)[:, None]
+    dynamic = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
     return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(parameters))
 
 
@@ -313,12 +186,14 @@ def _seen(model: LinearModel, omega: FloatArray) -> FloatArray:
     return np.asarray(model.output[:, None] + model.tilt[:, None] / (omega**2)[:, None, None])
 
 
-def _fast_limit(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
-    inverse = np.linalg.inv(_mass(model, parameters))
+def fast_limit(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    """Returns the acceleration per torque (n_conf, n_out, n_in) at infinite frequency."""
+    inverse = np.linalg.inv(mass_matrix(model, parameters))
     return np.asarray(model.output @ inverse[..., : model.n_motor])
 
 
-def _hold(omega: FloatArray, delay_s: float, sampling_period_s: float | None) -> ComplexArray:
+def hold_factor(omega: FloatArray, delay_s: float, sampling_period_s: float | None) -> ComplexArray:
+    """Returns what hold and delay multiply the continuous response by (n_freq,)."""
     lag = np.exp(-1j * omega * delay_s)
     if sampling_period_s is None:
         return np.asarray(lag)
@@ -326,12 +201,13 @@ def _hold(omega: FloatArray, delay_s: float, sampling_period_s: float | None) ->
     return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half) * lag)
 
 
-def _aliases(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
+def alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
+    """Returns what the fast limit is multiplied by as it folds down (n_freq,), and its derivative by the delay."""
     total = np.zeros(omega.size, complex)
     slope = np.zeros(omega.size, complex)
     for shift in _ALIASES:
         alias = omega + shift * 2 * np.pi / sampling_period_s
-        term = (omega / alias) ** 2 * _hold(alias, delay_s, sampling_period_s)
+        term = (omega / alias) ** 2 * hold_factor(alias, delay_s, sampling_period_s)
         total += term
         slope += -1j * alias * term
     return total, slope

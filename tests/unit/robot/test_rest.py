@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import sensed_everywhere, two_joint_robot
+from robid.robot.derivatives import jacobian
 from robid.robot.expand import LOCATED, expand, with_springs_at
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import at_rest, jacobian, nominal_parameters, response
+from robid.robot.response import at_rest, nominal_parameters, response
 from robid.robot.rest import Rest, SpringValues, settle_springs
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
