@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, Response, alias_factor, fast_limit, mass_matrix
-from robid.robot.rest import Moves, spring_slopes
+from robid.robot.rest import Moves, Springs, SpringSlopes, settle_springs, spring_slopes
 
 
 def jacobian(
@@ -33,8 +35,8 @@ def jacobian(
         METHODS sec. 1: `dG = w^2 X_o' (dZ) X_i`.
     """
     model = result.model
-    loaded = parameters.cubic.any() or model.rest.moves is not None or not {"cubic", "location"}.isdisjoint(kinds)
-    through_rest = _rest_columns(parameters, result, sampling_period_s) if loaded else {}
+    slopes = loaded_slopes(model, parameters, result.springs, kinds)
+    through_rest = _rest_columns(parameters, result, slopes, sampling_period_s)
     columns = [_columns(model, parameters, result, kind, sampling_period_s, through_rest.get(kind)) for kind in kinds]
     return np.concatenate(columns, axis=-1)
 
@@ -68,12 +70,35 @@ def _columns(
     return _delay_column(model, parameters, result, sampling_period_s)
 
 
+def loaded_slopes(
+    model: LinearModel, parameters: ElasticParameters, springs: Springs, kinds: tuple[str, ...]
+) -> dict[str, SpringSlopes]:
+    """How springs move with each kind of parameter; none where they are linear and rest where they are.
+
+    Args:
+        model: Linearised robot.
+        parameters: Parameter values.
+        springs: Its springs there.
+        kinds: Kinds whose derivatives are asked for.
+    """
+    constant = not parameters.cubic.any() and model.rest.moves is None
+    if constant and {"cubic", "location"}.isdisjoint(kinds):
+        return {}
+    if constant:
+        springs = settle_springs(model.rest, parameters.springs)
+    return spring_slopes(model.rest, parameters.springs, springs)
+
+
 def _rest_columns(
-    parameters: ElasticParameters, result: Response, sampling_period_s: float | None
+    parameters: ElasticParameters,
+    result: Response,
+    slopes: Mapping[str, SpringSlopes],
+    sampling_period_s: float | None,
 ) -> dict[str, ComplexArray]:
     """Derivatives that pass through expected slopes and rest positions, by kind."""
+    if not slopes:
+        return {}
     model = result.model
-    slopes = spring_slopes(model.rest, parameters.springs, result.springs)
     scale = (result.hold * result.omega**2)[:, None, None, None]
     stiffness = scale * _outer(result, slice(model.n_motor, None))
     columns = {kind: np.einsum("cfois,cst->cfoit", stiffness, each.stiffness) for kind, each in slopes.items()}
