@@ -2,7 +2,7 @@
 
 Schema history:
     1.0: first version.
-    1.1: `undetermined`, `model_error`, deviations from realizations and from the bootstrap.
+    1.1: tied parameters; `undetermined`, `model_error`, deviations from realizations and from the bootstrap.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from robid.fit.solution import Solution
 
 MODEL = Kind("model", "1.1", "robid fit")
 
-_PARAMETER, _START = ("parameter",), ("start",)
+_PARAMETER, _START, _TIED = ("parameter",), ("start",), ("tied",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
 _ELEMENT = ("configuration", "output", "input")
 _OWN = "as in units"
@@ -51,6 +51,10 @@ _TABLE = {
     "bootstrap_relative_std": Column("1", _PARAMETER, "Relative deviation from repeated fits"),
     "bootstrap_lower": Column(_OWN, _PARAMETER, "Lower end of the bootstrap's interval"),
     "bootstrap_upper": Column(_OWN, _PARAMETER, "Upper end of the bootstrap's interval"),
+    "tied_names": Column("1", _TIED, "Parameters that follow another one"),
+    "tied_to": Column("1", _TIED, "Name of that one"),
+    "tied_nominal": Column("as of tied_to", _TIED, "Values of the robot file"),
+    "tied_estimate": Column("as of tied_to", _TIED, "Estimated values"),
 }
 
 

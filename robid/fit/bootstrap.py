@@ -94,16 +94,19 @@ def _replicates(chunk: _Chunk) -> FloatArray:
     """Minima (count, n_param), what is known beforehand drawn anew as well."""
     generator = np.random.default_rng(chunk.seed)
     frf, n_real = chunk.problem.frf, chunk.shifts.shape[1]
-    known = 0.5 / chunk.problem.parameters.prior_std
+    each = np.asarray(frf.realization_error)
+    parameters = chunk.problem.parameters
+    known = 0.5 / parameters.prior_std
     minima = []
     for _ in range(chunk.count):
         weights = generator.standard_normal(chunk.shifts.shape[:2])
-        errors = np.einsum("cm,cmfoi->cfoi", np.sqrt(n_real / (n_real - 1)) * weights, frf.realization_error)
+        errors = np.einsum("cm,cmfoi->cfoi", np.sqrt(n_real / (n_real - 1)) * weights, each)
         drawn = replace(chunk.problem, frf=replace(frf, response=frf.response + errors))
         # The linear move is the first Gauss-Newton step.
         point = chunk.internal + np.clip(np.einsum("cm,cmp->p", weights, chunk.shifts), -_LONGEST_STEP, _LONGEST_STEP)
         for _ in range(_FURTHER_STEPS):
             here = drawn.normal(point)
             point = point - np.clip(np.linalg.solve(here.hessian, here.gradient), -_LONGEST_STEP, _LONGEST_STEP)
+            point = np.clip(point, parameters.lower, parameters.upper)
         minima.append(point + chunk.inverse @ (known * generator.standard_normal(known.size)))
     return np.array(minima)

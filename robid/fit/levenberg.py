@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 
 Status = Literal["converged", "iteration_limit", "stalled"]
 
 _GRADIENT_TOLERANCE = 1e-9
 _STEP_TOLERANCE = 1e-10
-_COST_TOLERANCE = 1e-11
+COST_TOLERANCE = 1e-11
 _DAMPING_LIMIT = 1e12
 _FIRST_DAMPING = 1e-3
 
@@ -59,7 +59,9 @@ def minimise(
     *,
     max_iterations: int = 200,
     max_step: float = 1.0,
-    cost_tolerance: float = _COST_TOLERANCE,
+    cost_tolerance: float = COST_TOLERANCE,
+    lower: FloatArray | None = None,
+    upper: FloatArray | None = None,
 ) -> Minimum:
     """Minimises a sum of squares.
 
@@ -70,21 +72,27 @@ def minimise(
         max_iterations: Limit on steps.
         max_step: Largest change of one internal parameter in a step.
         cost_tolerance: Relative decrease of the cost at which the descent ends.
+        lower (n_param,): Bounds that no point may pass; a parameter that the cost pushes against one is held there,
+            and what is left decides when to stop.
+        upper (n_param,): The same from above.
 
     Returns:
         The minimum reached; failure to converge is a status, not an error.
     """
-    point, here = start, normal(start)
+    low = np.full(start.size, -np.inf) if lower is None else lower
+    high = np.full(start.size, np.inf) if upper is None else upper
+    point = np.clip(start, low, high)
+    here = normal(point)
     damping, growth = _FIRST_DAMPING, 2.0
     for iteration in range(max_iterations):
+        free = ~(((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0)))
         scale = np.maximum(np.diag(here.hessian), 1e-12 * np.diag(here.hessian).max())
-        if np.abs(here.gradient).max() <= _GRADIENT_TOLERANCE * max(here.cost, 1e-300):
+        if np.abs(here.gradient[free]).max(initial=0.0) <= _GRADIENT_TOLERANCE * max(here.cost, 1e-300):
             return Minimum(point, here.cost, iteration, "converged")
-        step = _step(here, damping, scale)
-        largest = float(np.abs(step).max())
-        if largest <= _STEP_TOLERANCE:
+        step = _step(here, damping, scale, free)
+        step = np.clip(point + np.clip(step, -max_step, max_step), low, high) - point
+        if float(np.abs(step).max()) <= _STEP_TOLERANCE:
             return Minimum(point, here.cost, iteration, "converged")
-        step = np.clip(step, -max_step, max_step)
         trial = cost(point + step)
         predicted = -float(step @ (2 * here.gradient + here.hessian @ step))
         gain = (here.cost - trial) / predicted if predicted > 0 else -1.0
@@ -104,6 +112,9 @@ def minimise(
     return Minimum(point, here.cost, max_iterations, "iteration_limit")
 
 
-def _step(here: Normal, damping: float, scale: FloatArray) -> FloatArray:
-    factor = cho_factor(here.hessian + np.diag((damping + 1e-14) * scale))
-    return np.asarray(-cho_solve(factor, here.gradient))
+def _step(here: Normal, damping: float, scale: FloatArray, free: BoolArray) -> FloatArray:
+    step = np.zeros(free.size)
+    inside = np.ix_(free, free)
+    factor = cho_factor(here.hessian[inside] + np.diag((damping + 1e-14) * scale[free]))
+    step[free] = -cho_solve(factor, here.gradient[free])
+    return step

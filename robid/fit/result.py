@@ -21,6 +21,7 @@ _NEEDLESS_FACTOR = 1e3
 _LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
+_RELATIVE_TO_SCALE = ("cubic", "location")  # their nominal value may be zero and says little of their size
 _MANY_ABOVE = 0.25  # of the elements, where 0.05 are expected
 
 
@@ -52,7 +53,7 @@ def make_solution(
     values, relative = parameters.values(internal), _relative(parameters, internal)
     deviation = np.sqrt(np.diag(covariance))
     reach = norm.ppf(0.5 + 0.5 * options.confidence) * deviation
-    predicted_relative = predicted * _relative(parameters, np.zeros_like(internal), least=0.0)
+    predicted_relative = predicted * _predicted_relative(parameters)
     error = estimate_model_error(problem, internal, found)
     structural = np.minimum(relative, 1.0) * (np.array(parameters.kind_of) != "friction")
     limit = options.identifiable_relative_std
@@ -96,6 +97,9 @@ def make_solution(
         frequency_hz=problem.frf.frequency_hz,
         measured=problem.measured(internal),
         modelled=modelled,
+        tied_names=tuple(parameters.tied),
+        tied_to=tuple(parameters.tied.values()),
+        **_tied_values(parameters, internal),
         undetermined=undetermined_combinations(parameters.names, covariance, structural, limit),
         model_error=error,
         realization_relative_std=None
@@ -107,28 +111,45 @@ def make_solution(
     )
 
 
-def _relative(parameters: ParameterMap, internal: FloatArray, least: float = 1e-300) -> FloatArray:
-    """Relative change (n_param,) of each value per unit of its internal parameter; the change itself for friction.
+def _tied_values(parameters: ParameterMap, internal: FloatArray) -> dict[str, FloatArray]:
+    rows = [parameters.elements.index(name) for name in parameters.tied]
+    start = np.zeros_like(internal)
+    return {
+        "tied_nominal": parameters.element_values(start)[rows],
+        "tied_estimate": parameters.element_values(internal)[rows],
+    }
 
-    The change itself counts as well where the size is not above `least`.
-    """
-    values, slopes = parameters.values(internal), np.abs(parameters.slopes(internal))
-    size = np.where(np.array(parameters.kind_of) == "friction", 1.0, np.abs(values))
-    return np.asarray(slopes / np.where(size > least, size, 1.0))
+
+def _relative(parameters: ParameterMap, internal: FloatArray) -> FloatArray:
+    """Relative change (n_param,) of each value per unit of its internal parameter; the change itself for friction."""
+    friction = np.array(parameters.kind_of) == "friction"
+    size = np.where(friction, 1.0, np.maximum(np.abs(parameters.values(internal)), 1e-300))
+    return np.asarray(np.abs(parameters.slopes(internal)) / size)
+
+
+def _predicted_relative(parameters: ParameterMap) -> FloatArray:
+    """The same at the nominal values; related to the scale of what may be zero there."""
+    start, nominal = np.zeros(len(parameters.names)), parameters.nominal_values()
+    friction = np.array(parameters.kind_of) == "friction"
+    size = np.where(friction | (nominal == 0), 1.0, np.abs(nominal))
+    size = np.where(np.isin(parameters.kind_of, _RELATIVE_TO_SCALE), parameters.scale, size)
+    return np.asarray(np.abs(parameters.slopes(start)) / size)
 
 
 def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
     """Cost (n_conf,) that the measured response's covariance alone gives around the modelled response."""
     variance = problem.frf.element_variance()
-    if problem.estimator == "lls":
+    if problem.estimator != "nls":
         variance = variance / np.abs(modelled) ** 2
+    if problem.estimator == "llsm":
+        variance = 0.5 * variance
     return np.asarray((problem.weight * variance).sum(axis=(1, 2, 3)))
 
 
 def misfit(problem: Problem, modelled: ComplexArray, cost: float) -> float:
     """Cost over what the response's covariance and the assumed model error give together; 0 without either."""
     size = np.abs(modelled) ** 2 if problem.estimator == "nls" else np.ones(problem.weight.shape)
-    assumed = problem.model_error**2 * size
+    assumed = problem.model_error**2 * size * (0.5 if problem.estimator == "llsm" else 1.0)
     total = float(expected_cost(problem, modelled).sum() + (problem.weight * assumed).sum())
     return cost / total if total > 0 else 0.0
 
@@ -159,6 +180,9 @@ def _advice(
     ]
     if needless:
         advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
+    held = parameters.at_bound(best.parameters)
+    if held:
+        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:

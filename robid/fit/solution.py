@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.fit.model_error import ModelError
@@ -51,6 +53,10 @@ class Solution:
         bootstrap_relative_std (n_param,): The same from repeated fits; None without a bootstrap.
         bootstrap_lower (n_param,): Lower end of the bootstrap's interval.
         bootstrap_upper (n_param,): Upper end of the bootstrap's interval.
+        tied_names: Parameters that follow another one.
+        tied_to: Name of that one.
+        tied_nominal (n_tied,): Their values in the robot file.
+        tied_estimate (n_tied,): Their estimated values.
     """
 
     family: str
@@ -89,3 +95,23 @@ class Solution:
     bootstrap_relative_std: FloatArray | None = None
     bootstrap_lower: FloatArray | None = None
     bootstrap_upper: FloatArray | None = None
+    tied_names: tuple[str, ...] = ()
+    tied_to: tuple[str, ...] = ()
+    tied_nominal: FloatArray = field(default_factory=lambda: np.zeros(0))
+    tied_estimate: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def found(self) -> dict[str, float]:
+        """Estimate of every parameter, tied ones too, by name."""
+        own, tied = (self.names, self.estimate), (self.tied_names, self.tied_estimate)
+        return {
+            name: value for names, values in (own, tied) for name, value in zip(names, values.tolist(), strict=True)
+        }
+
+    @property
+    def stated(self) -> dict[str, float]:
+        """The robot file's value of every parameter, tied ones too, by name."""
+        own, tied = (self.names, self.nominal), (self.tied_names, self.tied_nominal)
+        return {
+            name: value for names, values in (own, tied) for name, value in zip(names, values.tolist(), strict=True)
+        }

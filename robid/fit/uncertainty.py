@@ -49,9 +49,7 @@ def influence(problem: Problem, internal: FloatArray) -> Influence:
         Wernholt and Moberg (2008), eq. 5; of the magnitude alone the real parts of the logarithm's derivatives.
     """
     _, derivative = problem.linear(internal)
-    if problem.estimator == "llsm":
-        derivative = derivative.real + 0j
-    weighted = problem.weight[..., None] * derivative
+    weighted = problem.fully_weighted(derivative)
     n_param = derivative.shape[-1]
     prior = 0.5 / problem.parameters.prior_std**2
     bread = np.real(derivative.reshape(-1, n_param).conj().T @ weighted.reshape(-1, n_param))

@@ -7,7 +7,7 @@ from scipy.linalg import qr
 
 from robid.arrays import FloatArray
 
-_ALSO_MOVES = 0.1
+_ALSO_MOVES = 0.3
 _MOST = 3
 
 
