@@ -92,7 +92,7 @@ def make_solution(
         start_status=tuple(end.status for end in ends),
         start_minimum=distinct_minima(costs),
         status=best.status,
-        advice=_advice(best, parameters, dropped / problem.weight.size, excess, error),
+        advice=_advice(best, parameters, dropped / problem.weight.size, excess, error, problem.model_error),
         configurations=problem.frf.configurations,
         frequency_hz=problem.frf.frequency_hz,
         measured=problem.measured(internal),
@@ -167,7 +167,12 @@ def distinct_minima(costs: FloatArray) -> IntArray:
 
 
 def _advice(
-    best: Minimum, parameters: ParameterMap, dropped_share: float, excess: float, error: ModelError | None
+    best: Minimum,
+    parameters: ParameterMap,
+    dropped_share: float,
+    excess: float,
+    error: ModelError | None,
+    assumed: float,
 ) -> str:
     advice = []
     if best.status != "converged":
@@ -190,10 +195,10 @@ def _advice(
             f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "
             "something; intervals are widened by that factor"
         )
-    if error is not None and error.share_above > _MANY_ABOVE:
-        level = 100 * float(np.median(error.level[error.level > 0]))
+    level = 0.0 if error is None or error.share_above <= _MANY_ABOVE else float(np.median(error.level[error.level > 0]))
+    if error is not None and level > assumed:
         advice.append(
             f"{100 * error.share_above:.0f} % of the response's elements miss the model by more than their covariance "
-            f"explains, by {level:.2g} % in the median: weights `inflated` by as much hold it"
+            f"explains, by {100 * level:.2g} % in the median: weights `inflated` by as much hold it"
         )
     return "; ".join(advice)
