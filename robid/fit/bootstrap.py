@@ -80,7 +80,7 @@ def bootstrap(
     shifts = realization_shifts(problem, found)
     if shifts is None:
         return None
-    sizes = [min(_CHUNK, count - begin) for begin in range(0, count, _CHUNK)]
+    sizes = [min(_CHUNK, count - index * _CHUNK) for index in range(bootstrap_tasks(count))]
     seeds = np.random.SeedSequence([seed, count]).spawn(len(sizes))
     chunks = [_Chunk(problem, internal, found.inverse, shifts, *each) for each in zip(seeds, sizes, strict=True)]
     replicates = np.concatenate(parallel_map(_replicates, chunks))
@@ -88,6 +88,11 @@ def bootstrap(
     expanded = t.ppf(1 - tail, np.maximum(realization_freedom(shifts), 1.0)) / norm.ppf(1 - tail)
     ends = np.quantile(replicates, [tail, 1 - tail], axis=0, method="weibull") - internal
     return Bootstrap(replicates.std(axis=0, ddof=1), *(internal + expanded * ends))
+
+
+def bootstrap_tasks(count: int) -> int:
+    """Number of tasks that so many replicates are spread over."""
+    return -(-count // _CHUNK)
 
 
 def _replicates(chunk: _Chunk) -> FloatArray:
