@@ -39,11 +39,16 @@ def check_data(robot: Robot, frf: Frf, options: ElasticOptions) -> None:
 
 
 def check_influence(problem: Problem) -> None:
-    """Refuses free parameters that change nothing.
+    """Refuses weights that leave no line, and free parameters that change nothing.
 
     Raises:
-        DataError: If there are any.
+        DataError: If it is so.
     """
+    if not problem.weight.any():
+        remedy = "lower `weights.low_cut_hz`, excite more, or average over more realizations"
+        raise DataError(
+            "no line of the response has a weight: all are cut off or below 10 dB", where="fit", remedy=remedy
+        )
     parameters = problem.parameters
     prior = 0.5 / parameters.prior_std**2
     influence = np.diag(problem.normal(np.zeros(len(parameters.names))).hessian) - prior
