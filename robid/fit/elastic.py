@@ -12,27 +12,29 @@ from scipy.stats import norm
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.levenberg import Minimum, minimise
+from robid.fit.names import LOGARITHMIC, restricted
 from robid.fit.options import ElasticOptions, Weights
-from robid.fit.parameters import LOGARITHMIC, ParameterMap, map_parameters
+from robid.fit.parameters import ParameterMap, map_parameters
 from robid.fit.problem import Problem, make_problem
+from robid.fit.rest_model import rest_model
 from robid.fit.solution import Solution
 from robid.fit.uncertainty import sandwich
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
-from robid.robot.linearize import linearize, solve_statics
-from robid.robot.model import ElasticModel, build_model
 from robid.robot.response import nominal_parameters
 
 Map: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
 _SAME_MINIMUM = 1e-3
 _COARSE_TOLERANCE = 1e-4
+_UPDATED_ENOUGH = 1e-6  # of the cost
 _COARSE_WEIGHTS = Weights(kind="user", off_diagonal=0.5)
 _CALL_BACKS = 3
 _NEEDLESS_FACTOR = 1e3
 _LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
+_RELATIVE_TO_SCALE = ("cubic", "location")  # their nominal value may be zero and says little of their size
 _NO_INFLUENCE = 1e-14  # of the largest: rounding
 
 
@@ -75,8 +77,7 @@ def fit_elastic(
     """
     check_inputs(robot, frf)
     _check_finite(robot, frf)
-    elastic = build_model(robot)
-    problem, dropped = _problem(elastic, frf, options, delay_s)
+    problem, dropped = _problem(robot, frf, options, delay_s)
     predicted = np.sqrt(np.diag(sandwich(problem, np.zeros(len(problem.parameters.names)))))
     _check_influence(problem)
     coarse = _coarse(problem, robot, options)
@@ -84,33 +85,50 @@ def fit_elastic(
     ends: list[Minimum] = parallel_map(_descend, tasks)
     best = min(ends, key=lambda end: end.cost)
     for _ in range(options.statics_updates):
-        problem, dropped = _problem(elastic, frf, options, delay_s, (problem, best))
-        best = minimise(problem.cost, problem.normal, best.parameters, max_iterations=options.max_iterations)
+        problem, dropped = _problem(robot, frf, options, delay_s, (problem, best))
+        before = problem.cost(best.parameters)
+        best = descend(problem, best.parameters, options.max_iterations)
+        if before - best.cost <= _UPDATED_ENOUGH * before:
+            break
     return _solution(problem, options, best, ends, predicted, dropped)
 
 
 def _problem(
-    elastic: ElasticModel,
+    robot: Robot,
     frf: Frf,
     options: ElasticOptions,
     delay_s: float,
     before: tuple[Problem, Minimum] | None = None,
 ) -> tuple[Problem, int]:
     """Statics and weights at the robot file's values, or at those of the minimum reached before."""
-    stiffness = None if before is None else before[0].parameters.parameters(before[1].parameters).stiffness
-    equilibrium = solve_statics(elastic, frf.configurations, stiffness)
-    model = linearize(elastic, equilibrium, frf.output_names)
-    nominal = nominal_parameters(elastic.robot, model, delay_s)
+    values = None if before is None else before[0].parameters.parameters(before[1].parameters)
+    model = rest_model(robot, frf, options, delay_s, values)
+    nominal = nominal_parameters(robot, model, delay_s)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    parameters = map_parameters(elastic.robot, nominal, options, *known)
+    parameters = map_parameters(robot, nominal, options, *known)
     return make_problem(frf, model, parameters, options, None if before is None else before[1].parameters)
+
+
+def descend(
+    problem: Problem, internal: FloatArray, max_iterations: int, cost_tolerance: float = 0.0
+) -> Minimum:
+    """Minimises a problem's cost from a point, within the parameters' bounds."""
+    return minimise(
+        problem.cost,
+        problem.normal,
+        internal,
+        max_iterations=max_iterations,
+        cost_tolerance=cost_tolerance,
+        lower=problem.parameters.lower,
+        upper=problem.parameters.upper,
+    )
 
 
 def _starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
     generator = np.random.default_rng(options.seed)
     spread = np.log(10) * options.start_decades * parameters.logarithmic
     random = spread * generator.uniform(-1, 1, (options.starts - 1, len(parameters.names)))
-    return [np.zeros(len(parameters.names)), *random]
+    return [np.zeros(len(parameters.names)), *np.clip(random, parameters.lower, parameters.upper)]
 
 
 def _descend(start: _Start) -> Minimum:
@@ -119,25 +137,23 @@ def _descend(start: _Start) -> Minimum:
     shared = [start.problem.parameters.names.index(name) for name in start.coarse.parameters.names]
     coarse = _call_back(start.coarse, internal[shared], start.max_iterations)
     internal[shared] = coarse.parameters
-    end = minimise(start.problem.cost, start.problem.normal, internal, max_iterations=start.max_iterations)
+    end = descend(start.problem, internal, start.max_iterations)
     return replace(end, iterations=coarse.iterations + end.iterations)
 
 
 def _call_back(problem: Problem, internal: FloatArray, max_iterations: int) -> Minimum:
     """Descends; while parameters run away, sets them to nominal, halves the others' distance, descends again."""
 
-    def descend(point: FloatArray) -> Minimum:
-        return minimise(
-            problem.cost, problem.normal, point, max_iterations=max_iterations, cost_tolerance=_COARSE_TOLERANCE
-        )
+    def once(point: FloatArray) -> Minimum:
+        return descend(problem, point, max_iterations, cost_tolerance=_COARSE_TOLERANCE)
 
-    best = descend(internal)
+    best = once(internal)
     iterations = best.iterations
     for _ in range(_CALL_BACKS):
         ran_away = np.abs(best.parameters) > problem.parameters.prior_std
         if not ran_away.any():
             break
-        again = descend(np.where(ran_away, 0.0, 0.5 * best.parameters))
+        again = once(np.where(ran_away, 0.0, 0.5 * best.parameters))
         iterations += again.iterations
         if again.cost > best.cost * (1 - _SAME_MINIMUM):
             break
@@ -147,8 +163,7 @@ def _call_back(problem: Problem, internal: FloatArray, max_iterations: int) -> M
 
 def _coarse(problem: Problem, robot: Robot, options: ElasticOptions) -> Problem:
     kinds = tuple(kind for kind in options.free if kind in LOGARITHMIC)
-    names = tuple(name for name in options.fixed if name.rpartition(".")[2] in kinds)
-    fewer = replace(options, free=kinds, fixed=names, weights=_COARSE_WEIGHTS)
+    fewer = replace(restricted(options, kinds), weights=_COARSE_WEIGHTS)
     nominal = problem.parameters.nominal
     parameters = map_parameters(robot, nominal, fewer, (), np.zeros(0))
     frf = problem.frf
@@ -175,7 +190,9 @@ def _solution(
     size = np.where(friction, 1.0, np.maximum(np.abs(values), 1e-300))
     nominal = parameters.nominal_values()
     predicted_slopes = parameters.slopes(np.zeros_like(internal))
+    scaled_by = np.isin(parameters.kind_of, _RELATIVE_TO_SCALE)
     predicted_size = np.where(friction | (nominal == 0), 1.0, np.abs(nominal))
+    predicted_size = np.where(scaled_by, parameters.scale, predicted_size)
     predicted_relative = predicted * np.abs(predicted_slopes) / predicted_size
     scaled = problem.normal(internal).hessian
     root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
@@ -212,7 +229,19 @@ def _solution(
         frequency_hz=problem.frf.frequency_hz,
         measured=problem.measured(internal),
         modelled=modelled,
+        tied_names=tuple(parameters.tied),
+        tied_to=tuple(parameters.tied.values()),
+        **_tied_values(parameters, internal),
     )
+
+
+def _tied_values(parameters: ParameterMap, internal: FloatArray) -> dict[str, FloatArray]:
+    rows = [parameters.elements.index(name) for name in parameters.tied]
+    start = np.zeros_like(internal)
+    return {
+        "tied_nominal": parameters.element_values(start)[rows],
+        "tied_estimate": parameters.element_values(internal)[rows],
+    }
 
 
 def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
@@ -287,6 +316,9 @@ def _advice(best: Minimum, parameters: ParameterMap, dropped_share: float, exces
     ]
     if needless:
         advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
+    held = parameters.at_bound(best.parameters)
+    if held:
+        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:

@@ -13,7 +13,7 @@ from robid.arrays import BoolArray, FloatArray
 
 Status = Literal["converged", "iteration_limit", "stalled"]
 
-GRADIENT_TOLERANCE = 1e-6
+_GRADIENT_TOLERANCE = 1e-6
 _STEP_TOLERANCE = 1e-9
 _DAMPING_LIMIT = 1e12
 _ROUNDING = 1e-13  # of the cost: no decrease can be told from rounding
@@ -86,37 +86,31 @@ def minimise(
     high = np.full(start.size, np.inf) if upper is None else upper
     point = np.clip(start, low, high)
     here = normal(point)
-    damping, growth = _FIRST_DAMPING, 2.0
-    for iteration in range(max_iterations):
-
-        def end(status: Status, steps: int = iteration) -> Minimum:
-            return Minimum(point, here.cost, steps, status, steps + 1)  # noqa: B023
-
+    damping, growth, steps = _FIRST_DAMPING, 2.0, 0
+    status: Status = "iteration_limit"
+    while steps < max_iterations:
         free = ~(((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0)))
-        scale = np.maximum(np.diag(here.hessian), 1e-12 * np.diag(here.hessian).max())
-        if _cosine(here, free) <= GRADIENT_TOLERANCE:
-            return end("converged")
-        step = _step(here, damping, scale, free)
-        step = np.clip(point + np.clip(step, -max_step, max_step), low, high) - point
-        if float(np.abs(step).max()) <= _STEP_TOLERANCE:
-            return end("converged")
+        step = np.clip(_step(here, damping, free), -max_step, max_step)
+        step = np.clip(point + step, low, high) - point
+        if _cosine(here, free) <= _GRADIENT_TOLERANCE or float(np.abs(step).max()) <= _STEP_TOLERANCE:
+            status = "converged"
+            break
+        steps += 1
         trial = cost(point + step)
         predicted = -float(step @ (2 * here.gradient + here.hessian @ step))
         gain = (here.cost - trial) / predicted if predicted > 0 else -1.0
-        if not np.isfinite(trial) or gain <= 0:
-            if 0 <= predicted <= _ROUNDING * here.cost:
-                return end("converged", iteration + 1)
+        if np.isfinite(trial) and gain > 0:
+            damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
+            finished = here.cost - trial <= cost_tolerance * here.cost
+            point = point + step
+            here = normal(point)
+        else:
             damping, growth = damping * growth, growth * 2
-            if damping > _DAMPING_LIMIT:
-                return end("stalled", iteration + 1)
-            continue
-        damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
-        finished = here.cost - trial <= cost_tolerance * here.cost
-        point = point + step
-        here = normal(point)
-        if finished:
-            return Minimum(point, here.cost, iteration + 1, "converged", iteration + 2)
-    return Minimum(point, here.cost, max_iterations, "iteration_limit", max_iterations + 1)
+            finished = 0 <= predicted <= _ROUNDING * here.cost
+        if finished or damping > _DAMPING_LIMIT:
+            status = "converged" if finished else "stalled"
+            break
+    return Minimum(point, here.cost, steps, status, steps + 1)
 
 
 def _cosine(here: Normal, free: BoolArray) -> float:
@@ -125,9 +119,11 @@ def _cosine(here: Normal, free: BoolArray) -> float:
     return float(np.divide(np.abs(here.gradient[free]), size, out=np.zeros(size.size), where=size > 0).max(initial=0.0))
 
 
-def _step(here: Normal, damping: float, scale: FloatArray, free: BoolArray) -> FloatArray:
+def _step(here: Normal, damping: float, free: BoolArray) -> FloatArray:
     step = np.zeros(free.size)
     inside = np.ix_(free, free)
-    factor = cho_factor(here.hessian[inside] + np.diag((damping + 1e-14) * scale[free]))
+    diagonal = np.diag(here.hessian)
+    scale = np.maximum(diagonal, 1e-12 * diagonal.max())[free]
+    factor = cho_factor(here.hessian[inside] + np.diag((damping + 1e-14) * scale))
     step[free] = -cho_solve(factor, here.gradient[free])
     return step

@@ -15,8 +15,9 @@ from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
 from robid.fit.weights import make_weights, make_whitening
 from robid.frf.frf import Frf
+from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
-from robid.robot.response import jacobian, response
+from robid.robot.response import response
 
 
 @dataclass(frozen=True)
@@ -104,8 +105,8 @@ class Problem:
         result = response(self.model, values, self.frf.frequency_hz, period)
         plain = jacobian(self.model, values, result, self.parameters.kinds, period)[..., self.parameters.columns()]
         count = self.parameters.n_friction
-        slopes = self.parameters.slopes(internal)
-        derivative = plain * slopes[: slopes.size - count]
+        element = plain.shape[-1]
+        derivative = plain @ self.parameters.chain(internal)[:element, : len(self.parameters.names) - count]
         if self.estimator != "nls":
             derivative /= result.sampled[..., None]
         if count:
