@@ -11,6 +11,7 @@ from robid.arrays import FloatArray
 from robid.fit.bootstrap import Map
 from robid.fit.checks import check_data, check_influence, check_inputs
 from robid.fit.levenberg import Minimum
+from robid.fit.model_error import element_level
 from robid.fit.optimizers import optimise
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap, map_parameters
@@ -63,7 +64,7 @@ def fit_elastic(
     tasks = [(strategy, start) for start in draw_starts(problem.parameters, options)]
     ends: list[Minimum] = parallel_map(_descend, tasks)
     best = min(ends, key=lambda end: end.cost)
-    for _ in range(options.statics_updates):
+    for _ in range(max(options.statics_updates, options.weights.kind == "estimated")):
         problem, dropped = set_up(robot, frf, options, delay_s, (problem, best))
         before = problem.cost(best.parameters)
         best = optimise(problem, best.parameters, max_iterations=options.max_iterations)
@@ -90,7 +91,11 @@ def set_up(
     nominal = nominal_parameters(robot, model, delay_s)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
     parameters = map_parameters(robot, nominal, options, *known)
-    return make_problem(frf, model, parameters, options, None if before is None else before[1].parameters)
+    if before is None:
+        return make_problem(frf, model, parameters, options)
+    internal = before[1].parameters
+    level = element_level(before[0], internal) if options.weights.kind == "estimated" else None
+    return make_problem(frf, model, parameters, options, internal, level)
 
 
 def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:

@@ -9,7 +9,7 @@ from scipy.stats import f, norm
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.problem import Problem
-from robid.fit.uncertainty import Influence
+from robid.fit.uncertainty import Influence, influence
 
 _LEVEL = 0.95
 _BISECTIONS = 60
@@ -82,6 +82,12 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     level = np.where(ratio > limit, _level(square, variance / bias, kept), 0.0)
     correlation, pairs = _correlation(np.where(used, residual / np.sqrt(variance), 0.0), used)
     return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(rows * np.maximum(pairs, 1)))
+
+
+def element_level(problem: Problem, internal: FloatArray) -> FloatArray | None:
+    """Relative model error (n_conf, n_out, n_in) that weights `estimated` allow for after a fit; None if unknown."""
+    error = estimate_model_error(problem, internal, influence(problem, internal))
+    return None if error is None else error.level
 
 
 def _share(above: BoolArray, known: BoolArray) -> float:

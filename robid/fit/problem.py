@@ -14,7 +14,7 @@ from robid.fit.levenberg import Normal
 from robid.fit.normal import SymmetricNormal
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
-from robid.fit.weights import make_weights, make_whitening
+from robid.fit.weights import assumed_error, make_weights, make_whitening
 from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
@@ -31,7 +31,7 @@ class Problem:
         parameters: What is estimated.
         estimator: `lls`, `nls`, or `llsm`, whose residual is real.
         weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
-        model_error: Relative model error that the weights assume.
+        model_error: Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in).
         whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line, rows of the
             response one after the other, where errors of its elements are correlated; None for `weight` alone.
     """
@@ -41,7 +41,7 @@ class Problem:
     parameters: ParameterMap
     estimator: str
     weight: FloatArray
-    model_error: float
+    model_error: FloatArray
     whitening: ComplexArray | None = None
 
     @cached_property
@@ -167,8 +167,11 @@ def make_problem(
     parameters: ParameterMap,
     options: ElasticOptions,
     internal: FloatArray | None = None,
+    level: FloatArray | None = None,
 ) -> tuple[Problem, int]:
     """Sets up the problem; where fitted internal values are known, the weights follow the fitted response.
+
+    Weights `estimated` allow for the relative model error `level` (n_conf, n_out, n_in) of each element.
 
     Returns:
         The problem and the number of elements that the logarithm drops.
@@ -178,9 +181,9 @@ def make_problem(
         values = parameters.parameters(internal)
         fitted = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
     size = None if fitted is None else np.abs(fitted)
-    weight, dropped = make_weights(frf, options.weights, options.estimator, size)
+    weight, dropped = make_weights(frf, options.weights, options.estimator, size, level)
     whitening = None
     if options.weights.kind == "optimal_full":
         whitening = make_whitening(frf, weight > 0, options.estimator, fitted)
-    model_error = options.weights.model_error if options.weights.kind == "inflated" else 0.0
+    model_error = assumed_error(options.weights, level)
     return Problem(frf, model, parameters, options.estimator, weight, model_error, whitening), dropped

@@ -92,7 +92,9 @@ def make_solution(
         start_status=tuple(end.status for end in ends),
         start_minimum=distinct_minima(costs),
         status=best.status,
-        advice=_advice(best, parameters, dropped / problem.weight.size, excess, error, problem.model_error),
+        advice=_advice(
+            best, parameters, dropped / problem.weight.size, excess, error, float(np.median(problem.model_error))
+        ),
         configurations=problem.frf.configurations,
         frequency_hz=problem.frf.frequency_hz,
         measured=problem.measured(internal),
@@ -199,6 +201,6 @@ def _advice(
     if error is not None and level > assumed:
         advice.append(
             f"{100 * error.share_above:.0f} % of the response's elements miss the model by more than their covariance "
-            f"explains, by {100 * level:.2g} % in the median: weights `inflated` by as much hold it"
+            f"explains, by {100 * level:.2g} % in the median: the intervals of weights `inflated` allow for it"
         )
     return "; ".join(advice)

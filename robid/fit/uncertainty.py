@@ -78,7 +78,7 @@ def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
 def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
     """The sandwich (n_param, n_param) of an estimator that is linearised already."""
     n_param = found.inverse.shape[0]
-    error = np.asarray(problem.model_error)[..., None] * found.weighted
+    error = problem.model_error[..., None] * found.weighted
     if problem.estimator == "nls":
         error = error * np.abs(problem.frf.response)[..., None]
     error = error.reshape(-1, n_param)

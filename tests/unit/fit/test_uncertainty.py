@@ -175,3 +175,20 @@ def test_a_bootstrap_does_not_depend_on_how_it_is_spread():
     np.testing.assert_array_equal(one.bootstrap_lower, other.bootstrap_lower)
     assert (one.bootstrap_lower < one.estimate).all()
     assert (one.estimate < one.bootstrap_upper).all()
+
+
+def test_estimated_model_error_weighs_the_wrong_element_down(exact):
+    # One element is off by a smooth 10 %, as an unmodelled mode would make it.
+    wrong = exact.response.copy()
+    wrong[:, :, 1, 0] *= 1 + 0.1 * np.exp(1j * np.linspace(0, 3, FREQUENCY_HZ.size))
+    frf = averaged(replace(exact, response=wrong), 0.002, seed=3)
+    nominal = with_spring_factors(two_joint_robot(), 1.1)
+    errors = {}
+    for kind in ("optimal", "estimated"):
+        solution = fit_elastic(nominal, frf, replace(OPTIONS, weights=Weights(kind)), 0.0)
+        truth = np.concatenate([[s.stiffness_nm_rad for s in two_joint_robot().springs],
+                                [s.damping_nms_rad for s in two_joint_robot().springs]])  # fmt: skip
+        errors[kind] = np.abs(solution.estimate / truth - 1)
+    assert np.median(errors["estimated"]) < 0.2 * np.median(errors["optimal"])
+    assert solution.model_error.level[:, 1, 0] == pytest.approx(0.1, rel=0.2)
+    assert np.median(solution.model_error.level[:, [0, 1], [0, 1]]) < 0.01
