@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-ParameterKind = Literal["stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay"]
+ParameterKind = Literal[
+    "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"
+]
+Optimizer = Literal["levenberg", "scipy", "nlopt", "nlopt_global"]
 
 
 @dataclass(frozen=True)
 class Weights:
     """Weights of the residual."""
 
-    kind: Literal["user", "optimal", "inflated"] = field(
+    kind: Literal["user", "optimal", "optimal_full", "inflated", "estimated"] = field(
         default="inflated",
-        metadata={"description": "Constant per element; 1/variance; 1/(variance + model error)."},
+        metadata={
+            "description": "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
+            " included; 1/(variance + model error); the same with the model error that the residuals of each element show,"
+            " after a first fit by `inflated`."
+        },
     )
     off_diagonal: float = field(
         default=0.3, metadata={"description": "User weight of off-diagonal elements, diagonal is 1.", "ge": 0}
     )
     low_cut_hz: float = field(default=0.0, metadata={"description": "Lines below get no weight [Hz].", "ge": 0})
     model_error: float = field(
-        default=0.02, metadata={"description": "Relative model error that `inflated` adds.", "ge": 0}
+        default=0.02,
+        metadata={"description": "Relative model error that `inflated` adds, and `estimated` at first.", "ge": 0},
     )
 
 
@@ -29,8 +38,9 @@ class Weights:
 class ElasticOptions:
     """The elastic fit."""
 
-    estimator: Literal["lls", "nls"] = field(
-        default="lls", metadata={"description": "Logarithmic or plain least squares."}
+    estimator: Literal["lls", "nls", "llsm"] = field(
+        default="lls",
+        metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."},
     )
     weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
     free: tuple[ParameterKind, ...] = field(
@@ -39,6 +49,17 @@ class ElasticOptions:
     )
     fixed: tuple[str, ...] = field(
         default=(), metadata={"description": "Names of single parameters that stay at the robot file's value."}
+    )
+    tied: Mapping[str, str] = field(
+        default_factory=dict,
+        metadata={
+            "description": "Parameters that share the correction of another one of their kind, by name: a common factor"
+            " on the robot file's values, for linear kinds a common multiple of their scales."
+        },
+    )
+    bounds: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict,
+        metadata={"description": "Lower and upper bound of single parameters, by name, in their own units."},
     )
     starts: int = field(
         default=1, metadata={"description": "Number of starts; the first is the robot file's values.", "ge": 1}
@@ -53,16 +74,52 @@ class ElasticOptions:
             "gt": 0,
         },
     )
+    strategy: Literal["staged", "plain"] = field(
+        default="staged",
+        metadata={
+            "description": "From a start to a minimum: over heavier dampers and fewer lines, with what ran away put back;"
+            " or straight down."
+        },
+    )
+    optimizer: Optimizer = field(
+        default="levenberg",
+        metadata={
+            "description": "What ends each start: ours, scipy's least_squares, nlopt's SLSQP, or nlopt's MLSL over the"
+            " bounds before ours."
+        },
+    )
+    correct_torques: bool = field(
+        default=True,
+        metadata={"description": "Whether the compensated friction and ripple are corrected along, as nuisances."},
+    )
     max_iterations: int = field(default=200, metadata={"description": "Iteration limit of one start.", "ge": 1})
+    statics: Literal["updates", "every_iterate"] = field(
+        default="updates",
+        metadata={
+            "description": "Whether inertia and gravity stay between updates as they were at rest, or follow the rest"
+            " position of every iterate to first order, as they do where locations are free."
+        },
+    )
     statics_updates: int = field(
-        default=2,
-        metadata={"description": "How often the equilibrium is solved again for the fitted springs.", "ge": 0},
+        default=4,
+        metadata={
+            "description": "How often the equilibrium is solved again for the fitted springs, at most; 0 is never.",
+            "ge": 0,
+        },
     )
     identifiable_relative_std: float = field(
         default=0.2,
         metadata={
             "description": "Predicted relative deviation up to which a parameter counts as identifiable.",
             "gt": 0,
+        },
+    )
+    bootstrap: int = field(
+        default=0,
+        metadata={
+            "description": "Fits repeated on realizations weighted anew, for intervals that assume nothing about how"
+            " a realization's errors are correlated; 0 for none.",
+            "ge": 0,
         },
     )
     confidence: float = field(default=0.95, metadata={"description": "Level of the intervals.", "gt": 0, "lt": 1})

@@ -1,20 +1,24 @@
-"""The elastic least-squares problem: residual, weights, cost and normal equations."""
+"""The elastic least-squares problem: residual, cost and normal equations."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.friction import FrictionMove, friction_move
 from robid.fit.levenberg import Normal
-from robid.fit.options import ElasticOptions, Weights
+from robid.fit.normal import SymmetricNormal
+from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
+from robid.fit.weights import assumed_error, make_weights, make_whitening
 from robid.frf.frf import Frf
+from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
-from robid.robot.response import jacobian, response
-
-_MIN_SNR = 10.0
+from robid.robot.response import response
 
 
 @dataclass(frozen=True)
@@ -25,9 +29,11 @@ class Problem:
         frf: Measured response.
         model: Linearised robot in the same configurations.
         parameters: What is estimated.
-        estimator: `lls` or `nls`.
+        estimator: `lls`, `nls`, or `llsm`, whose residual is real.
         weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
-        model_error: Relative model error that the weights assume.
+        model_error: Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in).
+        whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line, rows of the
+            response one after the other, where errors of its elements are correlated; None for `weight` alone.
     """
 
     frf: Frf
@@ -35,7 +41,21 @@ class Problem:
     parameters: ParameterMap
     estimator: str
     weight: FloatArray
-    model_error: float
+    model_error: FloatArray
+    whitening: ComplexArray | None = None
+
+    @cached_property
+    def _symmetric(self) -> SymmetricNormal | None:
+        return SymmetricNormal(self) if self.whitening is None and SymmetricNormal.serves(self) else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leaves the working memory of `_symmetric` behind."""
+        return {name: value for name, value in self.__dict__.items() if name != "_symmetric"}
+
+    @cached_property
+    def friction(self) -> FrictionMove:
+        """How the measured response follows the friction scales."""
+        return friction_move(self.frf)
 
     def model_response(self, internal: FloatArray) -> ComplexArray:
         """Parametric response (n_conf, n_freq, n_out, n_in)."""
@@ -45,27 +65,50 @@ class Problem:
     def measured(self, internal: FloatArray) -> ComplexArray:
         """Measured response, friction compensation moved by the estimated friction scales."""
         count = self.parameters.n_friction
-        if count == 0:
-            return self.frf.response
-        return np.asarray(self.frf.response + np.einsum("s,csfoi->cfoi", internal[-count:], self.frf.sensitivity))
+        return self.friction.moved(internal[-count:]) if count else self.frf.response
+
+    def measured_slopes(self, internal: FloatArray) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in, n_friction) of the measured response by the friction scales."""
+        return self.friction.slopes(internal[-self.parameters.n_friction :])
 
     def residual(self, internal: FloatArray, modelled: ComplexArray) -> ComplexArray:
-        """Residual (n_conf, n_freq, n_out, n_in), Wernholt and Moberg (2008) eq. 4c or 7c."""
+        """Residual (n_conf, n_freq, n_out, n_in), Wernholt and Moberg (2008) eq. 4c or 7c, or its real part."""
         if self.estimator == "nls":
             return np.asarray(self.measured(internal) - modelled)
-        return np.asarray(np.log(self.measured(internal) / modelled))
+        error = np.log(self.measured(internal) / modelled)
+        return np.asarray(error.real + 0j if self.estimator == "llsm" else error)
+
+    def weighted(self, values: ComplexArray) -> ComplexArray:
+        """Residuals or derivatives (n_conf, n_freq, n_out, n_in, ...) times the root of the weights."""
+        trailing = (1,) * (values.ndim - 4)
+        if self.whitening is None:
+            return np.asarray(np.sqrt(self.weight).reshape(*self.weight.shape, *trailing) * values)
+        stacked = values.reshape(*values.shape[:2], self.whitening.shape[-1], -1)
+        return np.asarray((self.whitening @ stacked).reshape(values.shape))
+
+    def fully_weighted(self, values: ComplexArray) -> ComplexArray:
+        """The same times the weights themselves."""
+        trailing = (1,) * (values.ndim - 4)
+        if self.whitening is None:
+            return np.asarray(self.weight.reshape(*self.weight.shape, *trailing) * values)
+        adjoint = np.swapaxes(self.whitening.conj(), -1, -2)
+        stacked = self.weighted(values).reshape(*values.shape[:2], adjoint.shape[-1], -1)
+        return np.asarray((adjoint @ stacked).reshape(values.shape))
 
     def cost(self, internal: FloatArray) -> float:
-        """Weighted cost, eq. 4b or 7b, with half the squared friction scales over their variance."""
+        """Weighted cost, eq. 4b or 7b, with half the squared deviations from what is known beforehand."""
         with np.errstate(all="ignore"):
-            error = self.residual(internal, self.model_response(internal))
-            total = float((self.weight * np.abs(error) ** 2).sum()) + self._prior_cost(internal)
+            if self._symmetric is not None:
+                total = self._symmetric.cost(internal)
+            else:
+                total = float(self.configuration_cost(self.model_response(internal), internal).sum())
+            total += self._prior_cost(internal)
         return total if np.isfinite(total) else np.inf
 
     def configuration_cost(self, modelled: ComplexArray, internal: FloatArray) -> FloatArray:
         """Weighted cost of each configuration (n_conf,)."""
-        error = self.residual(internal, modelled)
-        return np.asarray((self.weight * np.abs(error) ** 2).sum(axis=(1, 2, 3)))
+        error = self.weighted(self.residual(internal, modelled))
+        return np.asarray((np.abs(error) ** 2).sum(axis=(1, 2, 3)))
 
     def linear(self, internal: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Residual and its negative derivative (n_conf, n_freq, n_out, n_in, n_param)."""
@@ -74,70 +117,48 @@ class Problem:
         result = response(self.model, values, self.frf.frequency_hz, period)
         plain = jacobian(self.model, values, result, self.parameters.kinds, period)[..., self.parameters.columns()]
         count = self.parameters.n_friction
-        slopes = self.parameters.slopes(internal)
-        derivative = plain * slopes[: slopes.size - count]
-        if self.estimator == "lls":
+        element = plain.shape[-1]
+        derivative = plain @ self.parameters.chain(internal)[:element, : len(self.parameters.names) - count]
+        if self.estimator != "nls":
             derivative /= result.sampled[..., None]
         if count:
-            moved = -np.moveaxis(self.frf.sensitivity, 1, -1)
-            if self.estimator == "lls":
+            moved = -self.measured_slopes(internal)
+            if self.estimator != "nls":
                 moved = moved / self.measured(internal)[..., None]
             derivative = np.concatenate([derivative, moved], axis=-1)
+        if self.estimator == "llsm":
+            derivative = derivative.real + 0j
         return self.residual(internal, result.sampled), derivative
 
     def normal(self, internal: FloatArray) -> Normal:
         """Cost, half gradient and half Gauss-Newton Hessian."""
-        error, derivative = self.linear(internal)
-        root = np.sqrt(self.weight)
-        rows = (root[..., None] * derivative).reshape(-1, derivative.shape[-1])
-        target = (root * error).ravel()
-        real, target_real = np.concatenate([rows.real, rows.imag]), np.concatenate([target.real, target.imag])
+        if self._symmetric is None:
+            return self.stacked_normal(internal)
+        with np.errstate(all="ignore"):
+            sums = self._symmetric.normal(internal)
         precision = 0.5 / self.parameters.prior_std**2
-        hessian = real.T @ real + np.diag(precision)
-        gradient = -(real.T @ target_real) + precision * internal
-        return Normal(float(target_real @ target_real) + self._prior_cost(internal), gradient, hessian)
+        return Normal(
+            sums.cost + self._prior_cost(internal),
+            sums.gradient + precision * internal,
+            sums.hessian + np.diag(precision),
+        )
+
+    def stacked(self, internal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """All weighted residuals as real numbers, what is known beforehand last, and their derivative."""
+        error, derivative = self.linear(internal)
+        rows = self.weighted(derivative).reshape(-1, derivative.shape[-1])
+        target = self.weighted(error).ravel()
+        known = np.sqrt(0.5) / self.parameters.prior_std
+        residual = np.concatenate([target.real, target.imag, known * internal])
+        return residual, np.concatenate([-rows.real, -rows.imag, np.diag(known)])
+
+    def stacked_normal(self, internal: FloatArray) -> Normal:
+        """The same as `normal` from all residuals and derivatives, whatever the problem."""
+        residual, derivative = self.stacked(internal)
+        return Normal(float(residual @ residual), derivative.T @ residual, derivative.T @ derivative)
 
     def _prior_cost(self, internal: FloatArray) -> float:
         return float((0.5 * (internal / self.parameters.prior_std) ** 2).sum())
-
-
-def make_weights(frf: Frf, weights: Weights, estimator: str, size: FloatArray | None = None) -> tuple[FloatArray, int]:
-    """Weights of the squared residuals.
-
-    Args:
-        frf: Measured response with its variance.
-        weights: Which weights.
-        estimator: `lls` or `nls`; the logarithm drops elements below 10 dB.
-        size (n_conf, n_freq, n_out, n_in): Magnitude that errors are relative to, the measured one by default.
-            A fitted model's is better: noise then does not choose its own weight.
-
-    Returns:
-        Weights (n_conf, n_freq, n_out, n_in) and the number of dropped elements. Without a covariance the
-        model error takes the place of the noise.
-
-    Source:
-        Wernholt and Moberg (2008), eq. 6, 8 and sec. 6; METHODS sec. 5.
-    """
-    power = (np.abs(frf.response) if size is None else size) ** 2
-    variance = frf.element_variance()
-    relative = np.divide(variance, power, out=np.full(power.shape, np.inf), where=power > 0)
-    freedom = frf.degrees_of_freedom
-    inverse_bias = (freedom - 1) / freedom if freedom > 1 else 1.0
-    if weights.kind == "user":
-        base = np.where(np.eye(*power.shape[2:]) > 0, 1.0, weights.off_diagonal) + np.zeros(power.shape)
-        typical = float((base * relative).sum() / max((base > 0).sum(), 1))
-        base = base / (typical if 0 < typical < np.inf else weights.model_error**2 or 1.0)
-    elif variance.any():
-        floor = weights.model_error**2 if weights.kind == "inflated" else 0.0
-        base = inverse_bias / (relative + floor)
-    else:
-        base = np.full(power.shape, 1 / (weights.model_error**2 or 1.0))
-    if estimator == "nls":
-        base = np.divide(base, power, out=np.zeros(power.shape), where=power > 0)
-    below = relative > 1 / _MIN_SNR
-    dropped = below if estimator == "lls" else np.zeros_like(below)
-    keep = ~dropped & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
-    return np.where(keep, base, 0.0), int(dropped.sum())
 
 
 def make_problem(
@@ -146,16 +167,23 @@ def make_problem(
     parameters: ParameterMap,
     options: ElasticOptions,
     internal: FloatArray | None = None,
+    level: FloatArray | None = None,
 ) -> tuple[Problem, int]:
     """Sets up the problem; where fitted internal values are known, the weights follow the fitted response.
+
+    Weights `estimated` allow for the relative model error `level` (n_conf, n_out, n_in) of each element.
 
     Returns:
         The problem and the number of elements that the logarithm drops.
     """
-    size = None
+    fitted = None
     if internal is not None:
         values = parameters.parameters(internal)
-        size = np.abs(response(model, values, frf.frequency_hz, frf.hold_period_s).sampled)
-    weight, dropped = make_weights(frf, options.weights, options.estimator, size)
-    model_error = options.weights.model_error if options.weights.kind == "inflated" else 0.0
-    return Problem(frf, model, parameters, options.estimator, weight, model_error), dropped
+        fitted = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
+    size = None if fitted is None else np.abs(fitted)
+    weight, dropped = make_weights(frf, options.weights, options.estimator, size, level)
+    whitening = None
+    if options.weights.kind == "optimal_full":
+        whitening = make_whitening(frf, weight > 0, options.estimator, fitted)
+    model_error = assumed_error(options.weights, level)
+    return Problem(frf, model, parameters, options.estimator, weight, model_error, whitening), dropped
