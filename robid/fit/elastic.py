@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,13 +10,14 @@ from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.fit.levenberg import COST_TOLERANCE, Minimum, minimise
-from robid.fit.names import LOGARITHMIC, restricted
-from robid.fit.options import ElasticOptions, Weights
+from robid.fit.levenberg import Minimum
+from robid.fit.optimizers import optimise
+from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap, map_parameters
 from robid.fit.problem import Problem, make_problem
 from robid.fit.rest_model import rest_model
 from robid.fit.solution import Solution
+from robid.fit.strategy import Strategy, make_strategy, without_coefficients
 from robid.fit.uncertainty import sandwich
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
@@ -26,26 +26,13 @@ from robid.robot.response import nominal_parameters
 Map: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
 _SAME_MINIMUM = 1e-3
-_COARSE_TOLERANCE = 1e-4
 _UPDATED_ENOUGH = 1e-6  # of the cost
-_COARSE_WEIGHTS = Weights(kind="user", off_diagonal=0.5)
-_CALL_BACKS = 3
 _NEEDLESS_FACTOR = 1e3
 _LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
 _RELATIVE_TO_SCALE = ("cubic", "location")  # their nominal value may be zero and says little of their size
 _NO_INFLUENCE = 1e-14  # of the largest: rounding
-
-
-@dataclass(frozen=True)
-class _Start:
-    """One start; `coarse` has fewer parameters, the first ones of `problem`."""
-
-    problem: Problem
-    coarse: Problem
-    internal: FloatArray
-    max_iterations: int
 
 
 def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
@@ -77,30 +64,35 @@ def fit_elastic(
     """
     check_inputs(robot, frf)
     _check_finite(robot, frf)
-    problem, dropped = _problem(robot, frf, options, delay_s)
+    problem, dropped = set_up(robot, frf, options, delay_s)
     predicted = np.sqrt(np.diag(sandwich(problem, np.zeros(len(problem.parameters.names)))))
     _check_influence(problem)
-    coarse = _coarse(problem, robot, options)
-    tasks = [_Start(problem, coarse, start, options.max_iterations) for start in _starts(problem.parameters, options)]
+    strategy = make_strategy(problem, robot, options)
+    tasks = [(strategy, start) for start in draw_starts(problem.parameters, options)]
     ends: list[Minimum] = parallel_map(_descend, tasks)
     best = min(ends, key=lambda end: end.cost)
     for _ in range(options.statics_updates):
-        problem, dropped = _problem(robot, frf, options, delay_s, (problem, best))
+        problem, dropped = set_up(robot, frf, options, delay_s, (problem, best))
         before = problem.cost(best.parameters)
-        best = descend(problem, best.parameters, options.max_iterations)
+        best = optimise(problem, best.parameters, max_iterations=options.max_iterations)
         if before - best.cost <= _UPDATED_ENOUGH * before:
             break
     return _solution(problem, options, best, ends, predicted, dropped)
 
 
-def _problem(
+def set_up(
     robot: Robot,
     frf: Frf,
     options: ElasticOptions,
     delay_s: float,
     before: tuple[Problem, Minimum] | None = None,
 ) -> tuple[Problem, int]:
-    """Statics and weights at the robot file's values, or at those of the minimum reached before."""
+    """Sets up the problem and counts the elements that it drops.
+
+    Statics and weights are those of the robot file's values, or of the minimum reached before.
+    """
+    if not options.correct_torques:
+        frf = without_coefficients(frf)
     values = None if before is None else before[0].parameters.parameters(before[1].parameters)
     model = rest_model(robot, frf, options, delay_s, values)
     nominal = nominal_parameters(robot, model, delay_s)
@@ -109,66 +101,17 @@ def _problem(
     return make_problem(frf, model, parameters, options, None if before is None else before[1].parameters)
 
 
-def descend(
-    problem: Problem, internal: FloatArray, max_iterations: int, cost_tolerance: float = COST_TOLERANCE
-) -> Minimum:
-    """Minimises a problem's cost from a point, within the parameters' bounds."""
-    return minimise(
-        problem.cost,
-        problem.normal,
-        internal,
-        max_iterations=max_iterations,
-        cost_tolerance=cost_tolerance,
-        lower=problem.parameters.lower,
-        upper=problem.parameters.upper,
-    )
-
-
-def _starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
+def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
+    """Draws the starts (n_param,) of a fit: the robot file's values, then log-uniform within the stated decades."""
     generator = np.random.default_rng(options.seed)
     spread = np.log(10) * options.start_decades * parameters.logarithmic
     random = spread * generator.uniform(-1, 1, (options.starts - 1, len(parameters.names)))
     return [np.zeros(len(parameters.names)), *np.clip(random, parameters.lower, parameters.upper)]
 
 
-def _descend(start: _Start) -> Minimum:
-    """Descends with springs, dampers and inertias under user weights first, then with everything."""
-    internal = start.internal.copy()
-    shared = [start.problem.parameters.names.index(name) for name in start.coarse.parameters.names]
-    coarse = _call_back(start.coarse, internal[shared], start.max_iterations)
-    internal[shared] = coarse.parameters
-    end = descend(start.problem, internal, start.max_iterations)
-    return replace(end, iterations=coarse.iterations + end.iterations)
-
-
-def _call_back(problem: Problem, internal: FloatArray, max_iterations: int) -> Minimum:
-    """Descends; while parameters run away, sets them to nominal, halves the others' distance, descends again."""
-
-    def once(point: FloatArray) -> Minimum:
-        return descend(problem, point, max_iterations, cost_tolerance=_COARSE_TOLERANCE)
-
-    best = once(internal)
-    iterations = best.iterations
-    for _ in range(_CALL_BACKS):
-        ran_away = np.abs(best.parameters) > problem.parameters.prior_std
-        if not ran_away.any():
-            break
-        again = once(np.where(ran_away, 0.0, 0.5 * best.parameters))
-        iterations += again.iterations
-        if again.cost > best.cost * (1 - _SAME_MINIMUM):
-            break
-        best = again
-    return replace(best, iterations=iterations)
-
-
-def _coarse(problem: Problem, robot: Robot, options: ElasticOptions) -> Problem:
-    kinds = tuple(kind for kind in options.free if kind in LOGARITHMIC)
-    fewer = replace(restricted(options, kinds), weights=_COARSE_WEIGHTS)
-    nominal = problem.parameters.nominal
-    parameters = map_parameters(robot, nominal, fewer, (), np.zeros(0))
-    frf = problem.frf
-    plain = replace(frf, sensitivity=frf.sensitivity[:, :0], coefficient_names=(), coefficient_relative_std=np.zeros(0))
-    return make_problem(plain, problem.model, parameters, fewer)[0]
+def _descend(task: tuple[Strategy, FloatArray]) -> Minimum:
+    strategy, start = task
+    return strategy.descend(start)
 
 
 def _solution(

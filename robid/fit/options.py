@@ -9,6 +9,7 @@ from typing import Literal
 ParameterKind = Literal[
     "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"
 ]
+Optimizer = Literal["levenberg", "scipy", "nlopt", "nlopt_global"]
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,24 @@ class ElasticOptions:
             "description": "Standard deviation of what the robot file knows of springs, dampers, inertias [decades].",
             "gt": 0,
         },
+    )
+    strategy: Literal["staged", "plain"] = field(
+        default="staged",
+        metadata={
+            "description": "From a start to a minimum: over heavier dampers and fewer lines, with what ran away put back;"
+            " or straight down."
+        },
+    )
+    optimizer: Optimizer = field(
+        default="levenberg",
+        metadata={
+            "description": "What ends each start: ours, scipy's least_squares, nlopt's SLSQP, or nlopt's MLSL over the"
+            " bounds before ours."
+        },
+    )
+    correct_torques: bool = field(
+        default=True,
+        metadata={"description": "Whether the compensated friction and ripple are corrected along, as nuisances."},
     )
     max_iterations: int = field(default=200, metadata={"description": "Iteration limit of one start.", "ge": 1})
     statics: Literal["updates", "every_iterate"] = field(

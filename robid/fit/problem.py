@@ -120,11 +120,10 @@ class Problem:
 
     def normal(self, internal: FloatArray) -> Normal:
         """Cost, half gradient and half Gauss-Newton Hessian."""
-        if self._symmetric is not None:
-            with np.errstate(all="ignore"):
-                sums = self._symmetric.normal(internal)
-        else:
-            sums = self.stacked_normal(internal)
+        if self._symmetric is None:
+            return self.stacked_normal(internal)
+        with np.errstate(all="ignore"):
+            sums = self._symmetric.normal(internal)
         precision = 0.5 / self.parameters.prior_std**2
         return Normal(
             sums.cost + self._prior_cost(internal),
@@ -132,13 +131,19 @@ class Problem:
             sums.hessian + np.diag(precision),
         )
 
-    def stacked_normal(self, internal: FloatArray) -> Normal:
-        """The sums of the normal equations from all residuals and derivatives, whatever the problem."""
+    def stacked(self, internal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """All weighted residuals as real numbers, what is known beforehand last, and their derivative."""
         error, derivative = self.linear(internal)
         rows = self.weighted(derivative).reshape(-1, derivative.shape[-1])
         target = self.weighted(error).ravel()
-        real, target_real = np.concatenate([rows.real, rows.imag]), np.concatenate([target.real, target.imag])
-        return Normal(float(target_real @ target_real), -(real.T @ target_real), real.T @ real)
+        known = np.sqrt(0.5) / self.parameters.prior_std
+        residual = np.concatenate([target.real, target.imag, known * internal])
+        return residual, np.concatenate([-rows.real, -rows.imag, np.diag(known)])
+
+    def stacked_normal(self, internal: FloatArray) -> Normal:
+        """The same as `normal` from all residuals and derivatives, whatever the problem."""
+        residual, derivative = self.stacked(internal)
+        return Normal(float(residual @ residual), derivative.T @ residual, derivative.T @ derivative)
 
     def _prior_cost(self, internal: FloatArray) -> float:
         return float((0.5 * (internal / self.parameters.prior_std) ** 2).sum())
