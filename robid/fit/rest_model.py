@@ -16,7 +16,7 @@ from robid.robot.expand import expand, with_springs_at
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import ElasticParameters, hold_factor
-from robid.robot.rest import SpringValues, settle_springs
+from robid.robot.rest import SpringValues, settle_springs, swing_of
 
 _PASSES = 3
 
@@ -46,8 +46,9 @@ def rest_model(
     if springs.cubic.any() or "cubic" in options.free:
         power = spring_power(robot, frf, delay_s, values)
         for _ in range(_PASSES if springs.cubic.any() else 0):
-            swing = settle_springs(_loaded(model, frf, power).rest, springs).variance
-            equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic, swing)
+            rest = _loaded(model, frf, power).rest
+            swing = swing_of(rest, springs, settle_springs(rest, springs).stiffness)
+            equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic, swing.variance)
             model = linearize(elastic, equilibrium, names)
         model = _loaded(model, frf, power)
     movable = element_names(robot, "location") if "location" in options.free else []

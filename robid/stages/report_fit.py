@@ -13,7 +13,7 @@ from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.report.content import CostRow, ElementErrors, FitContent, ParameterRow, ResonanceRow, StartRow
 from robid.settings.load import LoadedExperiment
-from robid.stages.fit import select, with_torque_unit
+from robid.stages.fit import chosen_frf, with_torque_unit
 from robid.stages.slices import delay_s
 from robid.validation.elastic import Validation
 from robid.validation.resonances import ResonanceTable, tabulate_resonances
@@ -48,18 +48,20 @@ def fit_content(
     settings = loaded.experiment.fits[name]
     campaign = loaded.experiment.campaigns[settings.campaign]
     robot = loaded.robot.to_robot(campaign.payload_kg)
-    frf = select(frfs[settings.campaign], settings.configurations)
+    frf = chosen_frf(settings, [frfs[campaign] for campaign in settings.campaigns])
     chosen = settings.configurations or range(len(frf.configurations))
     table = tabulate_resonances(robot, solution, frf, settings.options(), delay_s(loaded, campaign))
     content = FitContent(
         name=name,
-        campaign=settings.campaign,
+        campaign=" + ".join(settings.campaigns),
         frf=replace(frf, response=solution.measured),
         model_response=solution.modelled,
         level=solution.confidence,
         parameters=_parameters(solution, frf.torque_unit, truth, robot.assumed),
         resonances=_resonances(table),
-        estimation_costs=_costs(settings.campaign, chosen, solution.configuration_cost, solution.expected_cost),
+        estimation_costs=_costs(
+            " + ".join(settings.campaigns), chosen, solution.configuration_cost, solution.expected_cost
+        ),
         starts=_starts(solution),
         status=solution.status.replace("_", " "),
         advice=solution.advice,
