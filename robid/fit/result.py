@@ -108,13 +108,13 @@ def make_solution(
 
 def _from_realizations(
     problem: Problem, options: ElasticOptions, internal: FloatArray, found: Influence, parallel_map: Map
-) -> dict[str, FloatArray | None]:
+) -> dict[str, FloatArray]:
     """What the single realizations say of the parameters' uncertainty; nothing where there are none."""
     shifts = realization_shifts(problem, found)
     if shifts is None:
         return {}
     relative = _relative(problem.parameters, internal)
-    result: dict[str, FloatArray | None] = {}
+    result: dict[str, FloatArray] = {}
     result["realization_relative_std"] = np.sqrt(np.diag(realization_covariance(found, shifts))) * relative
     if options.bootstrap:
         level, count = options.confidence, options.bootstrap
