@@ -11,7 +11,7 @@ from scipy.stats import norm, t
 
 from robid.arrays import FloatArray
 from robid.fit.problem import Problem
-from robid.fit.uncertainty import Influence, realization_freedom, realization_shifts
+from robid.fit.uncertainty import Influence, realization_freedom
 
 Map: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
@@ -49,11 +49,12 @@ def bootstrap(
     problem: Problem,
     internal: FloatArray,
     found: Influence,
+    shifts: FloatArray,
     count: int,
     confidence: float,
     seed: int,
     parallel_map: Map,
-) -> Bootstrap | None:
+) -> Bootstrap:
     """Repeats a fit from its minimum on perturbed responses.
 
     Resampling the few realizations of a campaign with replacement knows few distinct samples (35 of four) and makes
@@ -66,20 +67,18 @@ def bootstrap(
         problem: The problem, weights of the final fit.
         internal (n_param,): Its minimum.
         found: The estimator linearised there.
+        shifts (n_conf, n_real, n_param): What each realization does to the parameters, see `realization_shifts`.
         count: Number of replicates.
         confidence: Level of the interval.
         seed: Seed of the weights.
         parallel_map: Ordered map over chunks of replicates.
 
     Returns:
-        The spread; None where the response holds no realizations.
+        The spread.
 
     Source:
         Wu (1986); expanded percentiles: Hesterberg (2015).
     """
-    shifts = realization_shifts(problem, found)
-    if shifts is None:
-        return None
     sizes = [min(_CHUNK, count - index * _CHUNK) for index in range(bootstrap_tasks(count))]
     seeds = np.random.SeedSequence([seed, count]).spawn(len(sizes))
     chunks = [_Chunk(problem, internal, found.inverse, shifts, *each) for each in zip(seeds, sizes, strict=True)]

@@ -20,8 +20,8 @@ class Weights:
         default="inflated",
         metadata={
             "description": "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
-            " included; 1/(variance + model error); the same with the model error that the residuals of each element show,"
-            " after a first fit by `inflated`."
+            " included; 1/(variance + model error); the same with the model error that the residuals of each"
+            " element show, after a first fit by `inflated`."
         },
     )
     off_diagonal: float = field(

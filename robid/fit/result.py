@@ -13,7 +13,13 @@ from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
 from robid.fit.problem import Problem
 from robid.fit.solution import Solution
-from robid.fit.uncertainty import influence, realization_covariance, realization_shifts, structured_covariance
+from robid.fit.uncertainty import (
+    Influence,
+    influence,
+    realization_covariance,
+    realization_shifts,
+    structured_covariance,
+)
 from robid.fit.undetermined import undetermined_combinations
 
 _SAME_MINIMUM = 1e-3
@@ -60,12 +66,6 @@ def make_solution(
     scaled = problem.normal(internal).hessian
     root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
     costs = np.array([end.cost for end in ends])
-    shifts = realization_shifts(problem, found)
-    repeated = None
-    if options.bootstrap:
-        repeated = bootstrap(
-            problem, internal, found, options.bootstrap, options.confidence, options.seed, parallel_map
-        )
     return Solution(
         family="elastic",
         names=parameters.names,
@@ -92,9 +92,7 @@ def make_solution(
         start_status=tuple(end.status for end in ends),
         start_minimum=distinct_minima(costs),
         status=best.status,
-        advice=_advice(
-            best, parameters, dropped / problem.weight.size, excess, error, float(np.median(problem.model_error))
-        ),
+        advice=_advice(problem, best, dropped, excess, error),
         configurations=problem.frf.configurations,
         frequency_hz=problem.frf.frequency_hz,
         measured=problem.measured(internal),
@@ -104,13 +102,27 @@ def make_solution(
         **_tied_values(parameters, internal),
         undetermined=undetermined_combinations(parameters.names, covariance, structural, limit),
         model_error=error,
-        realization_relative_std=None
-        if shifts is None
-        else np.sqrt(np.diag(realization_covariance(found, shifts))) * relative,
-        bootstrap_relative_std=None if repeated is None else repeated.std * relative,
-        bootstrap_lower=None if repeated is None else parameters.values(repeated.lower),
-        bootstrap_upper=None if repeated is None else parameters.values(repeated.upper),
+        **_from_realizations(problem, options, internal, found, parallel_map),
     )
+
+
+def _from_realizations(
+    problem: Problem, options: ElasticOptions, internal: FloatArray, found: Influence, parallel_map: Map
+) -> dict[str, FloatArray]:
+    """What the single realizations say of the parameters' uncertainty; nothing where there are none."""
+    shifts = realization_shifts(problem, found)
+    if shifts is None:
+        return {}
+    relative = _relative(problem.parameters, internal)
+    result: dict[str, FloatArray] = {}
+    result["realization_relative_std"] = np.sqrt(np.diag(realization_covariance(found, shifts))) * relative
+    if options.bootstrap:
+        level, count = options.confidence, options.bootstrap
+        repeated = bootstrap(problem, internal, found, shifts, count, level, options.seed, parallel_map)
+        result["bootstrap_relative_std"] = repeated.std * relative
+        result["bootstrap_lower"] = problem.parameters.values(repeated.lower)
+        result["bootstrap_upper"] = problem.parameters.values(repeated.upper)
+    return result
 
 
 def _tied_values(parameters: ParameterMap, internal: FloatArray) -> dict[str, FloatArray]:
@@ -168,14 +180,8 @@ def distinct_minima(costs: FloatArray) -> IntArray:
     return labels
 
 
-def _advice(
-    best: Minimum,
-    parameters: ParameterMap,
-    dropped_share: float,
-    excess: float,
-    error: ModelError | None,
-    assumed: float,
-) -> str:
+def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error: ModelError | None) -> str:
+    parameters = problem.parameters
     advice = []
     if best.status != "converged":
         advice.append("raise `max_iterations`, add starts, or fix the parameters with the largest deviations")
@@ -190,6 +196,7 @@ def _advice(
     held = parameters.at_bound(best.parameters)
     if held:
         advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
+    dropped_share = dropped / problem.weight.size
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:
@@ -198,7 +205,7 @@ def _advice(
             "something; intervals are widened by that factor"
         )
     level = 0.0 if error is None or error.share_above <= _MANY_ABOVE else float(np.median(error.level[error.level > 0]))
-    if error is not None and level > assumed:
+    if error is not None and level > float(np.median(problem.model_error)):
         advice.append(
             f"{100 * error.share_above:.0f} % of the response's elements miss the model by more than their covariance "
             f"explains, by {100 * level:.2g} % in the median: the intervals of weights `inflated` allow for it"
