@@ -5,9 +5,11 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.record import RECORD
 from robid.artifacts.store import read_artifact
 from tolerances import RECOVERY_SIGMA
 
@@ -74,6 +76,25 @@ def test_friction_identified_at_the_silent_lines(shop):
     assert any("silent lines of 1 configuration: they explain at least" in note for note in frf.notes)
     summary = json.loads((shop.runs / "summary.json").read_text())
     assert summary["fits.elastic.springs.worst_error"] < 0.02
+
+
+def test_fewer_experiments_than_motors_run_to_the_end(shop):
+    for _ in range(2):
+        shop.change("{compensation: nominal}", "{compensation: nominal, estimator: local_periodic}")
+    shop.change(
+        "    realizations: 2\n    periods: 2\n    source:\n",
+        "    realizations: 2\n    experiments: 1\n    periods: 2\n    source:\n",
+    )
+    shop.change(
+        "    realizations: 2\n    periods: 2\n    source: {",
+        "    realizations: 2\n    experiments: 1\n    periods: 2\n    source: {",
+    )
+    shop.change("count: 14", "count: 17, spacing: linear")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code in (0, 5), answer.err
+    frf = frf_from_artifact(read_artifact(shop.runs / "estimation/frf.h5", FRF))
+    assert np.isfinite(frf.response).all()
+    assert read_artifact(shop.runs / "estimation/record.h5", RECORD).datasets["torque"].values.shape[:3] == (2, 2, 1)
 
 
 def test_too_few_silent_lines_are_a_data_error(shop):

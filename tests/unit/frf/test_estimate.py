@@ -8,7 +8,7 @@ import pytest
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, logarithmic_mean
 from robid.frf.covariance import inverse_covariance, pool, sample_covariance
-from robid.frf.estimate import concatenate, estimate_frf
+from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.friction import TorqueLaw
 from robid.signals.multisine import multisine, time_signal
@@ -292,14 +292,3 @@ def test_sensitivity_is_the_derivative(name, estimator):
     found = here.sensitivity[0, here.coefficient_names.index(name)]
     # The derivative is of the arithmetic mean in the torque; both blocks share it to the size of friction squared.
     assert np.abs(found - slope).max() < 0.02 * np.abs(slope).max()
-
-
-def test_configurations_join_in_order():
-    parts = [
-        replace(estimate_frf(make_record(seed=seed, noise=1e-4), PLAIN), configurations=np.full((1, 2), seed))
-        for seed in range(3)
-    ]
-    whole = concatenate(parts)
-    np.testing.assert_array_equal(whole.configurations[:, 0], [0, 1, 2])
-    np.testing.assert_array_equal(whole.response[1], parts[1].response[0])
-    np.testing.assert_array_equal(whole.total_covariance[2], parts[2].total_covariance[0])
