@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.fft
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.names import element_names
 from robid.fit.options import ElasticOptions
@@ -44,13 +45,13 @@ def rest_model(
     equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic)
     model = linearize(elastic, equilibrium, names)
     if springs.cubic.any() or "cubic" in options.free:
-        power = spring_power(robot, frf, delay_s, values)
+        load = spring_load(robot, frf, delay_s, values)
         for _ in range(_PASSES if springs.cubic.any() else 0):
-            rest = _loaded(model, frf, power).rest
+            rest = _loaded(model, frf, load).rest
             swing = swing_of(rest, springs, settle_springs(rest, springs).stiffness)
             equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic, swing.variance)
             model = linearize(elastic, equilibrium, names)
-        model = _loaded(model, frf, power)
+        model = _loaded(model, frf, load)
     movable = element_names(robot, "location") if "location" in options.free else []
     located = np.array([index for index, name in enumerate(movable) if name is not None], int)
     if options.statics == "updates" and located.size == 0:
@@ -58,15 +59,28 @@ def rest_model(
     return expand(elastic, equilibrium, model, names, located)
 
 
-def spring_power(robot: Robot, frf: Frf, delay_s: float, values: ElasticParameters | None = None) -> FloatArray:
-    """Mean square torque (n_conf, n_freq, n_spring) through each transmission, per excited line [(N m)^2].
+@dataclass(frozen=True)
+class SpringLoad:
+    """What an excitation sends through each transmission; other springs get none.
+
+    Attributes:
+        power (n_conf, n_freq, n_spring): Mean square torque per excited line [(N m)^2].
+        shape (n_conf, n_spring): Kurtosis of the torque over a normal signal's.
+    """
+
+    power: FloatArray
+    shape: FloatArray
+
+
+def spring_load(robot: Robot, frf: Frf, delay_s: float, values: ElasticParameters | None = None) -> SpringLoad:
+    """Finds the torque through each transmission from the motors' torques and motion.
 
     What a motor's torque does not spend on its own rotor and viscous friction goes through the transmissions; both
-    are measured, so no elastic model is needed. Springs that are no transmissions get none.
+    are measured, so no elastic model is needed.
 
     Args:
         robot: The robot file.
-        frf: The response with the power of its torques.
+        frf: The response with the torques of its experiments.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
         values: Values in place of the robot file's.
 
@@ -74,8 +88,8 @@ def spring_power(robot: Robot, frf: Frf, delay_s: float, values: ElasticParamete
         DataError: If the response lacks its torque, or a motor's angle is not among its outputs.
     """
     missing = [name for name in frf.input_names if name not in frf.output_names]
-    if frf.torque_power is None or missing:
-        lack = f"the angle of motor {', '.join(missing)}" if missing else "the power of its torques"
+    if frf.torque_amplitude is None or missing:
+        lack = f"the angle of motor {', '.join(missing)}" if missing else "the torques of its experiments"
         message = f"cubic stiffness needs {lack}, which the response lacks"
         remedy = "estimate the response again, all motors among its outputs, or leave `cubic` out of `free`"
         raise DataError(message, where=robot.name, remedy=remedy)
@@ -87,17 +101,32 @@ def spring_power(robot: Robot, frf: Frf, delay_s: float, values: ElasticParamete
     rows = [frf.output_names.index(name) for name in frf.input_names]
     held = hold_factor(omega, delay_s, frf.hold_period_s)
     left = held[:, None, None] * np.eye(len(motors)) - spent[:, :, None] * frf.response[:, :, rows]
-    through = np.linalg.inv(robot.arm_per_motor.T) @ left
-    each = np.real(np.einsum("cfoi,cfij,cfoj->cfo", through, frf.torque_power, through.conj(), optimize=True))
-    power = np.zeros((*each.shape[:2], len(robot.springs)))
+    through = np.linalg.inv(robot.arm_per_motor.T) @ left @ frf.torque_amplitude
+    power, shape = np.nanmean(2 * np.abs(through) ** 2, axis=-1), _shape(through, frf.lines)
+    load = SpringLoad(np.zeros((*power.shape[:2], len(robot.springs))), np.ones((len(power), len(robot.springs))))
     for index, spring in enumerate(robot.springs):
         if spring.place == "transmission":
-            power[:, :, index] = each[:, :, spring.joint]
-    return power
+            load.power[:, :, index], load.shape[:, index] = power[:, :, spring.joint], shape[:, spring.joint]
+    return load
 
 
-def _loaded(model: LinearModel, frf: Frf, power: FloatArray) -> LinearModel:
-    return replace(model, rest=replace(model.rest, power=power, omega=2 * np.pi * frf.frequency_hz))
+def _shape(amplitude: ComplexArray, lines: IntArray) -> FloatArray:
+    """Kurtosis over that of a normal signal (n_conf, n_signal), pooled over experiments."""
+    count = scipy.fft.next_fast_len(4 * int(lines.max()) + 1, real=True)
+    shapes = []
+    for each in amplitude:
+        known = each[:, :, np.isfinite(each).all(axis=(0, 1))]
+        spectrum = np.zeros((count // 2 + 1, *known.shape[1:]), complex)
+        spectrum[lines] = known
+        signal = scipy.fft.irfft(spectrum, count, axis=0) * count
+        square, fourth = (signal**2).mean(axis=(0, 2)), (signal**4).mean(axis=(0, 2))
+        shapes.append(np.divide(fourth, 3 * square**2, out=np.ones_like(square), where=square > 0))
+    return np.array(shapes)
+
+
+def _loaded(model: LinearModel, frf: Frf, load: SpringLoad) -> LinearModel:
+    rest = replace(model.rest, power=load.power, shape=load.shape, omega=2 * np.pi * frf.frequency_hz)
+    return replace(model, rest=rest)
 
 
 def _nominal_springs(robot: Robot) -> SpringValues:

@@ -38,7 +38,8 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
                 "give both campaigns the same lines (`period_s`, `low_hz`, `high_hz`, `count`, `seed`) and channels"
             )
             raise DataError(message, where=name, remedy=remedy)
-    aligned = [_aligned(frf, first) for frf in frfs]
+    blocks = max((frf.torque_amplitude.shape[-1] for frf in frfs if frf.torque_amplitude is not None), default=0)
+    aligned = [_aligned(frf, first, blocks) for frf in frfs]
     whole: dict[str, Any] = {}
     for key in CONFIGURATION_WISE:
         parts = [getattr(frf, key) for frf in aligned]
@@ -54,8 +55,11 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
     )
 
 
-def _aligned(frf: Frf, first: Frf) -> Frf:
-    """The response with the first one's torque coefficients subtracted."""
+def _aligned(frf: Frf, first: Frf, blocks: int) -> Frf:
+    """The response with the first one's torque coefficients subtracted, and as many experiments as all have."""
+    if frf.torque_amplitude is not None:
+        missing = [(0, 0)] * 3 + [(0, blocks - frf.torque_amplitude.shape[-1])]
+        frf = replace(frf, torque_amplitude=np.pad(frf.torque_amplitude, missing, constant_values=np.nan))
     if frf.coefficient_offset is None or first.coefficient_offset is None or not frf.coefficient_names:
         return frf
     moved = np.einsum("s,csfoi->cfoi", first.coefficient_offset - frf.coefficient_offset, frf.sensitivity)
