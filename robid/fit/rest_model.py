@@ -12,11 +12,12 @@ from robid.errors import DataError
 from robid.fit.names import element_names
 from robid.fit.options import ElasticOptions
 from robid.frf.frf import Frf
+from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.expand import expand, with_springs_at
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import ElasticParameters, hold_factor
+from robid.robot.response import ElasticParameters, hold_factor, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
 
 _PASSES = 3
@@ -45,7 +46,8 @@ def rest_model(
     equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic)
     model = linearize(elastic, equilibrium, names)
     if springs.cubic.any() or "cubic" in options.free:
-        load = spring_load(robot, frf, delay_s, values)
+        nominal = nominal_parameters(placed, model, delay_s) if values is None else values
+        load = spring_load(robot, frf, model, nominal)
         for _ in range(_PASSES if springs.cubic.any() else 0):
             rest = _loaded(model, frf, load).rest
             swing = swing_of(rest, springs, settle_springs(rest, springs).stiffness)
@@ -65,24 +67,24 @@ class SpringLoad:
 
     Attributes:
         power (n_conf, n_freq, n_spring): Mean square torque per excited line [(N m)^2].
-        shape (n_conf, n_spring): Kurtosis of the torque over a normal signal's.
+        shape (n_conf, n_spring): See `Rest.shape`.
     """
 
     power: FloatArray
     shape: FloatArray
 
 
-def spring_load(robot: Robot, frf: Frf, delay_s: float, values: ElasticParameters | None = None) -> SpringLoad:
+def spring_load(robot: Robot, frf: Frf, model: LinearModel, values: ElasticParameters) -> SpringLoad:
     """Finds the torque through each transmission from the motors' torques and motion.
 
     What a motor's torque does not spend on its own rotor and viscous friction goes through the transmissions; both
-    are measured, so no elastic model is needed.
+    are measured, so the elastic model only says at which lines the response depends on a spring.
 
     Args:
         robot: The robot file.
         frf: The response with the torques of its experiments.
-        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
-        values: Values in place of the robot file's.
+        model: Linearised robot.
+        values: Parameter values.
 
     Raises:
         DataError: If the response lacks its torque, or a motor's angle is not among its outputs.
@@ -93,35 +95,42 @@ def spring_load(robot: Robot, frf: Frf, delay_s: float, values: ElasticParameter
         message = f"cubic stiffness needs {lack}, which the response lacks"
         remedy = "estimate the response again, all motors among its outputs, or leave `cubic` out of `free`"
         raise DataError(message, where=robot.name, remedy=remedy)
-    motors = [joint.motor for joint in robot.joints]
-    inertia = np.array([m.inertia_kgm2 for m in motors]) if values is None else values.motor_inertia
-    viscous = np.array([m.friction.viscous_nms_rad for m in motors]) if values is None else values.viscous
     omega = 2 * np.pi * frf.frequency_hz
-    spent = inertia + viscous / (1j * omega[:, None])
+    spent = values.motor_inertia + values.viscous / (1j * omega[:, None])
     rows = [frf.output_names.index(name) for name in frf.input_names]
-    held = hold_factor(omega, delay_s, frf.hold_period_s)
-    left = held[:, None, None] * np.eye(len(motors)) - spent[:, :, None] * frf.response[:, :, rows]
+    held = hold_factor(omega, values.delay[0], frf.hold_period_s)
+    left = held[:, None, None] * np.eye(len(robot.joints)) - spent[:, :, None] * frf.response[:, :, rows]
     through = np.linalg.inv(robot.arm_per_motor.T) @ left @ frf.torque_amplitude
-    power, shape = np.nanmean(2 * np.abs(through) ** 2, axis=-1), _shape(through, frf.lines)
-    load = SpringLoad(np.zeros((*power.shape[:2], len(robot.springs))), np.ones((len(power), len(robot.springs))))
-    for index, spring in enumerate(robot.springs):
-        if spring.place == "transmission":
-            load.power[:, :, index], load.shape[:, index] = power[:, :, spring.joint], shape[:, spring.joint]
+    gears = [index for index, spring in enumerate(robot.springs) if spring.place == "transmission"]
+    through = through[:, :, [robot.springs[index].joint for index in gears]]
+    load = SpringLoad(np.zeros((*through.shape[:2], len(robot.springs))), np.ones(model.rest.deflection.shape))
+    load.power[:, :, gears] = np.nanmean(2 * np.abs(through) ** 2, axis=-1)
+    dynamic = values.stiffness[gears] + 1j * omega[:, None] * values.damping[gears]
+    told = _sensitivity(frf, model, values)[:, :, gears]
+    load.shape[:, gears] = [_shape(x, frf.lines, w) for x, w in zip(through / dynamic[..., None], told, strict=True)]
     return load
 
 
-def _shape(amplitude: ComplexArray, lines: IntArray) -> FloatArray:
-    """Kurtosis over that of a normal signal (n_conf, n_signal), pooled over experiments."""
+def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters) -> FloatArray:
+    """How much each line of the response says of each spring (n_conf, n_freq, n_spring), for relative errors."""
+    found = response(model, values, frf.frequency_hz, frf.hold_period_s)
+    slopes = jacobian(model, values, found, ("stiffness",), frf.hold_period_s)
+    return np.asarray((np.abs(slopes / found.sampled[..., None]) ** 2).sum(axis=(2, 3)))
+
+
+def _shape(amplitude: ComplexArray, lines: IntArray, weight: FloatArray) -> FloatArray:
+    """Shape (n_spring,) of deflections (n_freq, n_spring, n_block), a mean over the lines with weights.
+
+    At one line, the cube of a deflection regressed on the deflection, over three times its mean square.
+    """
+    known = amplitude[:, :, np.isfinite(amplitude).all(axis=(0, 1))]
     count = scipy.fft.next_fast_len(4 * int(lines.max()) + 1, real=True)
-    shapes = []
-    for each in amplitude:
-        known = each[:, :, np.isfinite(each).all(axis=(0, 1))]
-        spectrum = np.zeros((count // 2 + 1, *known.shape[1:]), complex)
-        spectrum[lines] = known
-        signal = scipy.fft.irfft(spectrum, count, axis=0) * count
-        square, fourth = (signal**2).mean(axis=(0, 2)), (signal**4).mean(axis=(0, 2))
-        shapes.append(np.divide(fourth, 3 * square**2, out=np.ones_like(square), where=square > 0))
-    return np.array(shapes)
+    spectrum = np.zeros((count // 2 + 1, *known.shape[1:]), complex)
+    spectrum[lines] = known
+    signal = scipy.fft.irfft(spectrum, count, axis=0) * count
+    cube = scipy.fft.rfft(signal**3, axis=0)[lines] / count
+    slope = np.real(cube * known.conj()).sum(axis=-1) / (np.abs(known) ** 2).sum(axis=-1)
+    return np.asarray((weight * slope).sum(axis=0) / weight.sum(axis=0) / (3 * (signal**2).mean(axis=(0, 2))))
 
 
 def _loaded(model: LinearModel, frf: Frf, load: SpringLoad) -> LinearModel:
