@@ -124,9 +124,9 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
 
     A cubic spring `k1 d + k3 d^3` that swings by `x` about `d0` has the mean torque `k1 d0 + k3 (d0^3 + 3 d0 v)` with
     `v = E[x^2]`, and shows the slope of the regression of its torque on `x`: `k1 + 3 k3 (d0^2 + s v)`, where
-    `s = E[x^4] / (3 v^2)` is 1 for a normal signal and less for one of low crest factor or few lines. The torque through
-    it is measured, so `v` is its power over the squared dynamic stiffness of spring and damper. Gravity is linear about
-    the rest that it was taken at.
+    `s = E[x^4] / (3 v^2)` is 1 for a normal signal and less for one of low crest factor or few lines. The torque
+    through it is measured, so `v` is its power over the squared dynamic stiffness of spring and damper. Gravity is
+    linear about the rest that it was taken at.
 
     Args:
         rest: What the springs carry.
