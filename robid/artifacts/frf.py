@@ -3,7 +3,7 @@
 Schema history:
     1.0: first version.
     1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
-    1.2: `torque_amplitude`.
+    1.2: `torque_amplitude`, `realization_error`.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
             f"1/{torque}^2", ("configuration", "frequency", "input", "input"), "Input factor of the covariance"
         ),
         "element_scale": Column("1", ("configuration", "output", "input"), "Element variance over that of the product"),
+        "realization_error": Column(
+            f"rad/s^2/{torque}", ("configuration", "realization", *response), "What each realization adds to it"
+        ),
         "total_covariance": Column("rad^2/s^4", covariance, "Output factor, from realizations"),
         "noise_covariance": Column("rad^2/s^4", covariance, "Output factor, from periods"),
         "sensitivity": Column(

@@ -40,7 +40,7 @@ class Plan:
             0 where the static torque alone does.
         speed_crest (n_conf, n_motor): Largest crest factor of the motor speed, or None in older files.
         snr_db (n_conf, n_freq, n_out, n_in): Power of each element of the response over the variance that the
-            assumed noise will give its estimate; None in older files [dB].
+            assumed noise will give its estimate; None with fewer experiments than motors and in older files [dB].
         duration_s: Time that the whole campaign takes, transients included; None in older files [s].
     """
 

@@ -66,6 +66,7 @@ def predict(
     every = "RMS of all motors" if options.slow_motion_rad_s == 0 else "RMS of all motors and the slow motion"
     _check_limits(excitation, loop.robot, peak, limits, scale, every)
     length = np.prod(excitation.reference.shape[:2]) * n_conf * (periods + transient_periods)
+    whole = excitation.reference.shape[1] == n_motor
     plan = Plan(
         speed_rms=rms[0],
         speed_peak=peak[0],
@@ -78,7 +79,7 @@ def predict(
         excursion_limit=limits[2],
         admissible_scale=scale.min(axis=0),
         speed_crest=crest,
-        snr_db=np.array([_snr_db(excitation, loop, index, options, periods) for index in range(n_conf)]),
+        snr_db=np.array([_snr_db(excitation, loop, i, options, periods) for i in range(n_conf)]) if whole else None,
         duration_s=float(length) * excitation.period_s,
     )
     return replace(excitation, plan=plan)

@@ -34,7 +34,7 @@ def design_signal(
     """Designs the excitation that the options ask for, with the slow motion that they add.
 
     Every kind is one period, played by all motors at once: motor i of experiment l has all its phases turned by
-    `2 pi (i-1)(l-1)/n`, so that the block of n experiments is orthogonal at every line.
+    entry (i, l) of `robid.signals.multisine.orthogonal_matrix`, so that the block is orthogonal at every line.
 
     Args:
         options: Kind, period, band, RMS, seed and slow motion.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
-from robid.frf.spectra import line_amplitudes, remove_drift
+from robid.frf.spectra import line_amplitudes, mean_without_drift
 from robid.signals.friction import KINDS, VALUES, TorqueLaw, friction_torque, periodic_speed
 from robid.signals.record import Record
 
@@ -22,7 +22,8 @@ class Motion:
 
     Attributes:
         angle (n_sample, n_real, n_exp, n_in): Motor angles, offset included [rad].
-        speed (n_step, n_real, n_exp, n_in): Motor speed on a finer grid [rad/s].
+        speed (n_step, n_real, n_exp, n_in): Motor speed on a finer grid, in single precision: bristles take half
+            the time and 1e-7 of the torque [rad/s].
         step_s: Step of the grid [s].
         sampling_period_s: Sampling period [s].
         lines (n_freq,): DFT lines at which torques are wanted.
@@ -67,13 +68,14 @@ def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling:
         oversampling: Grid points of the speed per sample.
     """
     n_in, period_s = len(record.input_names), record.sampling_period_s
-    angle = remove_drift(record.position[0])[..., :n_in].mean(axis=2) + record.position_offset_rad[0, :n_in]
+    angle = mean_without_drift(record.position[0, ..., :n_in]) + record.position_offset_rad[0, :n_in]
     angle = np.ascontiguousarray(np.moveaxis(angle, 2, 0))
+    speed = periodic_speed(angle, period_s, _NOISE_CUT * record.frequency_hz[-1], oversampling)
     omega = 2 * np.pi * lines / record.period_s
     half = 0.5 * omega * period_s * (record.torque_hold == "zoh")
     return Motion(
         angle=angle,
-        speed=periodic_speed(angle, period_s, _NOISE_CUT * record.frequency_hz[-1], oversampling),
+        speed=speed.astype(np.float32),
         step_s=period_s / oversampling,
         sampling_period_s=period_s,
         lines=lines,
@@ -97,7 +99,9 @@ def ripple_spectra(motion: Motion, laws: Sequence[TorqueLaw]) -> ComplexArray:
         n_real, n_exp, n_in = motion.angle.shape[1:]
         return np.zeros((2, n_real, len(motion.lines), n_in, n_exp), complex)
     phase = motion.angle * np.array([law.ripple_order for law in laws])
-    return np.stack([_held(motion, amplitude * wave(phase)) for wave in (np.sin, np.cos)])
+    turns = np.round(phase.mean(axis=0) / (2 * np.pi))
+    phase = (phase - 2 * np.pi * turns).astype(np.float32)
+    return np.stack([_held(motion, amplitude.astype(np.float32) * wave(phase)) for wave in (np.sin, np.cos)])
 
 
 def disturbance(motion: Motion, laws: Sequence[TorqueLaw]) -> Disturbance:

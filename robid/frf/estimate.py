@@ -21,13 +21,16 @@ from robid.frf.compensation import (
 )
 from robid.frf.covariance import element_scale, noise_covariance, total_covariance
 from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
-from robid.frf.frf import CONFIGURATION_WISE, Frf
+from robid.frf.frf import Frf
 from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
 from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
+
+READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
+"""Estimators that look at what was injected, if it was recorded."""
 
 _CONDITION_LIMIT = 1e6
 
@@ -56,6 +59,7 @@ class _Found:
     total: ComplexArray | None
     total_freedom: float
     derivative: ComplexArray
+    realization_error: ComplexArray | None = None
 
 
 def estimate_frf(
@@ -94,31 +98,21 @@ def estimate_frf(
     scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     levels = silent_levels(spectra.silent, blocks.lines, response)
-    names, deviation, offset = _coefficients(record, laws)
-    table = ((), np.zeros(0), np.zeros(0)) if laws is None else law_table(record, laws)
-    sensitivity = np.concatenate(
-        [_sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)]
-    )
     return Frf(
+        **_coefficients(record, laws, found),
         frequency_hz=record.frequency_hz,
         lines=record.excited_lines,
         configurations=record.configurations,
         response=response[None],
         input_factor=found.estimate.input_factor[None],
         element_scale=found.element_scale[None],
+        realization_error=None if found.realization_error is None else found.realization_error[None],
         total_covariance=None if found.total is None else found.total[None],
         noise_covariance=None if noise is None else noise[None],
         total_degrees_of_freedom=found.total_freedom,
         noise_degrees_of_freedom=noise_freedom,
-        sensitivity=sensitivity[None, deviation > 0],
-        coefficient_names=tuple(name for name, value in zip(names, deviation, strict=True) if value > 0),
-        coefficient_relative_std=deviation[deviation > 0],
         removed_torque_rms=_rms(spectra.removed_torque)[None],
-        coefficient_offset=offset[deviation > 0],
         uncompensated_response=None if laws is None else _uncompensated(spectra, options)[None],
-        law_names=table[0],
-        law_values=table[1],
-        law_std=table[2],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
         output_names=record.output_names,
@@ -134,22 +128,13 @@ def estimate_frf(
     )
 
 
-def concatenate(parts: list[Frf]) -> Frf:
-    """Joins responses of single configurations along the configuration axis."""
-
-    def joined(name: str) -> FloatArray | ComplexArray | None:
-        present = [getattr(part, name) for part in parts if getattr(part, name) is not None]
-        return np.concatenate(present) if present else None
-
-    whole: dict[str, Any] = {name: joined(name) for name in CONFIGURATION_WISE}
-    return replace(parts[0], **whole, notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)))
-
-
 def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> _Spectra:
     """Transforms the record at the lines that the estimator reads and at the silent ones."""
     n_freq = len(record.excited_lines)
     lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
-    blocks, removed = record_blocks(record, lines), _removed(record, lines, laws, delay_s)
+    with_reference = options.estimator in READS_REFERENCE
+    blocks = record_blocks(record, lines, with_reference=with_reference)
+    removed = _removed(record, lines, laws, delay_s)
     silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
     blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.first(n_freq), None
     if options.estimator == "robust_local":
@@ -161,7 +146,8 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
         if options.estimator == "local":
             source = record.as_one_period()
             lines, windows = bin_windows(source.excited_lines, half, source.torque.shape[4] // 2)
-            blocks, removed = record_blocks(source, lines), _removed(source, lines, laws, delay_s)
+            blocks = record_blocks(source, lines, with_reference=with_reference)
+            removed = _removed(source, lines, laws, delay_s)
     if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
         message = "the record holds NaN or infinite samples"
         raise DataError(message, where=_where(record), remedy="acquire the record again")
@@ -184,8 +170,10 @@ def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _
     estimate = ESTIMATORS[options.estimator](blocks)
     residual = blocks.acceleration - estimate.response @ blocks.torque
     total, freedom = total_covariance(residual, blocks.torque.shape[2], options.pooled_lines)
-    scale = element_scale(residual @ estimate.weights, estimate.input_factor, total, residual.shape[-1])
-    return _Found(estimate, scale, total, freedom, spectra.removed.derivative)
+    errors = residual @ estimate.weights
+    scale = element_scale(errors, estimate.input_factor, total, residual.shape[-1])
+    each = None if total is None else errors
+    return _Found(estimate, scale, total, freedom, spectra.removed.derivative, each)
 
 
 def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> _Found:
@@ -259,19 +247,29 @@ def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
     return np.asarray(-response * np.eye(n_in)[:, None, None, :])
 
 
-def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Name, standard deviation and distance from the robot file's of every coefficient, the torques' scales last."""
+def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Found) -> dict[str, Any]:
+    """What a fit may move of the removed torque, and the torques' scales last; the removed laws themselves."""
+    response = found.estimate.response
     scale = np.zeros(record.torque.shape[-1]) if record.torque_relative_std is None else record.torque_relative_std
     names = tuple(f"{name}.torque_scale" for name in record.input_names)
-    if laws is None:
-        return names, scale, np.zeros_like(scale)
-    deviation = np.ravel(np.transpose([law.coefficient_std for law in laws]))
-    offset = np.ravel(np.transpose([law.offset for law in laws]))
-    return (
-        coefficient_names(record) + names,
-        np.concatenate([deviation, scale]),
-        np.concatenate([offset, np.zeros_like(scale)]),
-    )
+    deviation, offset = scale, np.zeros_like(scale)
+    table: tuple[tuple[str, ...], FloatArray, FloatArray] = ((), np.zeros(0), np.zeros(0))
+    if laws is not None:
+        names = coefficient_names(record) + names
+        deviation = np.concatenate([np.ravel(np.transpose([law.coefficient_std for law in laws])), deviation])
+        offset = np.concatenate([np.ravel(np.transpose([law.offset for law in laws])), offset])
+        table = law_table(record, laws)
+    moved = _sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)
+    unsure = deviation > 0
+    return {
+        "sensitivity": np.concatenate(moved)[None, unsure],
+        "coefficient_names": tuple(name for name, chosen in zip(names, unsure, strict=True) if chosen),
+        "coefficient_relative_std": deviation[unsure],
+        "coefficient_offset": offset[unsure],
+        "law_names": table[0],
+        "law_values": table[1],
+        "law_std": table[2],
+    }
 
 
 def _rms(torque: ComplexArray) -> FloatArray:

@@ -21,6 +21,7 @@ CONFIGURATION_WISE = (
     "response",
     "input_factor",
     "element_scale",
+    "realization_error",
     "total_covariance",
     "noise_covariance",
     "sensitivity",
@@ -56,6 +57,8 @@ class Frf:
             only one [rad^2/s^4].
         noise_covariance (n_conf, n_freq, n_out, n_out): `C_v` from periods, or None when there is only
             one [rad^2/s^4].
+        realization_error (n_conf, n_real, n_freq, n_out, n_in): What each realization's output residual adds to
+            the response; they sum to nearly zero. None with one realization, or where an estimator has none of its own.
         total_degrees_of_freedom: Complex degrees of freedom behind `total_covariance` (0 if None).
         noise_degrees_of_freedom: The same for `noise_covariance`.
         sensitivity (n_conf, n_coef, n_freq, n_out, n_in): Derivative of `response` with respect to the
@@ -117,6 +120,7 @@ class Frf:
     silent_level: FloatArray | None = None
     silent_noise: FloatArray | None = None
     silent_doubt: FloatArray | None = None
+    realization_error: ComplexArray | None = None
     torque_amplitude: ComplexArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:

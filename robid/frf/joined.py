@@ -21,7 +21,7 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
     were subtracted.
 
     Args:
-        frfs: The responses; configurations may be the same.
+        frfs: The responses; configurations may be the same. What only some of them have is left out.
         names: What to call each in an error.
 
     Raises:
@@ -43,7 +43,8 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
     whole: dict[str, Any] = {}
     for key in CONFIGURATION_WISE:
         parts = [getattr(frf, key) for frf in aligned]
-        whole[key] = None if any(part is None for part in parts) else np.concatenate(parts)
+        alike = all(part is not None and part.shape[1:] == parts[0].shape[1:] for part in parts)
+        whole[key] = np.concatenate(parts) if alike else None
     deviations = [frf.coefficient_relative_std for frf in frfs]
     return replace(
         first,

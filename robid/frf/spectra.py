@@ -53,12 +53,13 @@ class Blocks:
         )
 
 
-def record_blocks(record: Record, lines: IntArray) -> Blocks:
+def record_blocks(record: Record, lines: IntArray, *, with_reference: bool = False) -> Blocks:
     """Transforms one configuration's record, drift of the angles removed.
 
     Args:
         record: Record of a single configuration.
         lines (n_freq,): DFT lines of one period.
+        with_reference: Whether what was injected is transformed too, if it was recorded.
 
     Returns:
         The spectra, averaged over the periods.
@@ -66,7 +67,8 @@ def record_blocks(record: Record, lines: IntArray) -> Blocks:
     factor = acceleration_factor(record, lines)
     torque, torque_scatter = _mean_and_scatter(record.torque[0], lines)
     acceleration, acceleration_scatter = _mean_and_scatter(record.position[0], lines, factor)
-    reference = None if record.reference is None else line_amplitudes(record.reference[0], lines)
+    injected = record.reference if with_reference else None
+    reference = None if injected is None else line_amplitudes(injected[0], lines)
     return Blocks(
         lines=lines,
         torque=torque,
@@ -103,22 +105,17 @@ def acceleration_factor(record: Record, lines: IntArray) -> FloatArray:
     return np.asarray(np.where(is_acceleration, 1.0, -(omega**2)[:, None]))
 
 
-def remove_drift(angle: FloatArray) -> FloatArray:
-    """Removes the ramp between the means of successive periods.
+def mean_without_drift(angle: FloatArray) -> FloatArray:
+    """Mean over the periods (n_real, n_exp, n_sample, n_out), the ramp between their means removed.
 
     Args:
         angle (n_real, n_exp, n_period, n_sample, n_out): Angles [rad].
-
-    Returns:
-        The angles without drift, of the same shape; unchanged when there is only one period.
     """
-    return np.asarray(angle - _drift(angle) * _ramp(angle.shape[3])) if angle.shape[2] > 1 else angle
-
-
-def _drift(angle: FloatArray) -> FloatArray:
-    """Drift of each angle (n_real, n_exp, n_period, 1, n_out) over one period [rad]; 0 when there is only one."""
-    means = angle.mean(axis=3, keepdims=True)
-    return np.asarray(np.gradient(means, axis=2)) if angle.shape[2] > 1 else np.zeros_like(means)
+    mean = angle.mean(axis=2)
+    if angle.shape[2] < 2:
+        return np.asarray(mean)
+    drift = np.gradient(angle.mean(axis=3), axis=2).mean(axis=2)
+    return np.asarray(mean - drift[:, :, None] * _ramp(angle.shape[3]))
 
 
 def _ramp(n_sample: int) -> FloatArray:
@@ -148,26 +145,28 @@ def _mean_and_scatter(
     Returns:
         Mean (n_real, n_freq, n_channel, n_exp) and scatter (n_real, 2 n_period, n_freq, n_channel, n_exp).
     """
-    n_period = samples.shape[2]
-    plain, below, above = np.split(_around(samples, lines, factor), 3, axis=-2)
-    hann = (plain - 0.5 * (below + above)) / np.sqrt(1.5)
+    n_period, chosen = samples.shape[2], lines - lines.min()
+    band = _band(samples, int(lines.min()), int(lines.max()), drifts=factor is not None)
+    plain = band[..., 1:-1, :]
+    hann = (plain - 0.5 * (band[..., :-2, :] + band[..., 2:, :])) / np.sqrt(1.5)
+    scale = np.ones(1) if factor is None else factor
     scatter = [
-        (each - each.mean(axis=2, keepdims=True)) * np.sqrt(share / n_period)
+        (each - each.mean(axis=2, keepdims=True))[..., chosen, :] * (scale * np.sqrt(share / n_period))
         for each, share in ((plain, 1 / (n_period + 1)), (hann, n_period / (n_period + 1)))
     ]
-    return _experiments_last(plain.mean(axis=2)), np.asarray(np.concatenate(scatter, axis=2).transpose(0, 2, 3, 4, 1))
+    mean = plain.mean(axis=2)[..., chosen, :] * scale
+    return _experiments_last(mean), np.asarray(np.concatenate(scatter, axis=2).transpose(0, 2, 3, 4, 1))
 
 
-def _around(samples: FloatArray, lines: IntArray, factor: FloatArray | None) -> ComplexArray:
-    """Amplitudes of each period at the lines, their lower and their upper neighbours (..., 3 n_freq, n_channel)."""
+def _band(samples: FloatArray, first: int, last: int, *, drifts: bool) -> ComplexArray:
+    """Amplitudes of each period from the line below the first to the one above the last (..., n_line, n_channel)."""
     n_period, n_sample = samples.shape[2:4]
-    last = n_sample // 2
-    around = np.concatenate([lines, np.abs(lines - 1), last - np.abs(last - lines - 1)])
+    end = n_sample // 2
+    lines = slice(max(first - 1, 0), min(last + 1, end) + 1)
     spectrum = rfft(samples, axis=-2, norm="forward")
-    chosen = spectrum[..., around, :]
-    if factor is None:
-        return np.asarray(chosen)
-    if n_period > 1:
+    band = spectrum[..., lines, :]
+    if drifts and n_period > 1:
         per_period = np.gradient(spectrum[..., 0, :].real, axis=2)
-        chosen -= per_period[..., None, :] * rfft(_ramp(n_sample), axis=0, norm="forward")[around]
-    return np.asarray(chosen * np.tile(factor, (3, 1)))
+        band = band - per_period[..., None, :] * rfft(_ramp(n_sample), axis=0, norm="forward")[lines]
+    beyond = [(0, 0)] * (band.ndim - 2) + [(int(first == 0), int(last == end)), (0, 0)]
+    return np.asarray(band if first > 0 and last < end else np.pad(band, beyond, mode="reflect"))

@@ -210,8 +210,9 @@ class Campaign(Section):
         default=None,
         description="Experiments of each block; as many as motors when not given. Fewer need `estimate.estimator:"
         " local_periodic` and dense linear lines. On the simulated KR300 (195 odd lines, noise, no friction) the"
-        " diagonal's error stays within 1.5x of the full block's with 3 of 6 experiments and a polynomial of order 2,"
-        " with 2 and `local_denominator: 2`; with 4 realizations, 1 with `local_order: 4` and `local_denominator: 2`.",
+        " diagonal's error stays within 1.5x of the full block's with 2 of 6 experiments and `local_denominator: 2`;"
+        " with 3 and a polynomial in a single realization; with 4 realizations, with 1, `local_order: 4` and"
+        " `local_denominator: 2`.",
         ge=1,
     )
     periods: int = Field(default=2, description="Recorded periods of each experiment.", ge=1)

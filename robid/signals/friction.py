@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
+from numpy.typing import DTypeLike
+from scipy.fft import irfft, rfft
 
 from robid.arrays import FloatArray
 
@@ -107,11 +109,11 @@ def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, o
         Speed (n_sample * oversampling, ...) [rad/s].
     """
     n_sample = angle.shape[0]
-    spectrum = np.fft.rfft(angle, axis=0)
+    spectrum = rfft(angle, axis=0)
     omega = 2 * np.pi * np.fft.rfftfreq(n_sample, sampling_period_s)
     omega = np.where(omega <= 2 * np.pi * cut_hz, omega, 0.0)
     rate = 1j * omega.reshape(-1, *(1,) * (angle.ndim - 1))
-    return np.asarray(np.fft.irfft(rate * spectrum, n_sample * oversampling, axis=0) * oversampling)
+    return np.asarray(irfft(rate * spectrum, n_sample * oversampling, axis=0) * oversampling)
 
 
 def friction_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:
@@ -140,7 +142,7 @@ def friction_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw])
 
 
 def _bristle_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:
-    presliding, coulomb = _values(laws, "presliding_rad"), _values(laws, "coulomb_nm")
+    presliding, coulomb = _values(laws, "presliding_rad", speed.dtype), _values(laws, "coulomb_nm", speed.dtype)
     mean_speed = np.roll(speed, -1, axis=0)
     mean_speed += speed
     mean_speed *= 0.5
@@ -156,7 +158,8 @@ def _bristle_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw])
 
 
 def _curve_torque(speed: FloatArray, _step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:
-    level = _values(laws, "coulomb_nm") * np.tanh(speed / _values(laws, "smoothing_rad_s"))
+    coulomb, smoothing = _values(laws, "coulomb_nm", speed.dtype), _values(laws, "smoothing_rad_s", speed.dtype)
+    level = coulomb * np.tanh(speed / smoothing)
     return np.asarray(level * _stribeck(speed, laws))
 
 
@@ -174,7 +177,7 @@ def periodic_recurrence(decay: FloatArray, drive: FloatArray) -> FloatArray:
     shape = (n_stretch, len(decay) // n_stretch, *decay.shape[1:])
     factors, additions = decay.reshape(shape), drive.reshape(shape)
     # All stretches at once from rest; then what each hands on to the next.
-    gain, total = np.ones((n_stretch, *shape[2:])), np.zeros((n_stretch, *shape[2:]))
+    gain, total = np.ones((n_stretch, *shape[2:]), decay.dtype), np.zeros((n_stretch, *shape[2:]), decay.dtype)
     for step in range(shape[1]):
         total *= factors[:, step]
         total += additions[:, step]
@@ -183,7 +186,7 @@ def periodic_recurrence(decay: FloatArray, drive: FloatArray) -> FloatArray:
     state[0] = _fixed_point(gain, total)
     for stretch in range(1, n_stretch):
         state[stretch] = gain[stretch - 1] * state[stretch - 1] + total[stretch - 1]
-    result = np.empty(shape)
+    result = np.empty(shape, decay.dtype)
     for step in range(shape[1]):
         result[:, step] = state
         state *= factors[:, step]
@@ -201,9 +204,9 @@ def _fixed_point(gain: FloatArray, total: FloatArray) -> FloatArray:
 
 def _stribeck(speed: FloatArray, laws: Sequence[TorqueLaw]) -> FloatArray:
     """Level over the Coulomb level."""
-    coulomb, static = _values(laws, "coulomb_nm"), _values(laws, "static_nm")
+    coulomb, static = _values(laws, "coulomb_nm", speed.dtype), _values(laws, "static_nm", speed.dtype)
     excess = np.divide(static, coulomb, out=np.ones_like(coulomb), where=coulomb > 0) - 1
-    curve = speed / _values(laws, "stribeck_rad_s")
+    curve = speed / _values(laws, "stribeck_rad_s", speed.dtype)
     curve *= -curve
     np.exp(curve, out=curve)
     curve *= excess
@@ -211,5 +214,5 @@ def _stribeck(speed: FloatArray, laws: Sequence[TorqueLaw]) -> FloatArray:
     return curve
 
 
-def _values(laws: Sequence[TorqueLaw], name: str) -> FloatArray:
-    return np.array([getattr(law, name) for law in laws])
+def _values(laws: Sequence[TorqueLaw], name: str, dtype: DTypeLike) -> FloatArray:
+    return np.array([getattr(law, name) for law in laws], dtype)

@@ -16,7 +16,7 @@ from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.frf.checks import is_finding
-from robid.frf.estimate import estimate_frf
+from robid.frf.estimate import READS_REFERENCE, estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
 from robid.frf.options import EstimateOptions
 from robid.frf.silent import LawEstimate, combine_laws, identify_laws, start_laws
@@ -98,7 +98,8 @@ def _identified(
 
 
 def _estimate_part(task: _Task) -> _Brief:
-    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index))
+    unread = () if task.options.estimator in READS_REFERENCE else ("reference",)
+    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index, leave_out=unread))
     frf = estimate_frf(record, task.options, task.laws, task.delay_s)
     frf = replace(frf, notes=(*frf.notes, *task.notes))
     task.parts.write(task.index, frf_to_artifact(frf, Provenance(stage=STAGE.name)))
@@ -131,7 +132,12 @@ def stated_laws(
     """Returns the robot file's torque laws and the delay [s], where these options compensate."""
     if options.compensation == "none":
         return None, 0.0
-    return tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints), delay_s(loaded, campaign)
+    laws = tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints)
+    acquire = None if campaign.source is None else campaign.source.acquire
+    if acquire is not None and any(channel.normalised for channel in acquire.inputs):
+        # Levels in N m say nothing about a current with an unknown torque constant.
+        laws = tuple(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0) for law in laws)
+    return laws, delay_s(loaded, campaign)
 
 
 def stated_law(motor: Motor) -> TorqueLaw:

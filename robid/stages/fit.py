@@ -11,6 +11,7 @@ import numpy as np
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
+from robid.fit.bootstrap import bootstrap_tasks
 from robid.fit.elastic import fit_elastic
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
@@ -64,7 +65,7 @@ def _run(job: Job) -> str:
     campaign = job.loaded.experiment.campaigns[fit.campaign]
     frf = read_frf(fit, job.inputs)
     robot = job.loaded.robot.to_robot(campaign.payload_kg)
-    job.progress.expect(fit.starts, "starts")
+    job.progress.expect(fit.starts + bootstrap_tasks(fit.bootstrap), "tasks" if fit.bootstrap else "starts")
 
     def told(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
         return job.map(function, tasks, lambda _index, _result: job.progress.advance())

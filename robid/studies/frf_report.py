@@ -111,7 +111,7 @@ def _estimator_section(
     honesty = [(one.name, one.std_ratio_hz) for one in estimators]
     figures = (
         _figure("Error on the diagonal", "Relative error, median", frequency, error),
-        _figure("Reported over true standard deviation, diagonal", "Ratio, median", frequency, honesty),
+        _figure("Reported over true standard deviation, diagonal", "Ratio, median", frequency, honesty, log_y=False),
     )
     return Section("Estimators", lead, (_estimator_table(estimators, campaign.estimate.estimator, group),), figures)
 
@@ -162,6 +162,9 @@ def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: i
     return Section("Compensation", lead, (Table(("Compensation", *heads), rows, caption=caption),), (figure,))
 
 
-def _figure(title: str, y_title: str, frequency: FloatArray, curves: Sequence[tuple[str, FloatArray]]) -> Figure:
+def _figure(
+    title: str, y_title: str, frequency: FloatArray, curves: Sequence[tuple[str, FloatArray]], *, log_y: bool = True
+) -> Figure:
     x = tuple(frequency.tolist())
-    return Figure(title, "Frequency [Hz]", y_title, tuple(Curve(name, x, tuple(y.tolist())) for name, y in curves))
+    known = tuple(Curve(name, x, tuple(y.tolist())) for name, y in curves if any(map(math.isfinite, y)))
+    return Figure(title, "Frequency [Hz]", y_title, known, log_y=log_y)

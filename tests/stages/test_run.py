@@ -5,9 +5,11 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.record import RECORD
 from robid.artifacts.store import read_artifact
 from tolerances import RECOVERY_SIGMA
 
@@ -76,6 +78,25 @@ def test_friction_identified_at_the_silent_lines(shop):
     assert summary["fits.elastic.springs.worst_error"] < 0.02
 
 
+def test_fewer_experiments_than_motors_run_to_the_end(shop):
+    for _ in range(2):
+        shop.change("{compensation: nominal}", "{compensation: nominal, estimator: local_periodic}")
+    shop.change(
+        "    realizations: 2\n    periods: 2\n    source:\n",
+        "    realizations: 2\n    experiments: 1\n    periods: 2\n    source:\n",
+    )
+    shop.change(
+        "    realizations: 2\n    periods: 2\n    source: {",
+        "    realizations: 2\n    experiments: 1\n    periods: 2\n    source: {",
+    )
+    shop.change("count: 14", "count: 17, spacing: linear")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code in (0, 5), answer.err
+    frf = frf_from_artifact(read_artifact(shop.runs / "estimation/frf.h5", FRF))
+    assert np.isfinite(frf.response).all()
+    assert read_artifact(shop.runs / "estimation/record.h5", RECORD).datasets["torque"].values.shape[:3] == (2, 2, 1)
+
+
 def test_too_few_silent_lines_are_a_data_error(shop):
     shop.change("count: 14", "count: 34, grid: full, detection_share: 0")
     shop.change("{compensation: nominal}", "{compensation: silent_lines}")
@@ -90,6 +111,21 @@ def test_a_run_ends_with_table_verdict_and_report(done):
     assert answer.code == 0
     for text in ("gear_turn", "kN m/rad", "2 of 2 springs identified within ±", "runs/small/report.html"):
         assert text in answer.out
+
+
+def test_a_bootstrap_stands_beside_the_intervals(done):
+    done.change("starts: 2", "starts: 2, bootstrap: 25")
+    answer = done.robid("run", "small.yaml")
+    assert answer.code == 0, answer.err
+    assert "bootstrap over realizations gives intervals" in answer.flat + answer.out
+    assert '<th scope="col" class="n">Bootstrap</th>' in (done.runs / "report.html").read_text()
+    summary = json.loads((done.runs / "summary.json").read_text())
+    spring = "fits.elastic.parameters.gear_lift.stiffness"
+    assert summary[f"{spring}.bootstrap_lower"] < summary[f"{spring}.estimate"] < summary[f"{spring}.bootstrap_upper"]
+    assert 0 < summary[f"{spring}.realization_relative_std"] < 0.1
+    assert 0 <= summary["fits.elastic.model_error.share_above"] <= 1
+    assert 0 <= summary["fits.elastic.coverage_bootstrap"] <= 1
+    assert summary["fits.elastic.undetermined"] == 0
 
 
 def test_a_second_run_does_nothing(done):

@@ -8,7 +8,7 @@ import pytest
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, logarithmic_mean
 from robid.frf.covariance import inverse_covariance, pool, sample_covariance
-from robid.frf.estimate import concatenate, estimate_frf
+from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.friction import TorqueLaw
 from robid.signals.multisine import multisine, time_signal
@@ -143,6 +143,25 @@ def test_full_covariance_is_the_scaled_kronecker_product():
     np.testing.assert_allclose(full[2], wanted, rtol=IDENTITY)
     diagonal = np.diagonal(full, axis1=1, axis2=2).real
     np.testing.assert_allclose(diagonal, vec(frf.element_variance()[0]), rtol=IDENTITY)
+
+
+@pytest.mark.parametrize("estimator", ["arithmetic", "logarithmic"])
+def test_realization_errors_are_each_realizations_share(estimator):
+    options = replace(PLAIN, estimator=estimator)
+    record = make_record(noise=1e-5, realizations=4)
+    frf = estimate_frf(record, options)
+    errors = frf.realization_error[0]
+    each = [record.realizations(1, index) for index in range(4)]
+    single = np.stack([estimate_frf(one, options).response[0] for one in each])
+    np.testing.assert_allclose(errors, (single - frf.response[0]) / 4, atol=1e-3 * np.abs(errors).max())
+    assert np.abs(errors.sum(axis=0)).max() < 1e-2 * np.abs(errors).max()
+    # Their squares are the variance, over all lines on average.
+    scatter = (np.abs(errors) ** 2).sum(axis=0) * 4 / 3 / frf.element_variance()[0]
+    np.testing.assert_allclose(scatter.mean(axis=0), 1.0, rtol=1e-6)
+
+
+def test_one_realization_has_no_error_of_its_own():
+    assert estimate_frf(make_record(noise=1e-4, realizations=1), PLAIN).realization_error is None
 
 
 def complex_normal(generator, *shape):
@@ -292,14 +311,3 @@ def test_sensitivity_is_the_derivative(name, estimator):
     found = here.sensitivity[0, here.coefficient_names.index(name)]
     # The derivative is of the arithmetic mean in the torque; both blocks share it to the size of friction squared.
     assert np.abs(found - slope).max() < 0.02 * np.abs(slope).max()
-
-
-def test_configurations_join_in_order():
-    parts = [
-        replace(estimate_frf(make_record(seed=seed, noise=1e-4), PLAIN), configurations=np.full((1, 2), seed))
-        for seed in range(3)
-    ]
-    whole = concatenate(parts)
-    np.testing.assert_array_equal(whole.configurations[:, 0], [0, 1, 2])
-    np.testing.assert_array_equal(whole.response[1], parts[1].response[0])
-    np.testing.assert_array_equal(whole.total_covariance[2], parts[2].total_covariance[0])

@@ -169,11 +169,11 @@ def test_derivatives_of_the_disturbance(kind):
         ]
         return disturbance(motion, laws).torque
 
-    step = 1e-3
+    step = 1e-2
     slope = (torque(step) - torque(-step)) / (2 * step)
     found = disturbance(motion, (BRISTLE, CURVE)).derivative[KINDS.index(kind)]
-    # The derivative by shape is a secant over 5 %.
-    tolerance = 0.06 if kind == "shape" else 1e-5
+    # The derivative by shape is a secant over 5 %; friction has single precision.
+    tolerance = 0.06 if kind == "shape" else 3e-5
     assert np.abs(found - slope).max() < tolerance * np.abs(slope).max()
 
 
