@@ -2,7 +2,7 @@
 
 Schema history:
     1.0: first version.
-    1.1: tied parameters.
+    1.1: tied parameters; `undetermined`, `model_error`, deviations from realizations and from the bootstrap.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ MODEL = Kind("model", "1.1", "robid fit")
 
 _PARAMETER, _START, _TIED = ("parameter",), ("start",), ("tied",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
+_ELEMENT = ("configuration", "output", "input")
 _OWN = "as in units"
 _TABLE = {
     "names": Column("1", _PARAMETER),
@@ -40,6 +41,16 @@ _TABLE = {
     "frequency_hz": Column("Hz", ("frequency",), "Frequencies of the fit"),
     "measured": Column("rad/s^2 per torque", _RESPONSE, "Response after the fitted friction compensation"),
     "modelled": Column("rad/s^2 per torque", _RESPONSE, "Parametric response"),
+    "undetermined": Column("1", ("combination",), "What the data do not determine"),
+    "model_error/ratio": Column("1", _ELEMENT, "Cost by the covariance alone over its expectation"),
+    "model_error/limit": Column("1", _ELEMENT, "What an exact model exceeds in 5 % of all cases"),
+    "model_error/level": Column("1", _ELEMENT, "Relative model error beyond the covariance, 0 within the limit"),
+    "model_error/correlation": Column("1", _ELEMENT, "Correlation of residuals at neighbouring lines"),
+    "model_error/correlation_limit": Column("1", _ELEMENT, "What white residuals exceed in 5 % of all cases"),
+    "realization_relative_std": Column("1", _PARAMETER, "Relative deviation from each realization's influence"),
+    "bootstrap_relative_std": Column("1", _PARAMETER, "Relative deviation from repeated fits"),
+    "bootstrap_lower": Column(_OWN, _PARAMETER, "Lower end of the bootstrap's interval"),
+    "bootstrap_upper": Column(_OWN, _PARAMETER, "Upper end of the bootstrap's interval"),
     "tied_names": Column("1", _TIED, "Parameters that follow another one"),
     "tied_to": Column("1", _TIED, "Name of that one"),
     "tied_nominal": Column("as of tied_to", _TIED, "Values of the robot file"),

@@ -50,7 +50,7 @@ def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], 
     known = ", ".join(sorted(kind_of))
     unknown = [name for name in options.fixed if name not in kind_of]
     problems = [f"`fixed` names `{name}`, which is not free (free: {known})" for name in unknown]
-    problems += name_problems(options, free)
+    problems += [f"`{section}`: {problem}" for section, problem in name_problems(options, free)]
     for kind in LOGARITHMIC:
         values = getattr(nominal, kind)
         problems += [
@@ -63,8 +63,8 @@ def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], 
         raise SettingsError("; ".join(problems), where="fit", remedy=remedy)
 
 
-def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[str]:
-    """Says what is wrong with `tied` and `bounds`, a sentence each.
+def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Says what is wrong with `tied` and `bounds`: which of the two, and a sentence.
 
     Args:
         options: Options of the fit.
@@ -74,18 +74,18 @@ def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[str]
     for name, leader in options.tied.items():
         missing = [f"`{each}`" for each in (name, leader) if each not in free]
         if missing:
-            problems.append(f"`tied` names {' and '.join(missing)}, which is not estimated")
+            problems.append(("tied", f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not estimated"))
         elif leader in options.tied:
-            problems.append(f"`tied` ties `{name}` to `{leader}`, which is tied itself")
+            problems.append(("tied", f"`{name}` cannot follow `{leader}`, which is tied itself"))
         elif free[name] != free[leader]:
-            problems.append(f"`tied` ties `{name}` to `{leader}`, which is of another kind")
+            problems.append(("tied", f"`{name}` cannot follow `{leader}`, which is of another kind"))
     for name, (low, high) in options.bounds.items():
         if name not in free:
-            problems.append(f"`bounds` names `{name}`, which is not estimated")
+            problems.append(("bounds", f"`{name}` is not estimated"))
         elif name in options.tied:
-            problems.append(f"`bounds` names `{name}`, which is tied: bound `{options.tied[name]}`")
+            problems.append(("bounds", f"`{name}` is tied: bound `{options.tied[name]}`"))
         if not low < high:
-            problems.append(f"`bounds` of `{name}` leave nothing between {low:g} and {high:g}")
+            problems.append(("bounds", f"`{name}` has nothing between {low:g} and {high:g}"))
     return problems
 
 

@@ -16,11 +16,12 @@ Optimizer = Literal["levenberg", "scipy", "nlopt", "nlopt_global"]
 class Weights:
     """Weights of the residual."""
 
-    kind: Literal["user", "optimal", "optimal_full", "inflated"] = field(
+    kind: Literal["user", "optimal", "optimal_full", "inflated", "estimated"] = field(
         default="inflated",
         metadata={
             "description": "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
-            " included; 1/(variance + model error)."
+            " included; 1/(variance + model error); the same with the model error that the residuals of each"
+            " element show, after a first fit by `inflated`."
         },
     )
     off_diagonal: float = field(
@@ -28,7 +29,8 @@ class Weights:
     )
     low_cut_hz: float = field(default=0.0, metadata={"description": "Lines below get no weight [Hz].", "ge": 0})
     model_error: float = field(
-        default=0.02, metadata={"description": "Relative model error that `inflated` adds.", "ge": 0}
+        default=0.02,
+        metadata={"description": "Relative model error that `inflated` adds, and `estimated` at first.", "ge": 0},
     )
 
 
@@ -110,6 +112,14 @@ class ElasticOptions:
         metadata={
             "description": "Predicted relative deviation up to which a parameter counts as identifiable.",
             "gt": 0,
+        },
+    )
+    bootstrap: int = field(
+        default=0,
+        metadata={
+            "description": "Fits repeated on realizations weighted anew, for intervals that assume nothing about how"
+            " a realization's errors are correlated; 0 for none.",
+            "ge": 0,
         },
     )
     confidence: float = field(default=0.95, metadata={"description": "Level of the intervals.", "gt": 0, "lt": 1})

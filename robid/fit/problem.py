@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.friction import FrictionMove, friction_move
 from robid.fit.levenberg import Normal
 from robid.fit.normal import SymmetricNormal
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
-from robid.fit.weights import make_weights, make_whitening
+from robid.fit.weights import assumed_error, make_weights, make_whitening
 from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
@@ -30,7 +31,7 @@ class Problem:
         parameters: What is estimated.
         estimator: `lls`, `nls`, or `llsm`, whose residual is real.
         weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
-        model_error: Relative model error that the weights assume.
+        model_error: Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in).
         whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line, rows of the
             response one after the other, where errors of its elements are correlated; None for `weight` alone.
     """
@@ -40,7 +41,7 @@ class Problem:
     parameters: ParameterMap
     estimator: str
     weight: FloatArray
-    model_error: float
+    model_error: FloatArray
     whitening: ComplexArray | None = None
 
     @cached_property
@@ -51,6 +52,11 @@ class Problem:
         """Leaves the working memory of `_symmetric` behind."""
         return {name: value for name, value in self.__dict__.items() if name != "_symmetric"}
 
+    @cached_property
+    def friction(self) -> FrictionMove:
+        """How the measured response follows the friction scales."""
+        return friction_move(self.frf)
+
     def model_response(self, internal: FloatArray) -> ComplexArray:
         """Parametric response (n_conf, n_freq, n_out, n_in)."""
         values = self.parameters.parameters(internal)
@@ -59,14 +65,11 @@ class Problem:
     def measured(self, internal: FloatArray) -> ComplexArray:
         """Measured response, friction compensation moved by the estimated friction scales."""
         count = self.parameters.n_friction
-        if count == 0:
-            return self.frf.response
-        return np.asarray(self.frf.response + np.einsum("s,csfoi->cfoi", internal[-count:], self.frf.sensitivity))
+        return self.friction.moved(internal[-count:]) if count else self.frf.response
 
     def measured_slopes(self, internal: FloatArray) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in, n_friction) of the measured response by the friction scales."""
-        del internal
-        return np.moveaxis(self.frf.sensitivity, 1, -1)
+        return self.friction.slopes(internal[-self.parameters.n_friction :])
 
     def residual(self, internal: FloatArray, modelled: ComplexArray) -> ComplexArray:
         """Residual (n_conf, n_freq, n_out, n_in), Wernholt and Moberg (2008) eq. 4c or 7c, or its real part."""
@@ -82,6 +85,15 @@ class Problem:
             return np.asarray(np.sqrt(self.weight).reshape(*self.weight.shape, *trailing) * values)
         stacked = values.reshape(*values.shape[:2], self.whitening.shape[-1], -1)
         return np.asarray((self.whitening @ stacked).reshape(values.shape))
+
+    def fully_weighted(self, values: ComplexArray) -> ComplexArray:
+        """The same times the weights themselves."""
+        trailing = (1,) * (values.ndim - 4)
+        if self.whitening is None:
+            return np.asarray(self.weight.reshape(*self.weight.shape, *trailing) * values)
+        adjoint = np.swapaxes(self.whitening.conj(), -1, -2)
+        stacked = self.weighted(values).reshape(*values.shape[:2], adjoint.shape[-1], -1)
+        return np.asarray((adjoint @ stacked).reshape(values.shape))
 
     def cost(self, internal: FloatArray) -> float:
         """Weighted cost, eq. 4b or 7b, with half the squared deviations from what is known beforehand."""
@@ -155,8 +167,11 @@ def make_problem(
     parameters: ParameterMap,
     options: ElasticOptions,
     internal: FloatArray | None = None,
+    level: FloatArray | None = None,
 ) -> tuple[Problem, int]:
     """Sets up the problem; where fitted internal values are known, the weights follow the fitted response.
+
+    Weights `estimated` allow for the relative model error `level` (n_conf, n_out, n_in) of each element.
 
     Returns:
         The problem and the number of elements that the logarithm drops.
@@ -166,9 +181,9 @@ def make_problem(
         values = parameters.parameters(internal)
         fitted = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
     size = None if fitted is None else np.abs(fitted)
-    weight, dropped = make_weights(frf, options.weights, options.estimator, size)
+    weight, dropped = make_weights(frf, options.weights, options.estimator, size, level)
     whitening = None
     if options.weights.kind == "optimal_full":
         whitening = make_whitening(frf, weight > 0, options.estimator, fitted)
-    model_error = options.weights.model_error if options.weights.kind == "inflated" else 0.0
+    model_error = assumed_error(options.weights, level)
     return Problem(frf, model, parameters, options.estimator, weight, model_error, whitening), dropped

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.fit.model_error import ModelError
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,13 @@ class Solution:
         frequency_hz (n_freq,): Frequencies of the fit [Hz].
         measured (n_conf, n_freq, n_out, n_in): Response after the fitted friction compensation.
         modelled (n_conf, n_freq, n_out, n_in): Parametric response.
+        undetermined: Combinations of parameters that the data do not determine, a sentence each.
+        model_error: The residual of each element against its expectation; None without a covariance.
+        realization_relative_std (n_param,): As `relative_std`, from what each realization does to the parameters
+            instead of the structured covariance; None without realizations.
+        bootstrap_relative_std (n_param,): The same from repeated fits; None without a bootstrap.
+        bootstrap_lower (n_param,): Lower end of the bootstrap's interval.
+        bootstrap_upper (n_param,): Upper end of the bootstrap's interval.
         tied_names: Parameters that follow another one.
         tied_to: Name of that one.
         tied_nominal (n_tied,): Their values in the robot file.
@@ -81,6 +89,12 @@ class Solution:
     frequency_hz: FloatArray
     measured: ComplexArray
     modelled: ComplexArray
+    undetermined: tuple[str, ...] = ()
+    model_error: ModelError | None = None
+    realization_relative_std: FloatArray | None = None
+    bootstrap_relative_std: FloatArray | None = None
+    bootstrap_lower: FloatArray | None = None
+    bootstrap_upper: FloatArray | None = None
     tied_names: tuple[str, ...] = ()
     tied_to: tuple[str, ...] = ()
     tied_nominal: FloatArray = field(default_factory=lambda: np.zeros(0))

@@ -1,11 +1,62 @@
-"""Parameter covariance: the sandwich of the weighted estimator."""
+"""Parameter covariance: the sandwich of the weighted estimator, from the structured covariance or from realizations."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.fit.problem import Problem
+
+
+@dataclass(frozen=True)
+class Influence:
+    """How errors of the response's elements move the internal parameters, to first order.
+
+    An error `e` of the response moves the parameters by `inverse Re(sum conj(gain) e)`.
+
+    Attributes:
+        gain (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative over the response where the residual is
+            logarithmic.
+        weighted (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative of the residual.
+        inverse (n_param, n_param): Inverse of half the Gauss-Newton Hessian, what is known beforehand included.
+        prior (n_param,): What is known beforehand, as it adds to half the Hessian's diagonal.
+        leverage (n_conf, n_freq, n_out, n_in): Share of each residual that the fit takes away.
+    """
+
+    gain: ComplexArray
+    weighted: ComplexArray
+    inverse: FloatArray
+    prior: FloatArray
+    leverage: FloatArray
+
+    def shifts(self, errors: ComplexArray) -> FloatArray:
+        """Moves (n_conf, ..., n_param) by errors (n_conf, ..., n_freq, n_out, n_in), each configuration's alone."""
+        size = len(errors), -1, int(np.prod(self.gain.shape[1:4]))
+        moved = np.real(errors.reshape(size) @ self.gain.reshape(size[0], size[2], -1).conj()) @ self.inverse
+        return np.asarray(moved.reshape(*errors.shape[:-3], -1))
+
+
+def influence(problem: Problem, internal: FloatArray) -> Influence:
+    """Linearises the estimator.
+
+    Args:
+        problem: The problem with its weights.
+        internal (n_param,): Where to linearise.
+
+    Source:
+        Wernholt and Moberg (2008), eq. 5; of the magnitude alone the real parts of the logarithm's derivatives.
+    """
+    _, derivative = problem.linear(internal)
+    weighted = problem.fully_weighted(derivative)
+    n_param = derivative.shape[-1]
+    prior = 0.5 / problem.parameters.prior_std**2
+    bread = np.real(derivative.reshape(-1, n_param).conj().T @ weighted.reshape(-1, n_param))
+    inverse = np.linalg.pinv(bread + np.diag(prior), rcond=1e-14, hermitian=True)
+    leverage = np.real(np.einsum("cfoip,cfoip->cfoi", weighted.conj() @ inverse, derivative))
+    gain = weighted if problem.estimator == "nls" else weighted / problem.measured(internal).conj()[..., None]
+    return Influence(gain, weighted, inverse, prior, leverage)
 
 
 def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
@@ -19,22 +70,54 @@ def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
         Covariance (n_param, n_param); directions the data do not determine come out large, not infinite.
 
     Source:
-        Wernholt and Moberg (2008), eq. 5 divided by the number of lines, LLS form.
+        Wernholt and Moberg (2008), eq. 5 divided by the number of lines, and its logarithmic forms.
     """
-    _, derivative = problem.linear(internal)
-    weighted = problem.weight[..., None] * derivative
-    n_param = derivative.shape[-1]
-    bread = np.real(derivative.reshape(-1, n_param).conj().T @ weighted.reshape(-1, n_param))
-    error = (problem.model_error * weighted).reshape(-1, n_param)
-    if problem.estimator != "nls":
-        weighted = weighted / problem.measured(internal).conj()[..., None]
-    else:
-        error = error * np.abs(problem.frf.response).reshape(-1, 1)
-    covariance, factor = problem.frf.covariance, problem.frf.input_factor
-    weighted = weighted * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
-    moved = np.einsum("cfop,cfpiq->cfoiq", covariance, weighted, optimize=True)
-    moved = np.einsum("cfij,cfojq->cfoiq", factor, moved, optimize=True)
-    meat = 0.5 * np.real(weighted.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + error.conj().T @ error)
-    precision = 0.5 / problem.parameters.prior_std**2
-    inverse = np.linalg.pinv(bread + np.diag(precision), rcond=1e-14, hermitian=True)
-    return np.asarray(inverse @ (meat + np.diag(0.5 * precision)) @ inverse)
+    return structured_covariance(problem, influence(problem, internal))
+
+
+def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
+    """The sandwich (n_param, n_param) of an estimator that is linearised already."""
+    n_param = found.inverse.shape[0]
+    error = problem.model_error[..., None] * found.weighted
+    if problem.estimator == "nls":
+        error = error * np.abs(problem.frf.response)[..., None]
+    error = error.reshape(-1, n_param)
+    scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
+    moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)
+    moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
+    meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + error.conj().T @ error)
+    return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
+
+
+def realization_shifts(problem: Problem, found: Influence) -> FloatArray | None:
+    """What each realization's own error does to the parameters.
+
+    Their squares sum to the covariance without any assumption about how a realization's errors are correlated over
+    lines and elements; few realizations of few configurations make it uncertain instead.
+
+    Returns:
+        Moves (n_conf, n_real, n_param), scaled for the freedom that the mean took; None without realizations.
+    """
+    errors = problem.frf.realization_error
+    if errors is None:
+        return None
+    n_real = errors.shape[1]
+    return np.asarray(np.sqrt(n_real / (n_real - 1)) * found.shifts(errors))
+
+
+def realization_covariance(found: Influence, shifts: FloatArray) -> FloatArray:
+    """Covariance (n_param, n_param) that the moves of `realization_shifts` and what was known beforehand give."""
+    flat = shifts.reshape(-1, shifts.shape[-1])
+    return np.asarray(flat.T @ flat + 0.5 * (found.inverse * found.prior) @ found.inverse)
+
+
+def realization_freedom(shifts: FloatArray) -> FloatArray:
+    """Degrees of freedom (n_param,) behind the variance of each parameter that moves of realizations give.
+
+    Source:
+        Satterthwaite (1946), each configuration a variance with one freedom less than it has realizations.
+    """
+    variance = (shifts**2).sum(axis=1)
+    own = (variance**2).sum(axis=0) / (shifts.shape[1] - 1)
+    total = variance.sum(axis=0) ** 2
+    return np.asarray(np.divide(total, own, out=np.full_like(total, np.inf), where=own > 0))

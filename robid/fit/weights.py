@@ -12,7 +12,13 @@ from robid.frf.frf import Frf
 _MIN_SNR = 10.0
 
 
-def make_weights(frf: Frf, weights: Weights, estimator: str, size: FloatArray | None = None) -> tuple[FloatArray, int]:
+def make_weights(
+    frf: Frf,
+    weights: Weights,
+    estimator: str,
+    size: FloatArray | None = None,
+    level: FloatArray | None = None,
+) -> tuple[FloatArray, int]:
     """Weights of the squared residuals.
 
     Args:
@@ -21,6 +27,7 @@ def make_weights(frf: Frf, weights: Weights, estimator: str, size: FloatArray | 
         estimator: `lls`, `llsm` or `nls`; the logarithms drop elements below 10 dB.
         size (n_conf, n_freq, n_out, n_in): Magnitude that errors are relative to, the measured one by default.
             A fitted model's is better: noise then does not choose its own weight.
+        level (n_conf, n_out, n_in): Relative model error of each element that `estimated` adds, see `assumed_error`.
 
     Returns:
         Weights (n_conf, n_freq, n_out, n_in) and the number of dropped elements. Without a covariance the
@@ -42,8 +49,7 @@ def make_weights(frf: Frf, weights: Weights, estimator: str, size: FloatArray | 
         base = base / (typical if 0 < typical < np.inf else weights.model_error**2 or 1.0)
         reference = np.broadcast_to(power.mean(axis=(0, 1)), power.shape)
     elif variance.any():
-        floor = weights.model_error**2 if weights.kind == "inflated" else 0.0
-        base = inverse_bias / (relative + floor)
+        base = inverse_bias / (relative + assumed_error(weights, level) ** 2)
     else:
         base = np.full(power.shape, 1 / (weights.model_error**2 or 1.0))
     if estimator == "nls":
@@ -52,6 +58,13 @@ def make_weights(frf: Frf, weights: Weights, estimator: str, size: FloatArray | 
     dropped = np.zeros_like(below) if estimator == "nls" else below
     keep = ~dropped & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
     return np.where(keep, base, 0.0), int(dropped.sum())
+
+
+def assumed_error(weights: Weights, level: FloatArray | None = None) -> FloatArray:
+    """Relative model error that the weights allow for: one number, or (n_conf, 1, n_out, n_in) once estimated."""
+    if weights.kind == "estimated" and level is not None:
+        return level[:, None]
+    return np.asarray(weights.model_error if weights.kind in ("inflated", "estimated") else 0.0)
 
 
 def make_whitening(frf: Frf, kept: BoolArray, estimator: str, fitted: ComplexArray | None = None) -> ComplexArray:

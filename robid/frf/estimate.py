@@ -59,6 +59,7 @@ class _Found:
     total: ComplexArray | None
     total_freedom: float
     derivative: ComplexArray
+    realization_error: ComplexArray | None = None
 
 
 def estimate_frf(
@@ -105,6 +106,7 @@ def estimate_frf(
         response=response[None],
         input_factor=found.estimate.input_factor[None],
         element_scale=found.element_scale[None],
+        realization_error=None if found.realization_error is None else found.realization_error[None],
         total_covariance=None if found.total is None else found.total[None],
         noise_covariance=None if noise is None else noise[None],
         total_degrees_of_freedom=found.total_freedom,
@@ -122,7 +124,7 @@ def estimate_frf(
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_doubt=levels.doubt[None],
-        torque_power=_power(blocks.torque)[None],
+        torque_amplitude=np.concatenate(list(blocks.torque), axis=-1)[None],
     )
 
 
@@ -168,8 +170,10 @@ def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _
     estimate = ESTIMATORS[options.estimator](blocks)
     residual = blocks.acceleration - estimate.response @ blocks.torque
     total, freedom = total_covariance(residual, blocks.torque.shape[2], options.pooled_lines)
-    scale = element_scale(residual @ estimate.weights, estimate.input_factor, total, residual.shape[-1])
-    return _Found(estimate, scale, total, freedom, spectra.removed.derivative)
+    errors = residual @ estimate.weights
+    scale = element_scale(errors, estimate.input_factor, total, residual.shape[-1])
+    each = None if total is None else errors
+    return _Found(estimate, scale, total, freedom, spectra.removed.derivative, each)
 
 
 def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> _Found:
@@ -271,12 +275,6 @@ def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Fo
 def _rms(torque: ComplexArray) -> FloatArray:
     """RMS of each motor over realizations and experiments (n_in,), from its complex amplitudes."""
     return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
-
-
-def _power(torque: ComplexArray) -> ComplexArray:
-    """Mean of `u u^H` (n_freq, n_in, n_in) over realizations and experiments, from the complex amplitudes."""
-    each = torque @ np.swapaxes(torque, -1, -2).conj()
-    return np.asarray(2 * each.mean(axis=0) / torque.shape[-1])
 
 
 def _notes(total: ComplexArray | None, excited: IntArray) -> tuple[str, ...]:

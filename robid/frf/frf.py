@@ -21,6 +21,7 @@ CONFIGURATION_WISE = (
     "response",
     "input_factor",
     "element_scale",
+    "realization_error",
     "total_covariance",
     "noise_covariance",
     "sensitivity",
@@ -30,7 +31,7 @@ CONFIGURATION_WISE = (
     "silent_noise",
     "silent_doubt",
     "uncompensated_response",
-    "torque_power",
+    "torque_amplitude",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -56,6 +57,8 @@ class Frf:
             only one [rad^2/s^4].
         noise_covariance (n_conf, n_freq, n_out, n_out): `C_v` from periods, or None when there is only
             one [rad^2/s^4].
+        realization_error (n_conf, n_real, n_freq, n_out, n_in): What each realization's output residual adds to
+            the response; they sum to nearly zero. None with one realization, or where an estimator has none of its own.
         total_degrees_of_freedom: Complex degrees of freedom behind `total_covariance` (0 if None).
         noise_degrees_of_freedom: The same for `noise_covariance`.
         sensitivity (n_conf, n_coef, n_freq, n_out, n_in): Derivative of `response` with respect to the
@@ -82,8 +85,9 @@ class Frf:
         silent_noise (n_conf, n_silent, n_out): The part of it that is noise, or None with a single period.
         silent_doubt (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
             a level that does not exceed it says nothing.
-        torque_power (n_conf, n_freq, n_in, n_in): Mean of `u u^H` over all experiments, compensation subtracted; the
-            diagonal is each torque's mean square at the line. None in files of older versions [(N m)^2].
+        torque_amplitude (n_conf, n_freq, n_in, n_block): Half the complex amplitude of every torque in every
+            experiment of all realizations, compensation subtracted; its power is twice its square. NaN for an
+            experiment that there is not; None in files of older versions [N m].
     """
 
     frequency_hz: FloatArray
@@ -116,7 +120,8 @@ class Frf:
     silent_level: FloatArray | None = None
     silent_noise: FloatArray | None = None
     silent_doubt: FloatArray | None = None
-    torque_power: ComplexArray | None = None
+    realization_error: ComplexArray | None = None
+    torque_amplitude: ComplexArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""

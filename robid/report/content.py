@@ -41,6 +41,8 @@ class ParameterRow:
         covered: Whether the interval holds the truth, or None without a truth.
         assumed: Whether the nominal value has no published source.
         note: What the reader should know, such as why it is not identifiable.
+        bootstrap: Lower and upper end of the bootstrap's interval, or None.
+        realization_relative_std: Relative deviation from the influence of each realization, or None.
     """
 
     name: str
@@ -56,6 +58,23 @@ class ParameterRow:
     covered: bool | None = None
     assumed: bool = False
     note: str = ""
+    bootstrap: tuple[float, float] | None = None
+    realization_relative_std: float | None = None
+
+
+@dataclass(frozen=True)
+class ElementErrors:
+    """What the residuals of the response's elements hold beyond their covariance.
+
+    Attributes:
+        share_above: Share of the elements whose cost is above its 95 % band.
+        share_correlated: Share of the elements whose residuals are correlated over frequency beyond that band.
+        median_level: Median relative model error of the elements above their band; 0 without any.
+    """
+
+    share_above: float
+    share_correlated: float
+    median_level: float
 
 
 @dataclass(frozen=True)
@@ -141,6 +160,8 @@ class FitContent:
         status: How the fit ended.
         advice: What to do about it; empty when there is nothing to do.
         misfit: Cost over what noise and the assumed model error give; above 1 the intervals are widened by its root.
+        undetermined: Combinations of parameters that the data do not determine, a sentence each.
+        element_errors: The residuals against their covariance, or None where there is none.
         identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
         validation_campaign: Name of the validation campaign.
         validation_frf: Its frequency responses, or None.
@@ -160,6 +181,8 @@ class FitContent:
     status: str = ""
     advice: str = ""
     misfit: float = 0.0
+    undetermined: tuple[str, ...] = ()
+    element_errors: ElementErrors | None = None
     identifiable_relative_std: float | None = None
     validation_campaign: str = ""
     validation_frf: Frf | None = None

@@ -49,6 +49,7 @@ class ParameterLine:
     assumed: bool
     identifiable: bool
     note: str
+    bootstrap: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,33 @@ def widened_sentence(fit: FitContent) -> str:
     )
 
 
+def bootstrap_sentence(fit: FitContent) -> str:
+    """Compares the bootstrap's intervals with the tabled ones; empty without a bootstrap."""
+    ratios = [
+        (row.bootstrap[1] - row.bootstrap[0]) / (row.upper - row.lower)
+        for row in fit.parameters
+        if row.bootstrap is not None and row.identifiable and row.upper > row.lower
+    ]
+    if not ratios:
+        return ""
+    return (
+        f"The bootstrap over realizations gives intervals {significant(median(ratios), 2)} times as wide (median; "
+        f"{significant(min(ratios), 2)} to {significant(max(ratios), 2)})."
+    )
+
+
+def element_sentence(fit: FitContent) -> str:
+    """Says what the residuals hold beyond their covariance; empty where that is unknown."""
+    errors = fit.element_errors
+    if errors is None:
+        return ""
+    level = f", where the model is off by {percent(errors.median_level)} (median)" if errors.median_level > 0 else ""
+    return (
+        f"Beyond their covariance are {percent(errors.share_above)} of the elements{level}; the residuals of "
+        f"{percent(errors.share_correlated)} are correlated over frequency. Of an exact model 5 % would be either."
+    )
+
+
 def parameter_line(row: ParameterRow, threshold: float | None = None) -> ParameterLine:
     """Writes a parameter; a row that is not identifiable says why."""
     if row.kind == NUISANCE:
@@ -106,6 +134,7 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         assumed=row.assumed,
         identifiable=row.identifiable,
         note=row.note if row.identifiable else _reason(row, threshold),
+        bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
     )
 
 

@@ -12,6 +12,7 @@ from robid.report.content import FitContent
 from robid.report.tables import (
     NUISANCE,
     ParameterLine,
+    bootstrap_sentence,
     kind_title,
     parameter_line,
     ratio_sentence,
@@ -55,6 +56,7 @@ def parameter_table(fit: FitContent) -> Group:
                 line = parameter_line(row, fit.identifiable_relative_std)
                 table.add_row(*_cells(line, with_truth=with_truth), style=None if row.identifiable else "dim")
                 footnotes += [f"{title}, {line.name}: {line.note}"] if line.note else []
+    footnotes += [bootstrap_sentence(fit), *(f"{sentence}." for sentence in fit.undetermined)]
     nuisances = len(fit.parameters) - len(rows)
     footnotes += [f"{nuisances} more, of friction and ripple, are in the report"] if nuisances else []
     return _with_notes(table, footnotes)

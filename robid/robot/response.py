@@ -126,7 +126,7 @@ def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearMo
     if not parameters.cubic.any() and model.rest.moves is None:
         rest = model.rest
         stiffness = np.broadcast_to(parameters.stiffness, rest.deflection.shape)
-        return model, Springs(stiffness, rest.deflection, np.zeros_like(rest.deflection), np.zeros((len(stiffness), 0)))
+        return model, Springs(stiffness, rest.deflection, np.zeros((len(stiffness), 0)))
     springs = settle_springs(model.rest, parameters.springs)
     moves = model.rest.moves
     if moves is None:

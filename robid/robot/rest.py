@@ -44,6 +44,8 @@ class Rest:
         location (3 n_spring,): Locations of the springs, in their joints' frames [m].
         power (n_conf, n_line, n_spring): Mean square torque that the excitation sends through each spring [(N m)^2].
         omega (n_line,): Angular frequencies of these [rad/s].
+        shape (n_conf, n_spring): The swing's effect on the slope over that of a normal signal: for all of it
+            `E[x^4] / (3 E[x^2]^2)`.
         moves: How the linearised matrices move; None where they are taken as constant.
     """
 
@@ -53,6 +55,7 @@ class Rest:
     location: FloatArray
     power: FloatArray
     omega: FloatArray
+    shape: FloatArray
     moves: Moves | None = None
 
 
@@ -63,13 +66,11 @@ class Springs:
     Attributes:
         stiffness (n_conf, n_spring): Expected slopes [N m/rad].
         deflection (n_conf, n_spring): Mean deflections [rad].
-        variance (n_conf, n_spring): Mean square deflections about them [rad^2].
         displacement (n_conf, n_move): Distance from where `Moves` was taken [rad, m]; n_move is 0 without it.
     """
 
     stiffness: FloatArray
     deflection: FloatArray
-    variance: FloatArray
     displacement: FloatArray
 
 
@@ -103,13 +104,29 @@ class SpringSlopes:
     displacement: FloatArray
 
 
+@dataclass(frozen=True)
+class Swing:
+    """Mean square `v` of the deflections about their mean, with derivatives; (n_conf, n_spring) each.
+
+    Attributes:
+        variance: The mean square [rad^2].
+        by_stiffness: Its derivative with respect to the expected slope.
+        by_damping: Its derivative with respect to the damping.
+    """
+
+    variance: FloatArray
+    by_stiffness: FloatArray
+    by_damping: FloatArray
+
+
 def settle_springs(rest: Rest, values: SpringValues) -> Springs:
     """Finds mean deflections and expected slopes under gravity and excitation.
 
-    A cubic spring `k1 d + k3 d^3` that swings about `d0` with the mean square `v` shows the slope
-    `k1 + 3 k3 (d0^2 + v)` and the mean torque `k1 d0 + k3 (d0^3 + 3 d0 v)`. The torque through it is measured, so `v`
-    is that torque's power over the squared dynamic stiffness of spring and damper. Gravity is linear about the rest
-    that it was taken at.
+    A cubic spring `k1 d + k3 d^3` that swings by `x` about `d0` has the mean torque `k1 d0 + k3 (d0^3 + 3 d0 v)` with
+    `v = E[x^2]`, and shows the slope of the regression of its torque on `x`: `k1 + 3 k3 (d0^2 + s v)`, where
+    `s = E[x^4] / (3 v^2)` is 1 for a normal signal and less for one of low crest factor or few lines. The torque
+    through it is measured, so `v` is its power over the squared dynamic stiffness of spring and damper. Gravity is
+    linear about the rest that it was taken at.
 
     Args:
         rest: What the springs carry.
@@ -119,23 +136,21 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
         The springs; not finite where a softening one gives way.
 
     Source:
-        METHODS sec. 1 (Linearisation); the describing function of a cubic for a normal signal.
+        METHODS sec. 1 (Linearisation), for signals that need not be normal.
     """
     deflection, shift = rest.deflection.copy(), _shift(rest, values)
     n = deflection.shape[1]
-    variance = np.zeros_like(deflection)
+    ratio = 1 + 3 * values.cubic / values.stiffness * deflection**2
     for _ in range(_NEWTON_STEPS):
-        force, spread, matrix = _equations(rest, values, deflection, variance, shift)
-        with np.errstate(all="ignore"):
-            finite = np.isfinite(matrix).all() and np.isfinite(force).all() and np.isfinite(spread).all()
-        if not finite:
+        swing = swing_of(rest, values, ratio * values.stiffness)
+        residual, matrix = _equations(rest, values, deflection, ratio, swing, shift)
+        if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
             break
-        step = np.linalg.solve(matrix, np.concatenate([force, spread], axis=1)[..., None])[..., 0]
-        deflection, variance = deflection - step[:, :n], variance - step[:, n:]
-        if _small(step[:, :n], deflection, 1e-6) and _small(step[:, n:], variance, 1e-12):
-            found = _springs(rest, values, deflection, variance)
-            if (found.stiffness > 0).all():
-                return found
+        step = np.linalg.solve(matrix, residual[..., None])[..., 0]
+        deflection, ratio = deflection - step[:, :n], ratio - step[:, n:]
+        if _small(step[:, :n], deflection, 1e-6) and _small(step[:, n:], ratio, 1.0):
+            if (ratio > 0).all():
+                return _springs(rest, values, deflection, ratio)
             break
     lost = np.full_like(deflection, np.nan)
     return _springs(rest, values, lost, lost)
@@ -149,38 +164,55 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
         values: Parameter values.
         springs: What `settle_springs` found for them.
     """
-    d, v, k = springs.deflection, springs.variance, springs.stiffness
-    n_conf, n = d.shape
-    matrix = _equations(rest, values, d, v, _shift(rest, values))[2]
-    spread, rate = _spread_slopes(rest, values, k)
-    mean_square = d**2 + v
-    n_location = values.location.size
-    torque = np.zeros((n_conf, n, n_location))
+    d, k1, k3 = springs.deflection, values.stiffness, values.cubic
+    n = d.shape[1]
+    ratio = springs.stiffness / k1
+    swing = swing_of(rest, values, springs.stiffness)
+    matrix = _equations(rest, values, d, ratio, swing, _shift(rest, values))[1]
+    torque = np.zeros((*d.shape, values.location.size))
     if rest.moves is not None:
         torque[:, :, rest.moves.located] = np.swapaxes(rest.moves.torque, 1, 2)
-    none = np.zeros((n_conf, n, n))
+    mean_square = d**2 + rest.shape * swing.variance
     right = {
-        "stiffness": (_diagonal(d), _diagonal(spread), _diagonal(np.ones_like(d))),
-        "cubic": (_diagonal(d**3 + 3 * v * d), _diagonal(spread * 3 * mean_square), _diagonal(3 * mean_square)),
-        "damping": (none, _diagonal(rate), none),
-        "location": (torque, np.zeros_like(torque), np.zeros_like(torque)),
+        # The ratio's own equation holds `k1` below the cubic coefficient and in the slope that it stands for.
+        "stiffness": (
+            _diagonal(d + 3 * k3 * d * swing.by_stiffness * ratio),
+            _diagonal(3 * k3 / k1**2 * mean_square - 3 * k3 / k1 * rest.shape * swing.by_stiffness * ratio),
+        ),
+        "cubic": (_diagonal(d**3 + 3 * swing.variance * d), _diagonal(-3 / k1 * mean_square)),
+        "damping": (
+            _diagonal(3 * k3 * d * swing.by_damping),
+            _diagonal(-3 * k3 / k1 * rest.shape * swing.by_damping),
+        ),
+        "location": (torque, np.zeros_like(torque)),
     }
     slopes = {}
-    for kind, (force, variance, direct) in right.items():
-        moved = -np.linalg.solve(matrix, np.concatenate([force, variance], axis=1))
-        by_load = 3 * values.cubic[:, None] * (2 * d[..., None] * moved[:, :n] + moved[:, n:])
-        slopes[kind] = SpringSlopes(direct + by_load, _displacement_slopes(rest, moved[:, :n], kind))
+    for kind, (force, own) in right.items():
+        moved = -np.linalg.solve(matrix, np.concatenate([force, own], axis=1))
+        stiffness = k1[:, None] * moved[:, n:]
+        if kind == "stiffness":
+            stiffness = stiffness + _diagonal(ratio)
+        slopes[kind] = SpringSlopes(stiffness, _displacement_slopes(rest, moved[:, :n], kind))
     return slopes
 
 
-def _springs(rest: Rest, values: SpringValues, deflection: FloatArray, variance: FloatArray) -> Springs:
+def swing_of(rest: Rest, values: SpringValues, stiffness: FloatArray) -> Swing:
+    """How far springs of some expected slope (n_conf, n_spring) swing under the power that goes through them."""
+    square = rest.omega[:, None] ** 2
+    dynamic = stiffness[:, None] ** 2 + square * values.damping**2
+    lines = rest.power / dynamic
+    by_dynamic = -2 * lines / dynamic
+    by_damping = (square * by_dynamic).sum(axis=1) * values.damping
+    return Swing(lines.sum(axis=1), stiffness * by_dynamic.sum(axis=1), by_damping)
+
+
+def _springs(rest: Rest, values: SpringValues, deflection: FloatArray, ratio: FloatArray) -> Springs:
     displacement = np.zeros((len(deflection), 0))
     if rest.moves is not None:
         located = (values.location - rest.location)[rest.moves.located]
         across = np.broadcast_to(located, (len(deflection), located.size))
         displacement = np.concatenate([deflection - rest.deflection, across], axis=1)
-    stiffness = values.stiffness + 3 * values.cubic * (deflection**2 + variance)
-    return Springs(stiffness, deflection, variance, displacement)
+    return Springs(values.stiffness * ratio, deflection, displacement)
 
 
 def _displacement_slopes(rest: Rest, deflection: FloatArray, kind: str) -> FloatArray:
@@ -201,29 +233,23 @@ def _shift(rest: Rest, values: SpringValues) -> FloatArray:
 
 
 def _equations(
-    rest: Rest, values: SpringValues, deflection: FloatArray, variance: FloatArray, shift: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residuals of mean torque and mean square deflection, and their derivative (n_conf, 2 n, 2 n)."""
-    cubic = values.cubic
-    slope = values.stiffness + 3 * cubic * (deflection**2 + variance)
-    moved = np.einsum("cst,ct->cs", rest.gradient, deflection - rest.deflection)
-    own = values.stiffness * deflection + cubic * deflection * (deflection**2 + 3 * variance)
-    dynamic = slope[:, None] ** 2 + (rest.omega[:, None] * values.damping) ** 2
-    spread, _ = _spread_slopes(rest, values, slope)
+    rest: Rest, values: SpringValues, deflection: FloatArray, ratio: FloatArray, swing: Swing, shift: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals (n_conf, 2 n) of mean torque and of slope over linear stiffness, and their derivative."""
+    k1, k3, d = values.stiffness, values.cubic, deflection
+    moved = np.einsum("cst,ct->cs", rest.gradient, d - rest.deflection)
+    torque = k1 * d + k3 * d * (d**2 + 3 * swing.variance) + rest.torque + shift + moved
+    slope = ratio - 1 - 3 * k3 / k1 * (d**2 + rest.shape * swing.variance)
     matrix = np.block(
         [
-            [_diagonal(slope) + rest.gradient, _diagonal(3 * cubic * deflection)],
-            [_diagonal(spread * 6 * cubic * deflection), _diagonal(1 + spread * 3 * cubic)],
+            [
+                _diagonal(k1 + 3 * k3 * (d**2 + swing.variance)) + rest.gradient,
+                _diagonal(3 * k3 * d * k1 * swing.by_stiffness),
+            ],
+            [_diagonal(-6 * k3 / k1 * d), _diagonal(1 - 3 * k3 * rest.shape * swing.by_stiffness)],
         ]
     )
-    return own + rest.torque + shift + moved, variance - (rest.power / dynamic).sum(axis=1), matrix
-
-
-def _spread_slopes(rest: Rest, values: SpringValues, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (n_conf, n_spring) of minus the mean square deflection with respect to slope and damping."""
-    square = rest.omega[:, None] ** 2
-    weighted = rest.power / (slope[:, None] ** 2 + square * values.damping**2) ** 2
-    return 2 * slope * weighted.sum(axis=1), 2 * values.damping * (square * weighted).sum(axis=1)
+    return np.concatenate([torque, slope], axis=1), matrix
 
 
 def _diagonal(values: FloatArray) -> FloatArray:

@@ -10,6 +10,8 @@ import numpy as np
 
 from robid.design.signal import check_signal
 from robid.errors import SettingsError
+from robid.fit.names import name_problems
+from robid.robot.expand import LOCATED
 from robid.settings.experiment import Campaign, Configurations, Experiment, Fit
 from robid.settings.log_checks import check_channels, check_logs
 from robid.settings.problems import Problem, problem_at, suggest
@@ -52,12 +54,22 @@ def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
 
 def parameter_names(robot: RobotFile, kinds: Iterable[str]) -> list[str]:
     """Returns the name of every parameter of these kinds that an elastic fit of this robot has."""
-    springs, joints = [spring.name for spring in robot.all_springs], [joint.name for joint in robot.joints]
-    names = []
+    return list(_kinds(robot, kinds))
+
+
+def _kinds(robot: RobotFile, kinds: Iterable[str]) -> dict[str, str]:
+    """Kind of every parameter of these kinds, by name, and of shifts along an axis, which have no effect."""
+    springs, joints = robot.all_springs, [joint.name for joint in robot.joints]
+    found = {}
     for kind in kinds:
-        owners = springs if kind in ("stiffness", "damping") else joints
-        names += ["delay"] if kind == "delay" else [f"{owner}.{kind}" for owner in owners]
-    return names
+        owners = [spring.name for spring in springs] if kind in ("stiffness", "damping") else joints
+        if kind == "cubic":
+            owners = [spring.name for spring in springs if spring.place == "transmission"]
+        if kind == "location":
+            owners = [f"{s.name}.location_{axis}" for s in springs if s.place in LOCATED for axis in "xyz"]
+        names = owners if kind == "location" else [f"{owner}.{kind}" for owner in owners]
+        found |= dict.fromkeys(["delay"] if kind == "delay" else names, kind)
+    return found
 
 
 def configuration_count(experiment: Experiment, campaign: Campaign) -> int | None:
@@ -217,21 +229,28 @@ def _within(field: FieldPath, robot: RobotFile, joint: int, angle: float) -> _Fo
 
 def _fit(experiment: Experiment, name: str, fit: Fit) -> _Found:
     field = ("fits", name)
-    for key, campaign in (("from", fit.campaign), ("validate_on", fit.validate_on)):
+    for key, campaign in (*(("from", name) for name in fit.campaigns), ("validate_on", fit.validate_on)):
         if campaign is None:
             continue
         if campaign not in experiment.campaigns:
             yield (*field, key), _unknown("campaign", campaign, experiment.campaigns)
         elif experiment.campaigns[campaign].source is None:
             yield (*field, key), f"campaign `{campaign}` has no `source`, so there is no record to read"
-    if fit.validate_on == fit.campaign:
-        yield (*field, "validate_on"), f"campaign `{fit.campaign}` is what the fit reads: validate on another one"
-    used = experiment.campaigns.get(fit.campaign)
-    count = None if used is None else configuration_count(experiment, used)
+    if fit.validate_on in fit.campaigns:
+        yield (*field, "validate_on"), f"campaign `{fit.validate_on}` is what the fit reads: validate on another one"
+    if len(set(fit.campaigns)) < len(fit.campaigns):
+        yield (*field, "from"), "names a campaign twice"
+    used = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]
+    if len({campaign.payload_kg for campaign in used}) > 1:
+        yield (*field, "from"), "names campaigns with different payloads, which one model cannot have"
+    counts = [configuration_count(experiment, campaign) for campaign in used]
+    known = len(used) == len(fit.campaigns) and None not in counts
+    count = sum(each or 0 for each in counts) if known else None
     for position, index in enumerate(fit.configurations or ()):
         if count is not None and index >= count:
             message = (
-                f"there is no index {index}: `{fit.campaign}` has {count} configurations, from index 0 to {count - 1}"
+                f"there is no index {index}: {' and '.join(f'`{name}`' for name in fit.campaigns)}"
+                f" {'has' if len(fit.campaigns) == 1 else 'have'} {count} configurations, from index 0 to {count - 1}"
             )
             yield (*field, "configurations", position), message
         if index in (fit.configurations or ())[:position]:
@@ -240,17 +259,23 @@ def _fit(experiment: Experiment, name: str, fit: Fit) -> _Found:
 
 def _fit_of_robot(experiment: Experiment, name: str, fit: Fit, robot: RobotFile) -> _Found:
     field = ("fits", name)
-    known = parameter_names(robot, fit.free)
+    known = _kinds(robot, fit.free)
     for index, parameter in enumerate(fit.fixed):
         if parameter not in known:
             message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"
             yield (*field, "fixed", index), message
+    free = {name: kind for name, kind in known.items() if name not in fit.fixed}
+    for section, problem in name_problems(fit.options(), free):
+        yield (*field, section), problem
     for spring in robot.all_springs:
         parameter = f"{spring.name}.damping"
         if spring.damping_nms_rad == 0 and parameter in known and parameter not in fit.fixed:
             message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
             yield (*field, "free"), message
-    used, other = experiment.campaigns.get(fit.campaign), experiment.campaigns.get(fit.validate_on or "")
-    if used is not None and other is not None and output_names(used, robot) != output_names(other, robot):
-        ours, theirs = ", ".join(output_names(used, robot)), ", ".join(output_names(other, robot))
-        yield (*field, "validate_on"), f"`{fit.validate_on}` measures {theirs}, but the fit reads {ours}"
+    read = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]
+    pairs = [("from", name) for name in fit.campaigns[1:]] + [("validate_on", fit.validate_on or "")]
+    for key, name in pairs:
+        other = experiment.campaigns.get(name)
+        if read and other is not None and output_names(read[0], robot) != output_names(other, robot):
+            ours, theirs = ", ".join(output_names(read[0], robot)), ", ".join(output_names(other, robot))
+            yield (*field, key), f"`{name}` measures {theirs}, but the fit reads {ours}"

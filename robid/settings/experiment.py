@@ -242,13 +242,27 @@ class ElasticFit(ElasticOptions):
     """A fit of springs and dampers to frequency responses."""
 
     family: Literal["elastic"] = Field(description="Family of the model.")
-    campaign: Name = Field(alias="from", description="Name of the campaign it reads.")
+    reads: Name | Annotated[tuple[Name, ...], Field(min_length=1)] = Field(
+        alias="from",
+        description="Name of the campaign it reads, or of several with the same lines, such as two amplitudes.",
+    )
     configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
         default=None,
-        description="Indices, from 0, of the campaign's configurations to use; all when not given.",
+        description="Indices, from 0, of the campaign's configurations to use, those of further campaigns counted on;"
+        " all when not given.",
         min_length=1,
     )
     validate_on: Name | None = Field(default=None, description="Name of the campaign it is validated on.")
+
+    @property
+    def campaigns(self) -> tuple[str, ...]:
+        """Names of the campaigns it reads."""
+        return (self.reads,) if isinstance(self.reads, str) else self.reads
+
+    @property
+    def campaign(self) -> str:
+        """The first of them; what the fit needs to know of it holds for all."""
+        return self.campaigns[0]
 
     def options(self) -> ElasticOptions:
         """Returns the options of the algorithm."""

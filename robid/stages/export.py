@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from robid.artifacts.atomic import replacing
-from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
 from robid.settings.load import LoadedExperiment
 from robid.stages.export_content import COLUMNS, FittedExport, arrays, mjcf, parameter_records, state_spaces
 from robid.stages.export_files import Content, encode_csv, encode_json, encode_mat, encode_npz
-from robid.stages.fit import select
+from robid.stages.fit import frf_inputs, read_frf
 from robid.stages.stage import Plan
 
 Format: TypeAlias = Literal["mjcf", "json", "csv", "mat", "statespace"]
@@ -60,8 +59,7 @@ class ExportOptions:
 
 def export_plan(loaded: LoadedExperiment, fit: str) -> Plan:
     """Returns what an export reads; what it writes depends on its options."""
-    campaign = loaded.experiment.fits[fit].campaign
-    return Plan((), {}, {"model": f"fits/{fit}/model.h5", "frf": f"{campaign}/frf.h5"})
+    return Plan((), {}, {"model": f"fits/{fit}/model.h5", **frf_inputs(loaded.experiment.fits[fit])})
 
 
 def check_options(options: ExportOptions, loaded: LoadedExperiment, fit: str) -> None:
@@ -99,8 +97,8 @@ def export(options: ExportOptions, loaded: LoadedExperiment, fit: str, inputs: M
         DataError: If the fitted values make no mechanical model.
     """
     model = read_artifact(inputs["model"], MODEL)
-    listed = loaded.experiment.fits[fit].configurations
-    frf = select(frf_from_artifact(read_artifact(inputs["frf"], FRF)), listed)
+    settings = loaded.experiment.fits[fit]
+    listed, frf = settings.configurations, read_frf(settings, inputs)
     chosen = tuple(listed) if listed is not None else tuple(range(len(frf.configurations)))
     found = FittedExport(loaded, fit, model.provenance.finished_utc, model_from_artifact(model), frf, chosen)
     rows = _rows(found, options.configuration)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,12 @@ import numpy as np
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
+from robid.fit.bootstrap import bootstrap_tasks
 from robid.fit.elastic import fit_elastic
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
-from robid.settings.experiment import Experiment
+from robid.frf.joined import join
+from robid.settings.experiment import Experiment, Fit
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.stages.slices import delay_s, robot_settings
@@ -29,7 +31,25 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     fit = loaded.experiment.fits[owner]
     plain = {key: value for key, value in to_plain(fit).items() if key != "validate_on"}
     settings = {f"fits.{owner}": plain, **model_settings(loaded, fit.campaign)}
-    return Plan((f"fits/{owner}/model.h5",), settings, {"frf": f"{fit.campaign}/frf.h5"})
+    return Plan((f"fits/{owner}/model.h5",), settings, frf_inputs(fit))
+
+
+def frf_inputs(fit: Fit) -> dict[str, str]:
+    """Returns where the responses of a fit lie; the first one's name is its kind."""
+    further = {f"frf_{name}": f"{name}/frf.h5" for name in fit.campaigns[1:]}
+    return {"frf": f"{fit.campaign}/frf.h5", **further}
+
+
+def read_frf(fit: Fit, inputs: Mapping[str, Path]) -> Frf:
+    """Reads the response that a fit is fitted to, in its configurations."""
+    frfs = [frf_from_artifact(read_artifact(inputs[name], FRF)) for name in frf_inputs(fit)]
+    return chosen_frf(fit, frfs)
+
+
+def chosen_frf(fit: Fit, frfs: Sequence[Frf]) -> Frf:
+    """Joins the responses of a fit's campaigns and selects its configurations."""
+    frf = frfs[0] if len(frfs) == 1 else join(frfs, fit.campaigns)
+    return frf if fit.configurations is None else frf.select(fit.configurations)
 
 
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
@@ -43,9 +63,9 @@ def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
 def _run(job: Job) -> str:
     fit = job.loaded.experiment.fits[job.owner]
     campaign = job.loaded.experiment.campaigns[fit.campaign]
-    frf = select(frf_from_artifact(read_artifact(job.inputs["frf"], FRF)), fit.configurations)
+    frf = read_frf(fit, job.inputs)
     robot = job.loaded.robot.to_robot(campaign.payload_kg)
-    job.progress.expect(fit.starts, "starts")
+    job.progress.expect(fit.starts + bootstrap_tasks(fit.bootstrap), "tasks" if fit.bootstrap else "starts")
 
     def told(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
         return job.map(function, tasks, lambda _index, _result: job.progress.advance())
@@ -53,11 +73,6 @@ def _run(job: Job) -> str:
     solution = fit_elastic(robot, frf, fit.options(), delay_s(job.loaded, campaign), told)
     write_artifact(job.output, model_to_artifact(solution, job.provenance(STAGE.name, fit.seed)))
     return figures(solution)
-
-
-def select(frf: Frf, configurations: Sequence[int] | None) -> Frf:
-    """Returns the response in some of its configurations, or in all of them."""
-    return frf if configurations is None else frf.select(configurations)
 
 
 def with_torque_unit(unit: str, torque_unit: str) -> str:

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.fit.model_error import ModelError
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
-from robid.report.content import CostRow, FitContent, ParameterRow, ResonanceRow, StartRow
+from robid.report.content import CostRow, ElementErrors, FitContent, ParameterRow, ResonanceRow, StartRow
 from robid.settings.load import LoadedExperiment
-from robid.stages.fit import select, with_torque_unit
+from robid.stages.fit import chosen_frf, with_torque_unit
 from robid.stages.slices import delay_s
 from robid.validation.elastic import Validation
 from robid.validation.resonances import ResonanceTable, tabulate_resonances
@@ -47,22 +48,26 @@ def fit_content(
     settings = loaded.experiment.fits[name]
     campaign = loaded.experiment.campaigns[settings.campaign]
     robot = loaded.robot.to_robot(campaign.payload_kg)
-    frf = select(frfs[settings.campaign], settings.configurations)
+    frf = chosen_frf(settings, [frfs[campaign] for campaign in settings.campaigns])
     chosen = settings.configurations or range(len(frf.configurations))
     table = tabulate_resonances(robot, solution, frf, settings.options(), delay_s(loaded, campaign))
     content = FitContent(
         name=name,
-        campaign=settings.campaign,
+        campaign=" + ".join(settings.campaigns),
         frf=replace(frf, response=solution.measured),
         model_response=solution.modelled,
         level=solution.confidence,
         parameters=_parameters(solution, frf.torque_unit, truth, robot.assumed),
         resonances=_resonances(table),
-        estimation_costs=_costs(settings.campaign, chosen, solution.configuration_cost, solution.expected_cost),
+        estimation_costs=_costs(
+            " + ".join(settings.campaigns), chosen, solution.configuration_cost, solution.expected_cost
+        ),
         starts=_starts(solution),
         status=solution.status.replace("_", " "),
         advice=solution.advice,
         misfit=solution.misfit,
+        undetermined=solution.undetermined,
+        element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
         identifiable_relative_std=settings.identifiable_relative_std,
     )
     if validation is None or settings.validate_on is None:
@@ -75,6 +80,12 @@ def fit_content(
         validation_frf=replace(frfs[settings.validate_on], response=validation.measured),
         validation_model=validation.modelled,
     )
+
+
+def _element_errors(error: ModelError) -> ElementErrors:
+    above = error.level[error.level > 0]
+    level = float(np.median(above)) if above.size else 0.0
+    return ElementErrors(error.share_above, error.share_correlated, level)
 
 
 def _resonances(table: ResonanceTable) -> tuple[ResonanceRow, ...]:
@@ -126,10 +137,20 @@ def _parameters(
                 truth=true,
                 identifiable=bool(solution.identifiable[index]),
                 covered=None if true is None else lower <= true <= upper,
+                bootstrap=_pair(solution.bootstrap_lower, solution.bootstrap_upper, index),
+                realization_relative_std=_at(solution.realization_relative_std, index),
                 assumed=f"{owner}.{_ASSUMED.get(kind, kind)}" in assumed,
             )
         )
     return tuple(rows)
+
+
+def _at(values: FloatArray | None, index: int) -> float | None:
+    return None if values is None else float(values[index])
+
+
+def _pair(lower: FloatArray | None, upper: FloatArray | None, index: int) -> tuple[float, float] | None:
+    return None if lower is None or upper is None else (float(lower[index]), float(upper[index]))
 
 
 def _unit(unit: str, torque_unit: str) -> str:

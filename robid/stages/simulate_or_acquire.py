@@ -152,6 +152,8 @@ def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: Flo
     for spring in robot.springs:
         values[f"{spring.name}.stiffness"] = spring.stiffness_nm_rad
         values[f"{spring.name}.damping"] = spring.damping_nms_rad
+        values[f"{spring.name}.cubic"] = spring.cubic_nm_rad3
+        values |= {f"{spring.name}.location_{axis}": x for axis, x in zip("xyz", spring.point_m.tolist(), strict=True)}
     model = build_model(robot)
     axial = linearize(model, solve_statics(model, configurations[:1])).axial
     for joint, stated, inertia in zip(robot.joints, nominal.joints, axial.tolist(), strict=True):

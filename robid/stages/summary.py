@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import asdict
 from statistics import fmean, median
 
 from robid.report.content import FitContent, ParameterRow
@@ -35,6 +36,9 @@ def _fit(fit: FitContent) -> dict[str, float]:
     for row in fit.parameters:
         name = row.name if row.kind in ("delay", "friction") else f"{row.name}.{row.kind}"
         found |= {f"parameters.{name}.{key}": value for key, value in _parameter(row).items()}
+    found["undetermined"] = len(fit.undetermined)
+    if fit.element_errors is not None:
+        found |= {f"model_error.{key}": value for key, value in asdict(fit.element_errors).items()}
     for role, rows in (("estimation", fit.estimation_costs), ("validation", fit.validation_costs)):
         costs = average_and_worst(rows)
         if costs is not None:
@@ -72,6 +76,10 @@ def _parameter(row: ParameterRow) -> dict[str, float]:
         "relative_std": row.relative_std,
         "identifiable": float(row.identifiable),
     }
+    if row.realization_relative_std is not None:
+        values["realization_relative_std"] = row.realization_relative_std
+    if row.bootstrap is not None:
+        values |= {"bootstrap_lower": row.bootstrap[0], "bootstrap_upper": row.bootstrap[1]}
     if row.truth is not None:
         values["truth"] = row.truth
     if row.covered is not None:
@@ -95,4 +103,11 @@ def _recovery(fit: FitContent) -> dict[str, float]:
     covered = [row.covered for row in fit.parameters if row.identifiable and row.covered is not None]
     if covered:
         found["coverage"] = fmean(covered)
+    repeated = [
+        row.bootstrap[0] <= row.truth <= row.bootstrap[1]
+        for row in fit.parameters
+        if row.identifiable and row.bootstrap is not None and row.truth is not None
+    ]
+    if repeated:
+        found["coverage_bootstrap"] = fmean(repeated)
     return found

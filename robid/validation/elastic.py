@@ -8,9 +8,9 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.fit.elastic import expected_cost
 from robid.fit.options import ElasticOptions
 from robid.fit.problem import Problem
+from robid.fit.result import expected_cost
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.fit.elastic import check_inputs
+from robid.fit.checks import check_inputs
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap, map_parameters
 from robid.fit.problem import Problem, make_problem
@@ -75,7 +75,7 @@ def fitted_model(robot: Robot, solution: Solution, frf: Frf, options: ElasticOpt
     model = rest_model(robot, frf, options, delay_s, values.parameters(_internal(robot, solution, values)))
     parameters = _parameters(robot, model, frf, options, delay_s)
     internal = _internal(robot, solution, parameters)
-    problem, dropped = make_problem(frf, model, parameters, options, internal)
+    problem, dropped = make_problem(frf, model, parameters, options, internal, _level(solution, frf))
     return FittedModel(problem, internal, dropped)
 
 
@@ -88,6 +88,14 @@ def _parameters(robot: Robot, model: LinearModel, frf: Frf, options: ElasticOpti
         frf.coefficient_relative_std,
         frf.coefficient_offset,
     )
+
+
+def _level(solution: Solution, frf: Frf) -> FloatArray | None:
+    """Model error (n_conf, n_out, n_in) of each element: root mean square over the fit's configurations."""
+    if solution.model_error is None:
+        return None
+    mean = np.sqrt((solution.model_error.level**2).mean(axis=0))
+    return np.asarray(np.broadcast_to(mean, (len(frf.configurations), *mean.shape)))
 
 
 def _internal(robot: Robot, solution: Solution, parameters: ParameterMap) -> FloatArray:

@@ -7,8 +7,9 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
-from robid.fit.elastic import distinct_minima, fit_elastic
+from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions, Weights
+from robid.fit.result import distinct_minima
 from tolerances import RECOVERY, RECOVERY_SIGMA
 
 BENCH_HZ = np.arange(11.0, 251.0, 3.0)
@@ -124,17 +125,16 @@ def test_sandwich_against_monte_carlo(options):
 
 
 def friction_frf(robot, scales, *, declared=1e-6):
-    """Exact response moved by friction that the compensation got wrong by `scales`."""
+    """Response of a torque from which compensation left out `scales` of two friction torques that follow the inputs."""
     frf = exact_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3, declared_noise=declared)
     generator = np.random.default_rng(2)
-    shape = (3, 2, *frf.response.shape[1:])
-    random = generator.standard_normal(shape) + 1j * generator.standard_normal(shape)
-    sensitivity = 0.5 * random * frf.response[:, None]
-    moved = frf.response - np.einsum("s,csfoi->cfoi", np.array(scales), sensitivity)
+    shape = (3, 2, ARM_HZ.size, 2, 2)
+    share = 0.5 * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape))
+    recorded = np.linalg.inv(np.eye(2) + np.einsum("s,csfij->cfij", np.array(scales), share))
     return replace(
         frf,
-        response=moved,
-        sensitivity=sensitivity,
+        response=frf.response @ recorded,
+        sensitivity=(frf.response @ recorded)[:, None] @ share @ recorded[:, None],
         coefficient_names=("shoulder.level", "elbow.level"),
         coefficient_relative_std=np.array([0.1, 0.1]),
     )

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -9,6 +10,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 from scipy.signal import cont2discrete
+
+from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.store import read_artifact, write_artifact
 
 STIFFNESS, DAMPING, MOTOR, LOAD = 546.0, 0.2, 4.8e-3, 4.7e-3
 PERIOD_S, STEP_S, N_PERIOD = 0.5, 1e-3, 5
@@ -112,6 +116,66 @@ def test_a_simulation_that_blows_up_names_its_configuration(done):
         path: digest for path, digest in before.items() if "designs" not in path
     }
     assert not list(Path.cwd().rglob("MUJOCO_LOG.TXT"))
+
+
+def spoil_response(done, **changes):
+    """Rewrites the estimation's response as another estimate would have written it."""
+    path = done.runs / "estimation" / "frf.h5"
+    artifact = read_artifact(path, FRF)
+    frf = frf_from_artifact(artifact)
+    made = {name: change(getattr(frf, name)) for name, change in changes.items()}
+    write_artifact(path, frf_to_artifact(replace(frf, **made), artifact.provenance))
+
+
+def at_one_line(value):
+    def change(array):
+        changed = array.copy()
+        changed[0, 3] = value
+        return changed
+
+    return change
+
+
+def without(_array):
+    return None
+
+
+@pytest.mark.parametrize(
+    ("changes", "fit", "texts"),
+    [
+        ({"response": at_one_line(np.nan)}, "starts: 2", ("the response is not finite at", "estimate it again")),
+        ({"total_covariance": at_one_line(np.inf)}, "starts: 2", ("the covariance is not finite at",)),
+        ({"total_covariance": at_one_line(0)}, "weights: {kind: optimal}", ("the covariance is singular at", "`user`")),
+        (
+            {"total_covariance": without},
+            "weights: {kind: optimal}",
+            ("one realization shows noise only", "two or more"),
+        ),
+        (
+            {"total_covariance": without, "noise_covariance": without},
+            "weights: {kind: optimal_full}",
+            ("no covariance, which optimal weights invert", "realizations"),
+        ),
+        ({"realization_error": without}, "bootstrap: 10", ("holds none", "set `bootstrap` to 0")),
+        ({}, "weights: {low_cut_hz: 200}", ("no line of the response has a weight", "low_cut_hz")),
+        ({"response": at_one_line(np.nan)}, "weights: {kind: optimal}, bootstrap: 5", ("not finite",)),
+        (
+            {},
+            "bounds: {gear_lift.stiffness: [1.0e+5, 2.0e+5]}",
+            ("gear_lift.stiffness", "at a bound", "widen `bounds`"),
+        ),
+    ],
+)
+def test_what_a_fit_cannot_use_is_told_before_it_starts(done, changes, fit, texts):
+    spoil_response(done, **changes)
+    done.change("starts: 2", fit)
+    code = 2 if "bounds" in fit else 4
+    refuse(done, code, *texts, command=("fit", "small.yaml", "--force"))
+
+
+def test_a_parameter_that_changes_nothing_is_told_before_the_fit(done):
+    spoil_response(done, frequency_hz=lambda frequency: 1e-7 * frequency)
+    refuse(done, 4, "free parameters change nothing: ", "`fixed`", command=("fit", "small.yaml", "--force"))
 
 
 def two_mass(samples):

@@ -113,6 +113,21 @@ def test_a_run_ends_with_table_verdict_and_report(done):
         assert text in answer.out
 
 
+def test_a_bootstrap_stands_beside_the_intervals(done):
+    done.change("starts: 2", "starts: 2, bootstrap: 25")
+    answer = done.robid("run", "small.yaml")
+    assert answer.code == 0, answer.err
+    assert "bootstrap over realizations gives intervals" in answer.flat + answer.out
+    assert '<th scope="col" class="n">Bootstrap</th>' in (done.runs / "report.html").read_text()
+    summary = json.loads((done.runs / "summary.json").read_text())
+    spring = "fits.elastic.parameters.gear_lift.stiffness"
+    assert summary[f"{spring}.bootstrap_lower"] < summary[f"{spring}.estimate"] < summary[f"{spring}.bootstrap_upper"]
+    assert 0 < summary[f"{spring}.realization_relative_std"] < 0.1
+    assert 0 <= summary["fits.elastic.model_error.share_above"] <= 1
+    assert 0 <= summary["fits.elastic.coverage_bootstrap"] <= 1
+    assert summary["fits.elastic.undetermined"] == 0
+
+
 def test_a_second_run_does_nothing(done):
     before = done.files()
     answer = done.robid("run", "small.yaml", "--json")

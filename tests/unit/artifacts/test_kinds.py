@@ -102,6 +102,7 @@ def _frf(generator: np.random.Generator, *, coefficients: int, covariances: bool
         input_names=("a", "b"),
         output_names=("a", "b", "load"),
         notes=() if covariances else ("one realization",),
+        realization_error=complex_values(2, 4, 3, 3, 2) if covariances else None,
     )
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from robid.fit.levenberg import Normal, minimise
 
@@ -84,3 +85,22 @@ def test_cost_never_rises():
 
     minimise(cost, watched, np.array([-1.2, 1.0]))
     assert (np.diff(accepted) <= 0).all()
+
+
+def test_a_bound_holds_and_the_others_reach_their_own_minimum():
+    A = np.array([[2.0, 1.0, 0.3], [0.0, 1.0, -0.5], [1.0, 0.0, 1.0], [0.2, 0.7, 0.0]])
+    b = np.array([3.0, -1.0, 2.0, 0.5])
+    lower, upper = np.array([-1.0, -0.4, -9.0]), np.array([0.8, 1.0, 9.0])
+    problem = least_squares(lambda x: A @ x - b, lambda _: A)
+    found = minimise(*problem, np.zeros(3), lower=lower, upper=upper)
+    wanted = lsq_linear(A, b, (lower, upper), tol=1e-14).x
+    assert found.status == "converged"
+    np.testing.assert_allclose(found.parameters, wanted, rtol=1e-7)
+    assert (np.isclose(wanted, lower) | np.isclose(wanted, upper)).any()
+    assert found.iterations < 30
+
+
+def test_a_parameter_leaves_a_bound_that_it_does_not_need():
+    found = minimise(*rosenbrock(), np.array([-1.0, 1.0]), lower=np.array([-1.0, -9.0]), upper=np.array([9.0, 1.0]))
+    assert found.status == "converged"
+    np.testing.assert_allclose(found.parameters, 1.0, rtol=1e-6)

@@ -7,6 +7,7 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot
 from robid.errors import DataError
+from robid.fit.friction import friction_move
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import map_parameters
 from robid.fit.problem import make_problem
@@ -258,3 +259,24 @@ def test_correlated_weights_need_enough_realizations():
     frf = replace(correlated_frf(), total_degrees_of_freedom=2.0)
     with pytest.raises(DataError, match="more than 2 degrees of freedom of the covariance, not 2"):
         make_whitening(frf, np.ones(frf.response.shape, bool), "lls")
+
+
+def test_compensated_friction_moves_the_response_as_the_torque_does():
+    # One block of two experiments: Y of the recorded torque less what friction took, at scales far from zero.
+    generator = np.random.default_rng(5)
+    torque, lost, other, motion = generator.standard_normal((4, 2, 2)) + 1j * generator.standard_normal((4, 2, 2))
+    frictions, scales = 0.1 * np.stack([lost, other]), np.array([0.7, -1.0])
+
+    def response(at):
+        return motion @ np.linalg.inv(torque - np.einsum("k,kij->ij", at, frictions))
+
+    here = response(np.zeros(2))
+    sensitivity = here @ frictions @ np.linalg.inv(torque)
+    frf = replace(noisy_frf(), response=here[None, None], sensitivity=sensitivity[None, :, None])
+    move = friction_move(frf)
+    np.testing.assert_allclose(move.moved(scales)[0, 0], response(scales), rtol=1e-10)
+    slopes = move.slopes(scales)[0, 0]
+    for index in range(2):
+        step = 1e-6 * np.eye(2)[index]
+        difference = (response(scales + step) - response(scales - step)) / 2e-6
+        np.testing.assert_allclose(slopes[..., index], difference, rtol=FINITE_DIFFERENCE)

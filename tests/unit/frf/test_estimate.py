@@ -145,6 +145,25 @@ def test_full_covariance_is_the_scaled_kronecker_product():
     np.testing.assert_allclose(diagonal, vec(frf.element_variance()[0]), rtol=IDENTITY)
 
 
+@pytest.mark.parametrize("estimator", ["arithmetic", "logarithmic"])
+def test_realization_errors_are_each_realizations_share(estimator):
+    options = replace(PLAIN, estimator=estimator)
+    record = make_record(noise=1e-5, realizations=4)
+    frf = estimate_frf(record, options)
+    errors = frf.realization_error[0]
+    each = [record.realizations(1, index) for index in range(4)]
+    single = np.stack([estimate_frf(one, options).response[0] for one in each])
+    np.testing.assert_allclose(errors, (single - frf.response[0]) / 4, atol=1e-3 * np.abs(errors).max())
+    assert np.abs(errors.sum(axis=0)).max() < 1e-2 * np.abs(errors).max()
+    # Their squares are the variance, over all lines on average.
+    scatter = (np.abs(errors) ** 2).sum(axis=0) * 4 / 3 / frf.element_variance()[0]
+    np.testing.assert_allclose(scatter.mean(axis=0), 1.0, rtol=1e-6)
+
+
+def test_one_realization_has_no_error_of_its_own():
+    assert estimate_frf(make_record(noise=1e-4, realizations=1), PLAIN).realization_error is None
+
+
 def complex_normal(generator, *shape):
     return (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)) / np.sqrt(2)
 

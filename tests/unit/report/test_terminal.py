@@ -7,8 +7,9 @@ from io import StringIO
 
 from rich.console import Console
 
+from robid.report.content import ElementErrors
 from robid.report.numbers import MISSING
-from robid.report.tables import parameter_line
+from robid.report.tables import element_sentence, parameter_line
 from robid.report.terminal import fit_tables, parameter_table
 
 
@@ -33,6 +34,28 @@ def test_every_parameter_with_its_interval(arm_content):
     assert sum("outside" in line for line in text.splitlines()) == sum(
         row.covered is False for row in fit.parameters if row.identifiable and row.kind != "friction"
     )
+
+
+def test_bootstrap_and_what_is_not_determined_are_told_below(arm_content):
+    fit = arm_content.fits[0]
+    middle = [(row.lower + row.upper) / 2 for row in fit.parameters]
+    rows = [
+        replace(row, bootstrap=(mean - 1.5 * (mean - row.lower), mean + 1.5 * (row.upper - mean)))
+        for row, mean in zip(fit.parameters, middle, strict=True)
+    ]
+    told = "gear_4.damping is known only to a factor of 3"
+    text = printed(parameter_table(replace(fit, parameters=tuple(rows), undetermined=(told,))), 200)
+    assert "bootstrap over realizations gives intervals 1.5 times as wide (median; 1.5 to 1.5)" in text
+    assert f"{told}." in text
+    assert "bootstrap" not in printed(parameter_table(fit), 200)
+
+
+def test_residuals_beyond_their_covariance_are_told(arm_content):
+    fit = arm_content.fits[0]
+    assert element_sentence(fit) == ""
+    told = element_sentence(replace(fit, element_errors=ElementErrors(0.3, 0.41, 0.012)))
+    assert told.startswith("Beyond their covariance are 30 % of the elements, where the model is off by 1.2 % (median)")
+    assert "41 % are correlated over frequency" in told
 
 
 def test_eighty_columns_are_enough_without_truth(bench_content):

@@ -10,8 +10,8 @@ from robid.robot.derivatives import jacobian
 from robid.robot.expand import LOCATED, expand, with_springs_at
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import at_rest, nominal_parameters, response
-from robid.robot.rest import Rest, SpringValues, settle_springs
+from robid.robot.response import nominal_parameters, response
+from robid.robot.rest import Rest, SpringValues, settle_springs, swing_of
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
 FREQUENCY_HZ = np.array([2.0, 7.0, 11.0, 17.0, 29.0, 47.0, 83.0])
@@ -35,7 +35,7 @@ def excited(model, n_spring):
     power = np.zeros((len(CONFIGURATIONS), 3, n_spring))
     power[:, :, :2] = np.array([[900.0, 400.0], [2500.0, 100.0], [400.0, 225.0]])
     omega = 2 * np.pi * np.array([3.0, 9.0, 20.0])
-    return replace(model, rest=replace(model.rest, power=power, omega=omega))
+    return replace(model, rest=replace(model.rest, power=power, omega=omega, shape=0.8 + 0 * model.rest.shape))
 
 
 def settled(robot):
@@ -44,8 +44,9 @@ def settled(robot):
     rest = solve_statics(elastic, CONFIGURATIONS)
     for _ in range(5):
         model = excited(linearize(elastic, rest, OUTPUTS), len(robot.springs))
-        springs = at_rest(model, nominal_parameters(robot, model, 0.0))[1]
-        rest = solve_statics(elastic, CONFIGURATIONS, variance=springs.variance)
+        values = nominal_parameters(robot, model, 0.0).springs
+        swing = swing_of(model.rest, values, settle_springs(model.rest, values).stiffness)
+        rest = solve_statics(elastic, CONFIGURATIONS, variance=swing.variance)
     return excited(linearize(elastic, rest, OUTPUTS), len(robot.springs)), elastic, rest
 
 
@@ -92,44 +93,47 @@ def test_derivative_through_the_equilibrium_is_that_of_the_whole_chain(kind):
         assert (error <= FINITE_DIFFERENCE * np.abs(difference).max(axis=1)).all()
 
 
-def lone_spring(torque, power=0.0, stiffness=1e6, per_rad2=5e4, damping=300.0):
-    """One spring under a constant torque and, at 10 Hz, a swinging one."""
+def lone_spring(torque, power=(0.0,), stiffness=1e6, per_rad2=5e4, damping=300.0, shape=1.0):
+    """One spring under a constant torque and swinging ones of these powers from 10 Hz upwards, and how it rests."""
     rest = Rest(
         deflection=np.zeros((1, 1)),
         torque=np.array([[-torque]]),
         gradient=np.zeros((1, 1, 1)),
         location=np.zeros(3),
-        power=np.array([[[power]]]),
-        omega=np.array([20 * np.pi]),
+        power=np.reshape(power, (1, -1, 1)),
+        omega=20 * np.pi * np.arange(1.0, len(power) + 1),
+        shape=np.array([[shape]]),
     )
     values = SpringValues(np.array([stiffness]), np.array([per_rad2 * stiffness]), np.array([damping]), np.zeros(3))
-    return settle_springs(rest, values)
+    return rest, values, settle_springs(rest, values)
 
 
 def test_a_loaded_spring_shows_its_slope():
-    found = lone_spring(torque=4000.0)
+    found = lone_spring(torque=4000.0)[2]
     roots = np.roots([5e10, 0.0, 1e6, -4000.0])
     deflection = roots[np.abs(roots.imag) < 1e-9].real
     np.testing.assert_allclose(found.deflection[0], deflection, rtol=IDENTITY)
     np.testing.assert_allclose(found.stiffness[0], 1e6 + 3 * 5e10 * deflection**2, rtol=IDENTITY)
 
 
-def test_a_swinging_spring_shows_the_slope_of_its_regression():
-    """The best linear approximation for a normal deflection, by quadrature: `E[f x] / E[x^2]`, and its mean torque."""
-    found = lone_spring(torque=2500.0, power=1500.0**2)
-    deviation, mean = np.sqrt(found.variance[0, 0]), found.deflection[0, 0]
-    nodes, weights = np.polynomial.hermite_e.hermegauss(8)
-    swing, weights = deviation * nodes, weights / weights.sum()
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_swinging_spring_shows_the_slope_of_its_regression(count):
+    """Sinusoids written out over a grid of all their phases: mean torque, and torque regressed on the deflection."""
+    power = np.array([1500.0, 900.0, 1200.0])[:count] ** 2
+    shape = 1 - 0.5 * (power**2).sum() / power.sum() ** 2
+    rest, values, found = lone_spring(2500.0, power, damping=0.0, shape=shape)
+    slope, mean = found.stiffness[0, 0], found.deflection[0, 0]
+    phases = 2 * np.pi * np.arange(8) / 8
+    swing = sum(np.meshgrid(*(np.sqrt(2 * each) / slope * np.cos(phases) for each in power))).ravel()
     torque = 1e6 * (mean + swing) + 5e10 * (mean + swing) ** 3
-    assert weights @ torque == pytest.approx(2500.0, rel=IDENTITY)
-    assert found.stiffness[0, 0] == pytest.approx(weights @ (torque * swing) / deviation**2, rel=IDENTITY)
-    dynamic = abs(found.stiffness[0, 0] + 20j * np.pi * 300.0)
-    assert deviation == pytest.approx(1500.0 / dynamic, rel=IDENTITY)
-    assert found.variance[0, 0] * 3 * 5e4 > 0.1
+    assert torque.mean() == pytest.approx(2500.0, rel=IDENTITY)
+    assert slope == pytest.approx((torque * swing).mean() / (swing**2).mean(), rel=IDENTITY)
+    assert swing_of(rest, values, found.stiffness).variance[0, 0] == pytest.approx((swing**2).mean(), rel=IDENTITY)
+    assert slope > 1.2e6
 
 
 def test_a_spring_that_gives_way_is_not_finite():
-    assert not np.isfinite(lone_spring(torque=4000.0, per_rad2=-1e5).stiffness).any()
+    assert not np.isfinite(lone_spring(torque=4000.0, per_rad2=-1e5)[2].stiffness).any()
 
 
 def test_linear_springs_rest_where_gravity_left_them():

@@ -143,7 +143,7 @@ def test_fitted_friction_moves_the_new_data_by_shared_names(nominal, solution, f
         estimate=np.append(solution.estimate, 0.05),
     )
     measured = fitted_model(nominal, known, frf, OPTIONS, DELAY_S).measured
-    np.testing.assert_allclose(measured, fresh.response + 0.05 * sensitivity[:, 1], rtol=1e-12)
+    np.testing.assert_allclose(measured - fresh.response, 0.05 * sensitivity[:, 1], rtol=0.01)
 
 
 def test_statics_are_those_of_the_fitted_springs(nominal):

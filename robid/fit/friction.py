@@ -1,0 +1,49 @@
+"""The measured response as its compensated friction changes: exact where the first order is not enough."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.frf.frf import Frf
+
+
+@dataclass(frozen=True)
+class FrictionMove:
+    """How the response follows the friction scales: `G(s) = G (I - sum_k s_k D_k)^-1`.
+
+    A removed torque `F` enters a block's response as `Y (U - F)^-1`, whose inverse is affine in every coefficient of
+    `F`. To first order this is the response's sensitivity, but a ripple or a friction level that is some ten
+    percent off moves the response of a lightly loaded motor by more than the first order holds.
+
+    Attributes:
+        response (n_conf, n_freq, n_out, n_in): Measured response as it was compensated.
+        share (n_coef, n_conf, n_freq, n_in, n_in): `D_k`, torque of each coefficient per torque.
+    """
+
+    response: ComplexArray
+    share: ComplexArray
+
+    def moved(self, scales: FloatArray) -> ComplexArray:
+        """Response (n_conf, n_freq, n_out, n_in) at some friction scales (n_coef,)."""
+        return np.asarray(self.response @ self._gain(scales))
+
+    def slopes(self, scales: FloatArray) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in, n_coef) of `moved`."""
+        gain = self._gain(scales)
+        return np.asarray(np.moveaxis(self.response @ gain @ (self.share @ gain), 0, -1))
+
+    def _gain(self, scales: FloatArray) -> ComplexArray:
+        return np.asarray(np.linalg.inv(np.eye(self.share.shape[-1]) - np.tensordot(scales, self.share, 1)))
+
+
+def friction_move(frf: Frf) -> FrictionMove:
+    """Finds the torque shares behind a response's sensitivity `S_k = G D_k`.
+
+    Args:
+        frf: Measured response; with more outputs than inputs, the shares that fit best, with fewer, the least ones.
+    """
+    sensitivity = np.moveaxis(frf.sensitivity, 1, 0)
+    return FrictionMove(frf.response, np.linalg.pinv(frf.response) @ sensitivity)

@@ -1,0 +1,213 @@
+"""The solution of an elastic fit: its best minimum with everything that tells how far to trust it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import norm
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.fit.bootstrap import Map, bootstrap
+from robid.fit.levenberg import Minimum
+from robid.fit.model_error import ModelError, estimate_model_error
+from robid.fit.options import ElasticOptions
+from robid.fit.parameters import ParameterMap
+from robid.fit.problem import Problem
+from robid.fit.solution import Solution
+from robid.fit.uncertainty import (
+    Influence,
+    influence,
+    realization_covariance,
+    realization_shifts,
+    structured_covariance,
+)
+from robid.fit.undetermined import undetermined_combinations
+
+_SAME_MINIMUM = 1e-3
+_NEEDLESS_FACTOR = 1e3
+_LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
+_MANY_DROPPED = 0.2
+_POOR_MODEL = 1.5
+_RELATIVE_TO_SCALE = ("cubic", "location")  # their nominal value may be zero and says little of their size
+_MANY_ABOVE = 0.25  # of the elements, where 0.05 are expected
+
+
+def make_solution(
+    problem: Problem,
+    options: ElasticOptions,
+    best: Minimum,
+    ends: list[Minimum],
+    predicted: FloatArray,
+    dropped: int,
+    parallel_map: Map,
+) -> Solution:
+    """Puts together what a fit found.
+
+    Args:
+        problem: The problem with the weights of the final fit.
+        options: Its options.
+        best: Its best minimum.
+        ends: Where each start ended.
+        predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
+        dropped: Response elements that the logarithm dropped.
+        parallel_map: Ordered map that runs the bootstrap.
+    """
+    parameters, internal = problem.parameters, best.parameters
+    modelled = problem.model_response(internal)
+    excess = misfit(problem, modelled, best.cost)
+    found = influence(problem, internal)
+    covariance = structured_covariance(problem, found) * max(1.0, excess)
+    values, relative = parameters.values(internal), _relative(parameters, internal)
+    deviation = np.sqrt(np.diag(covariance))
+    reach = norm.ppf(0.5 + 0.5 * options.confidence) * deviation
+    predicted_relative = predicted * _predicted_relative(parameters)
+    error = estimate_model_error(problem, internal, found)
+    structural = np.minimum(relative, 1.0) * (np.array(parameters.kind_of) != "friction")
+    limit = options.identifiable_relative_std
+    scaled = problem.normal(internal).hessian
+    root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
+    costs = np.array([end.cost for end in ends])
+    return Solution(
+        family="elastic",
+        names=parameters.names,
+        kinds=parameters.kind_of,
+        units=parameters.units,
+        nominal=parameters.nominal_values(),
+        estimate=values,
+        lower=parameters.values(internal - reach),
+        upper=parameters.values(internal + reach),
+        relative_std=deviation * relative,
+        predicted_relative_std=predicted_relative,
+        identifiable=(predicted_relative <= limit) & (predicted <= _LEARNT_SHARE * parameters.prior_std),
+        internal=internal,
+        covariance=covariance,
+        singular_values=np.linalg.svd(scaled / np.outer(root, root), compute_uv=False),
+        confidence=options.confidence,
+        cost=best.cost,
+        configuration_cost=problem.configuration_cost(modelled, internal),
+        expected_cost=expected_cost(problem, modelled),
+        misfit=excess,
+        dropped=dropped,
+        start_cost=costs,
+        start_iterations=np.array([end.iterations for end in ends]),
+        start_status=tuple(end.status for end in ends),
+        start_minimum=distinct_minima(costs),
+        status=best.status,
+        advice=_advice(problem, best, dropped, excess, error),
+        configurations=problem.frf.configurations,
+        frequency_hz=problem.frf.frequency_hz,
+        measured=problem.measured(internal),
+        modelled=modelled,
+        tied_names=tuple(parameters.tied),
+        tied_to=tuple(parameters.tied.values()),
+        **_tied_values(parameters, internal),
+        undetermined=undetermined_combinations(parameters.names, covariance, structural, limit),
+        model_error=error,
+        **_from_realizations(problem, options, internal, found, parallel_map),
+    )
+
+
+def _from_realizations(
+    problem: Problem, options: ElasticOptions, internal: FloatArray, found: Influence, parallel_map: Map
+) -> dict[str, FloatArray]:
+    """What the single realizations say of the parameters' uncertainty; nothing where there are none."""
+    shifts = realization_shifts(problem, found)
+    if shifts is None:
+        return {}
+    relative = _relative(problem.parameters, internal)
+    result: dict[str, FloatArray] = {}
+    result["realization_relative_std"] = np.sqrt(np.diag(realization_covariance(found, shifts))) * relative
+    if options.bootstrap:
+        level, count = options.confidence, options.bootstrap
+        repeated = bootstrap(problem, internal, found, shifts, count, level, options.seed, parallel_map)
+        result["bootstrap_relative_std"] = repeated.std * relative
+        result["bootstrap_lower"] = problem.parameters.values(repeated.lower)
+        result["bootstrap_upper"] = problem.parameters.values(repeated.upper)
+    return result
+
+
+def _tied_values(parameters: ParameterMap, internal: FloatArray) -> dict[str, FloatArray]:
+    rows = [parameters.elements.index(name) for name in parameters.tied]
+    start = np.zeros_like(internal)
+    return {
+        "tied_nominal": parameters.element_values(start)[rows],
+        "tied_estimate": parameters.element_values(internal)[rows],
+    }
+
+
+def _relative(parameters: ParameterMap, internal: FloatArray) -> FloatArray:
+    """Relative change (n_param,) of each value per unit of its internal parameter; the change itself for friction."""
+    friction = np.array(parameters.kind_of) == "friction"
+    size = np.where(friction, 1.0, np.maximum(np.abs(parameters.values(internal)), 1e-300))
+    return np.asarray(np.abs(parameters.slopes(internal)) / size)
+
+
+def _predicted_relative(parameters: ParameterMap) -> FloatArray:
+    """The same at the nominal values; related to the scale of what may be zero there."""
+    start, nominal = np.zeros(len(parameters.names)), parameters.nominal_values()
+    friction = np.array(parameters.kind_of) == "friction"
+    size = np.where(friction | (nominal == 0), 1.0, np.abs(nominal))
+    size = np.where(np.isin(parameters.kind_of, _RELATIVE_TO_SCALE), parameters.scale, size)
+    return np.asarray(np.abs(parameters.slopes(start)) / size)
+
+
+def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
+    """Cost (n_conf,) that the measured response's covariance alone gives around the modelled response."""
+    variance = problem.frf.element_variance()
+    if problem.estimator != "nls":
+        variance = variance / np.abs(modelled) ** 2
+    if problem.estimator == "llsm":
+        variance = 0.5 * variance
+    return np.asarray((problem.weight * variance).sum(axis=(1, 2, 3)))
+
+
+def misfit(problem: Problem, modelled: ComplexArray, cost: float) -> float:
+    """Cost over what the response's covariance and the assumed model error give together; 0 without either."""
+    size = np.abs(modelled) ** 2 if problem.estimator == "nls" else np.ones(problem.weight.shape)
+    assumed = problem.model_error**2 * size * (0.5 if problem.estimator == "llsm" else 1.0)
+    total = float(expected_cost(problem, modelled).sum() + (problem.weight * assumed).sum())
+    return cost / total if total > 0 else 0.0
+
+
+def distinct_minima(costs: FloatArray) -> IntArray:
+    """Numbers the minima by cost, 0 the best; costs within 0.1 % are one minimum."""
+    labels = np.zeros(costs.size, int)
+    order = np.argsort(costs)
+    reference, label = costs[order[0]], 0
+    for index in order:
+        if costs[index] > reference * (1 + _SAME_MINIMUM) + 1e-12:
+            reference, label = costs[index], label + 1
+        labels[index] = label
+    return labels
+
+
+def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error: ModelError | None) -> str:
+    parameters = problem.parameters
+    advice = []
+    if best.status != "converged":
+        advice.append("raise `max_iterations`, add starts, or fix the parameters with the largest deviations")
+    factor = np.exp(best.parameters * parameters.logarithmic)
+    needless = [
+        name
+        for name, kind, ratio in zip(parameters.names, parameters.kind_of, factor, strict=True)
+        if kind == "stiffness" and ratio > _NEEDLESS_FACTOR
+    ]
+    if needless:
+        advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
+    held = parameters.at_bound(best.parameters)
+    if held:
+        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
+    dropped_share = dropped / problem.weight.size
+    if dropped_share > _MANY_DROPPED:
+        advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
+    if excess > _POOR_MODEL:
+        advice.append(
+            f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "
+            "something; intervals are widened by that factor"
+        )
+    level = 0.0 if error is None or error.share_above <= _MANY_ABOVE else float(np.median(error.level[error.level > 0]))
+    if error is not None and level > float(np.median(problem.model_error)):
+        advice.append(
+            f"{100 * error.share_above:.0f} % of the response's elements miss the model by more than their covariance "
+            f"explains, by {100 * level:.2g} % in the median: the intervals of weights `inflated` allow for it"
+        )
+    return "; ".join(advice)

@@ -1,0 +1,95 @@
+"""Intervals hold the truth as often as they say: Monte Carlo over responses of a linear robot with noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from default_campaign import LOADED
+from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
+from realizations import averaged
+from robid.fit.elastic import fit_elastic
+from robid.fit.options import ElasticOptions, Weights
+
+BENCH_HZ = np.arange(11.0, 251.0, 3.0)
+ARM_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
+ARM_CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
+OPTIMAL = ElasticOptions(weights=Weights("optimal"), statics_updates=1)
+
+
+def two_mass_case(configurations):
+    robot, motor = two_mass_robot(damping=0.5, viscous=0.01), ("stiffness", "damping", "viscous", "motor_inertia")
+    exact = exact_frf(robot, np.zeros((configurations, 1)), BENCH_HZ, sampling_period_s=4e-4, delay_s=1e-3)
+    return robot, robot, exact, replace(OPTIMAL, free=motor, statics_updates=0)
+
+
+def two_joint_case():
+    nominal = two_joint_robot()
+    true = with_spring_factors(nominal, [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
+    return nominal, true, exact_frf(true, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3), OPTIMAL
+
+
+def kr300_case():
+    nominal = LOADED.robot.to_robot()
+    factors = np.exp(np.random.default_rng(1).uniform(-np.log(2), np.log(2), (2, len(nominal.springs))))
+    true = with_spring_factors(nominal, *factors)
+    limits = np.array([[joint.lower_rad, joint.upper_rad] for joint in nominal.joints])
+    share = np.random.default_rng(2).uniform(0.2, 0.8, (4, len(limits)))
+    frf = exact_frf(true, limits[:, 0] + share * np.ptp(limits, axis=1), np.geomspace(2, 80, 40), delay_s=1e-3)
+    return nominal, true, frf, replace(OPTIMAL, free=("stiffness", "damping"))
+
+
+def truth_by_name(robot):
+    return {
+        **{f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in robot.springs},
+        **{f"{spring.name}.damping": spring.damping_nms_rad for spring in robot.springs},
+        **{f"{joint.name}.viscous": joint.motor.friction.viscous_nms_rad for joint in robot.joints},
+        **{f"{joint.name}.motor_inertia": joint.motor.inertia_kgm2 for joint in robot.joints},
+        "delay": 1e-3,
+    }
+
+
+def hits(case, runs, noise, bootstrap=0, common=0.0):
+    """Whether the intervals hold the truth (runs, n_identifiable): the sandwich's and the bootstrap's."""
+    nominal, true, exact, options = case
+    truth, options = truth_by_name(true), replace(options, bootstrap=bootstrap)
+    ends = {"sandwich": ("lower", "upper"), "bootstrap": ("bootstrap_lower", "bootstrap_upper")}
+    held = {name: [] for name in ends if bootstrap or name == "sandwich"}
+    for seed in range(runs):
+        frf = averaged(exact, noise, seed=seed, common=common)
+        solution = fit_elastic(nominal, frf, replace(options, seed=seed), 1e-3)
+        assert solution.status == "converged"
+        values = np.array([truth[name] for name in solution.names])
+        for name in held:
+            lower, upper = (getattr(solution, end) for end in ends[name])
+            held[name].append(((lower <= values) & (values <= upper))[solution.identifiable])
+    return {name: np.array(rows) for name, rows in held.items()}
+
+
+@pytest.mark.parametrize("configurations", [1, 3])
+def test_intervals_hold_the_truth(configurations):
+    # Four realizations of one configuration leave three degrees of freedom, which the bootstrap has to know.
+    held = hits(two_mass_case(configurations), 50, 3e-3, bootstrap=40)
+    for name, rows in held.items():
+        assert 0.90 < rows.mean() < 0.99, (name, rows.mean())
+
+
+def test_errors_common_to_all_lines_are_held_by_the_bootstrap_only():
+    held = hits(two_mass_case(3), 50, 3e-3, bootstrap=40, common=0.5)
+    assert held["sandwich"].mean() < 0.7
+    assert held["bootstrap"].mean() > 0.88
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "bootstrapped"), [(two_joint_case, 200), (kr300_case, 20)], ids=["two joints", "kr300"]
+)
+def test_coverage_of_200_data_sets(case, bootstrapped):
+    made = case()
+    rows = hits(made, 200, 0.005)["sandwich"]
+    repeated = hits(made, bootstrapped, 0.005, bootstrap=200)["bootstrap"]
+    print(f"\ncoverage_95 {rows.mean():.3f}, lowest {rows.mean(axis=0).min():.3f} of {rows.shape[1]} identifiable,"
+          f" bootstrap {repeated.mean():.3f} ({bootstrapped} data sets)")  # fmt: skip
+    assert 0.92 <= rows.mean() <= 0.98
+    assert rows.mean(axis=0).min() >= 0.85
+    assert repeated.mean() >= 0.9
