@@ -3,7 +3,7 @@
 Schema history:
     1.0: first version.
     1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
-    1.2: `torque_power`, `realization_error`.
+    1.2: `torque_amplitude`, `realization_error`.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "silent_level": Column("rad/s^2", silent, "RMS amplitude of the output residual there"),
         "silent_noise": Column("rad/s^2", silent, "The part of it that is noise"),
         "silent_doubt": Column("rad/s^2", silent, "What interpolating the response may add"),
-        "torque_power": Column(
-            f"{torque}^2", ("configuration", "frequency", "input", "input"), "Mean of the torques' outer product"
+        "torque_amplitude": Column(
+            frf.torque_unit, ("configuration", "frequency", "input", "block"), "Half amplitudes in every experiment"
         ),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)

@@ -21,7 +21,7 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
     were subtracted.
 
     Args:
-        frfs: The responses; configurations may be the same.
+        frfs: The responses; configurations may be the same. What only some of them have is left out.
         names: What to call each in an error.
 
     Raises:
@@ -38,11 +38,13 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
                 "give both campaigns the same lines (`period_s`, `low_hz`, `high_hz`, `count`, `seed`) and channels"
             )
             raise DataError(message, where=name, remedy=remedy)
-    aligned = [_aligned(frf, first) for frf in frfs]
+    blocks = max((frf.torque_amplitude.shape[-1] for frf in frfs if frf.torque_amplitude is not None), default=0)
+    aligned = [_aligned(frf, first, blocks) for frf in frfs]
     whole: dict[str, Any] = {}
     for key in CONFIGURATION_WISE:
         parts = [getattr(frf, key) for frf in aligned]
-        whole[key] = None if any(part is None for part in parts) else np.concatenate(parts)
+        alike = all(part is not None and part.shape[1:] == parts[0].shape[1:] for part in parts)
+        whole[key] = np.concatenate(parts) if alike else None
     deviations = [frf.coefficient_relative_std for frf in frfs]
     return replace(
         first,
@@ -54,8 +56,11 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
     )
 
 
-def _aligned(frf: Frf, first: Frf) -> Frf:
-    """The response with the first one's torque coefficients subtracted."""
+def _aligned(frf: Frf, first: Frf, blocks: int) -> Frf:
+    """The response with the first one's torque coefficients subtracted, and as many experiments as all have."""
+    if frf.torque_amplitude is not None:
+        missing = [(0, 0)] * 3 + [(0, blocks - frf.torque_amplitude.shape[-1])]
+        frf = replace(frf, torque_amplitude=np.pad(frf.torque_amplitude, missing, constant_values=np.nan))
     if frf.coefficient_offset is None or first.coefficient_offset is None or not frf.coefficient_names:
         return frf
     moved = np.einsum("s,csfoi->cfoi", first.coefficient_offset - frf.coefficient_offset, frf.sensitivity)

@@ -151,6 +151,7 @@ def linearize(
             location=np.concatenate([spring.point_m for spring in model.robot.springs]),
             power=np.zeros((len(gravity), 0, len(model.robot.springs))),
             omega=np.zeros(0),
+            shape=np.ones((len(gravity), len(model.robot.springs))),
         ),
     )
 

@@ -44,6 +44,8 @@ class Rest:
         location (3 n_spring,): Locations of the springs, in their joints' frames [m].
         power (n_conf, n_line, n_spring): Mean square torque that the excitation sends through each spring [(N m)^2].
         omega (n_line,): Angular frequencies of these [rad/s].
+        shape (n_conf, n_spring): The swing's effect on the slope over that of a normal signal: for all of it
+            `E[x^4] / (3 E[x^2]^2)`.
         moves: How the linearised matrices move; None where they are taken as constant.
     """
 
@@ -53,6 +55,7 @@ class Rest:
     location: FloatArray
     power: FloatArray
     omega: FloatArray
+    shape: FloatArray
     moves: Moves | None = None
 
 
@@ -103,17 +106,15 @@ class SpringSlopes:
 
 @dataclass(frozen=True)
 class Swing:
-    """How far springs swing about their mean deflections, with derivatives; (n_conf, n_spring) each.
+    """Mean square `v` of the deflections about their mean, with derivatives; (n_conf, n_spring) each.
 
     Attributes:
-        variance: Mean square `v` [rad^2].
-        effective: What takes its place in the slope: `E[x^4] / (3 v)` [rad^2].
-        by_stiffness: Derivative of both with respect to the expected slope (2, n_conf, n_spring).
-        by_damping: The same with respect to the damping.
+        variance: The mean square [rad^2].
+        by_stiffness: Its derivative with respect to the expected slope.
+        by_damping: Its derivative with respect to the damping.
     """
 
     variance: FloatArray
-    effective: FloatArray
     by_stiffness: FloatArray
     by_damping: FloatArray
 
@@ -122,9 +123,10 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
     """Finds mean deflections and expected slopes under gravity and excitation.
 
     A cubic spring `k1 d + k3 d^3` that swings by `x` about `d0` has the mean torque `k1 d0 + k3 (d0^3 + 3 d0 v)` with
-    `v = E[x^2]`, and shows the slope of the regression of its torque on `x`: `k1 + 3 k3 (d0^2 + E[x^4] / (3 v))`, which
-    is `v` for a normal signal. The torque through it is measured, so each line's share of `v` is that torque's power
-    over the squared dynamic stiffness of spring and damper. Gravity is linear about the rest that it was taken at.
+    `v = E[x^2]`, and shows the slope of the regression of its torque on `x`: `k1 + 3 k3 (d0^2 + s v)`, where
+    `s = E[x^4] / (3 v^2)` is 1 for a normal signal and less for one of low crest factor or few lines. The torque
+    through it is measured, so `v` is its power over the squared dynamic stiffness of spring and damper. Gravity is
+    linear about the rest that it was taken at.
 
     Args:
         rest: What the springs carry.
@@ -134,7 +136,7 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
         The springs; not finite where a softening one gives way.
 
     Source:
-        METHODS sec. 1 (Linearisation), less what few dominant lines lack to a normal signal.
+        METHODS sec. 1 (Linearisation), for signals that need not be normal.
     """
     deflection, shift = rest.deflection.copy(), _shift(rest, values)
     n = deflection.shape[1]
@@ -170,17 +172,17 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
     torque = np.zeros((*d.shape, values.location.size))
     if rest.moves is not None:
         torque[:, :, rest.moves.located] = np.swapaxes(rest.moves.torque, 1, 2)
-    mean_square = d**2 + swing.effective
+    mean_square = d**2 + rest.shape * swing.variance
     right = {
         # The ratio's own equation holds `k1` below the cubic coefficient and in the slope that it stands for.
         "stiffness": (
-            _diagonal(d + 3 * k3 * d * swing.by_stiffness[0] * ratio),
-            _diagonal(3 * k3 / k1**2 * mean_square - 3 * k3 / k1 * swing.by_stiffness[1] * ratio),
+            _diagonal(d + 3 * k3 * d * swing.by_stiffness * ratio),
+            _diagonal(3 * k3 / k1**2 * mean_square - 3 * k3 / k1 * rest.shape * swing.by_stiffness * ratio),
         ),
         "cubic": (_diagonal(d**3 + 3 * swing.variance * d), _diagonal(-3 / k1 * mean_square)),
         "damping": (
-            _diagonal(3 * k3 * d * swing.by_damping[0]),
-            _diagonal(-3 * k3 / k1 * swing.by_damping[1]),
+            _diagonal(3 * k3 * d * swing.by_damping),
+            _diagonal(-3 * k3 / k1 * rest.shape * swing.by_damping),
         ),
         "location": (torque, np.zeros_like(torque)),
     }
@@ -199,15 +201,9 @@ def swing_of(rest: Rest, values: SpringValues, stiffness: FloatArray) -> Swing:
     square = rest.omega[:, None] ** 2
     dynamic = stiffness[:, None] ** 2 + square * values.damping**2
     lines = rest.power / dynamic
-    by = np.array([-2 * stiffness[:, None] * lines / dynamic, -2 * square * values.damping * lines / dynamic])
-    variance, slope = lines.sum(axis=1), by.sum(axis=2)
-    total = np.where(variance > 0, variance, 1.0)
-    # Sinusoids of random phases: E[x^4] = 3 v^2 - 3/2 sum of the squares of their mean squares.
-    lacking, lacking_slope = (lines**2).sum(axis=1), 2 * (lines * by).sum(axis=2)
-    effective = variance - 0.5 * lacking / total
-    effective_slope = slope - 0.5 * (lacking_slope / total - lacking * slope / total**2)
-    (by_stiffness, by_damping) = np.stack([slope, effective_slope], axis=1)
-    return Swing(variance, effective, by_stiffness, by_damping)
+    by_dynamic = -2 * lines / dynamic
+    by_damping = (square * by_dynamic).sum(axis=1) * values.damping
+    return Swing(lines.sum(axis=1), stiffness * by_dynamic.sum(axis=1), by_damping)
 
 
 def _springs(rest: Rest, values: SpringValues, deflection: FloatArray, ratio: FloatArray) -> Springs:
@@ -243,14 +239,14 @@ def _equations(
     k1, k3, d = values.stiffness, values.cubic, deflection
     moved = np.einsum("cst,ct->cs", rest.gradient, d - rest.deflection)
     torque = k1 * d + k3 * d * (d**2 + 3 * swing.variance) + rest.torque + shift + moved
-    slope = ratio - 1 - 3 * k3 / k1 * (d**2 + swing.effective)
+    slope = ratio - 1 - 3 * k3 / k1 * (d**2 + rest.shape * swing.variance)
     matrix = np.block(
         [
             [
                 _diagonal(k1 + 3 * k3 * (d**2 + swing.variance)) + rest.gradient,
-                _diagonal(3 * k3 * d * k1 * swing.by_stiffness[0]),
+                _diagonal(3 * k3 * d * k1 * swing.by_stiffness),
             ],
-            [_diagonal(-6 * k3 / k1 * d), _diagonal(1 - 3 * k3 * swing.by_stiffness[1])],
+            [_diagonal(-6 * k3 / k1 * d), _diagonal(1 - 3 * k3 * rest.shape * swing.by_stiffness)],
         ]
     )
     return np.concatenate([torque, slope], axis=1), matrix

@@ -35,7 +35,7 @@ def excited(model, n_spring):
     power = np.zeros((len(CONFIGURATIONS), 3, n_spring))
     power[:, :, :2] = np.array([[900.0, 400.0], [2500.0, 100.0], [400.0, 225.0]])
     omega = 2 * np.pi * np.array([3.0, 9.0, 20.0])
-    return replace(model, rest=replace(model.rest, power=power, omega=omega))
+    return replace(model, rest=replace(model.rest, power=power, omega=omega, shape=0.8 + 0 * model.rest.shape))
 
 
 def settled(robot):
@@ -93,7 +93,7 @@ def test_derivative_through_the_equilibrium_is_that_of_the_whole_chain(kind):
         assert (error <= FINITE_DIFFERENCE * np.abs(difference).max(axis=1)).all()
 
 
-def lone_spring(torque, power=(0.0,), stiffness=1e6, per_rad2=5e4, damping=300.0):
+def lone_spring(torque, power=(0.0,), stiffness=1e6, per_rad2=5e4, damping=300.0, shape=1.0):
     """One spring under a constant torque and swinging ones of these powers from 10 Hz upwards, and how it rests."""
     rest = Rest(
         deflection=np.zeros((1, 1)),
@@ -102,6 +102,7 @@ def lone_spring(torque, power=(0.0,), stiffness=1e6, per_rad2=5e4, damping=300.0
         location=np.zeros(3),
         power=np.reshape(power, (1, -1, 1)),
         omega=20 * np.pi * np.arange(1.0, len(power) + 1),
+        shape=np.array([[shape]]),
     )
     values = SpringValues(np.array([stiffness]), np.array([per_rad2 * stiffness]), np.array([damping]), np.zeros(3))
     return rest, values, settle_springs(rest, values)
@@ -119,11 +120,11 @@ def test_a_loaded_spring_shows_its_slope():
 def test_a_swinging_spring_shows_the_slope_of_its_regression(count):
     """Sinusoids written out over a grid of all their phases: mean torque, and torque regressed on the deflection."""
     power = np.array([1500.0, 900.0, 1200.0])[:count] ** 2
-    rest, values, found = lone_spring(2500.0, power)
+    shape = 1 - 0.5 * (power**2).sum() / power.sum() ** 2
+    rest, values, found = lone_spring(2500.0, power, damping=0.0, shape=shape)
     slope, mean = found.stiffness[0, 0], found.deflection[0, 0]
-    amplitudes = np.sqrt(2 * power) / np.abs(slope + 300j * rest.omega)
     phases = 2 * np.pi * np.arange(8) / 8
-    swing = sum(np.meshgrid(*(amplitude * np.cos(phases) for amplitude in amplitudes))).ravel()
+    swing = sum(np.meshgrid(*(np.sqrt(2 * each) / slope * np.cos(phases) for each in power))).ravel()
     torque = 1e6 * (mean + swing) + 5e10 * (mean + swing) ** 3
     assert torque.mean() == pytest.approx(2500.0, rel=IDENTITY)
     assert slope == pytest.approx((torque * swing).mean() / (swing**2).mean(), rel=IDENTITY)

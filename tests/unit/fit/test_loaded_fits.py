@@ -1,0 +1,171 @@
+"""Cubic gears, spring locations and soft robots fitted to exact responses; what the data cannot tell is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from robid.errors import DataError
+from robid.fit.elastic import fit_elastic
+from robid.fit.fitted_robot import fitted_robot
+from robid.fit.options import ElasticOptions, Weights
+from robid.fit.parameters import map_parameters
+from robid.fit.problem import make_problem
+from robid.fit.rest_model import rest_model, spring_power
+from robid.frf.joined import join
+from robid.robot.expand import with_springs_at
+from robid.robot.response import nominal_parameters, response
+from robid.validation.fitted import fitted_model
+from tolerances import FINITE_DIFFERENCE, RECOVERY
+
+FREQUENCY_HZ = np.geomspace(2.0, 60.0, 25)
+CONFIGURATIONS = np.array([[0.3, -0.7], [-0.5, 0.9], [1.1, 0.2], [-1.2, 1.4]])
+DELAY_S = 1e-3
+CUBIC = ("stiffness", "damping", "cubic")
+
+
+def floor_standing():
+    """Two joints whose first axis is vertical and carries no gravity torque."""
+    robot = two_joint_robot()
+    upright = replace(robot.joints[0], rotation=np.eye(3))
+    tilted = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    return replace(robot, joints=(upright, replace(robot.joints[1], rotation=tilted)))
+
+
+def stiffened(robot, *per_rad2):
+    springs = list(robot.springs)
+    for index, share in enumerate(per_rad2):
+        springs[index] = replace(springs[index], cubic_nm_rad3=share * springs[index].stiffness_nm_rad)
+    return replace(robot, springs=tuple(springs))
+
+
+def loaded_frf(robot, torque_nm, configurations=CONFIGURATIONS):
+    """The response of a robot that swings under a torque of this RMS, found until both agree."""
+    frf = exact_frf(robot, configurations, FREQUENCY_HZ, delay_s=DELAY_S)
+    power = np.eye(2) * torque_nm**2 / FREQUENCY_HZ.size * np.ones((len(configurations), FREQUENCY_HZ.size, 1, 1))
+    frf = replace(frf, torque_power=power.astype(complex))
+    for _ in range(30):
+        model = rest_model(robot, frf, ElasticOptions(), DELAY_S)
+        values = nominal_parameters(robot, model, DELAY_S)
+        frf = replace(frf, response=response(model, values, FREQUENCY_HZ, frf.hold_period_s).sampled)
+    return frf
+
+
+def relative_errors(solution, robot, kind):
+    field = {"cubic": "cubic_nm_rad3", "stiffness": "stiffness_nm_rad"}[kind]
+    return {s.name: solution.found[f"{s.name}.{kind}"] / getattr(s, field) - 1
+            for s in robot.springs if f"{s.name}.{kind}" in solution.found}  # fmt: skip
+
+
+def test_power_through_a_gear_is_that_of_its_own_spring():
+    """With the model's own response, what the rotor leaves over is what bends the spring."""
+    robot = two_joint_robot()
+    frf = loaded_frf(robot, 3.0)
+    model = rest_model(robot, frf, ElasticOptions(), DELAY_S)
+    values = nominal_parameters(robot, model, DELAY_S)
+    bare = response(model, values, FREQUENCY_HZ, None)
+    deflection = bare.inputs[:, :, 2:4]
+    omega = 2 * np.pi * FREQUENCY_HZ[:, None]
+    dynamic = np.abs(values.stiffness[:2] + 1j * omega * values.damping[:2]) ** 2
+    wanted = dynamic * np.real(np.einsum("cfsi,cfij,cfsj->cfs", deflection, frf.torque_power, deflection.conj()))
+    held = np.abs(np.sinc(FREQUENCY_HZ * 1e-3))[:, None] ** 2
+    # The aliases of the held response are what the difference is made of.
+    np.testing.assert_allclose(spring_power(robot, frf, DELAY_S)[..., :2], wanted * held, rtol=2e-3)
+    assert not spring_power(robot, frf, DELAY_S)[..., 2:].any()
+
+
+def test_cubic_gears_come_back_from_two_amplitudes():
+    nominal = floor_standing()
+    true = stiffened(with_spring_factors(nominal, 1.2, 0.9), 2000.0, 3000.0)
+    frfs = [loaded_frf(true, torque) for torque in (8.0, 2.0)]
+    options = ElasticOptions(free=CUBIC, statics="every_iterate", statics_updates=10)
+    solution = fit_elastic(nominal, join(frfs, ("high", "low")), options, DELAY_S)
+    for kind in ("cubic", "stiffness"):
+        assert max(map(abs, relative_errors(solution, true, kind).values())) < 10 * RECOVERY
+    robot = fitted_robot(nominal, solution)
+    assert robot.springs[1].cubic_nm_rad3 == solution.found["gear_2.cubic"]
+    fitted = fitted_model(nominal, solution, frfs[1], options, DELAY_S)
+    found = fitted.problem.model_response(fitted.internal)
+    np.testing.assert_allclose(found, frfs[1].response, rtol=1e-3)
+
+
+def test_location_comes_back():
+    nominal = two_joint_robot()
+    true = with_springs_at(nominal, {"forearm": np.array([0.36, 0.0, 0.0])})
+    frf = exact_frf(true, CONFIGURATIONS, FREQUENCY_HZ, delay_s=DELAY_S)
+    options = ElasticOptions(free=("stiffness", "location"), statics_updates=10)
+    solution = fit_elastic(nominal, frf, options, DELAY_S)
+    assert solution.names[-2:] == ("forearm.location_x", "forearm.location_y")
+    np.testing.assert_allclose(solution.estimate[-2:], [0.36, 0.0], atol=RECOVERY)
+    np.testing.assert_allclose(fitted_robot(nominal, solution).springs[3].point_m, [0.36, 0.0, 0.0], atol=RECOVERY)
+
+
+def test_tied_springs_move_together_and_a_bound_holds():
+    nominal = two_joint_robot()
+    true = with_spring_factors(nominal, [1.4, 1.2, 1.2, 0.9])
+    frf = exact_frf(true, CONFIGURATIONS, FREQUENCY_HZ, delay_s=DELAY_S)
+    tied = {"bearing_1.stiffness": "gear_2.stiffness"}
+    options = ElasticOptions(free=("stiffness",), tied=tied, statics_updates=6)
+    solution = fit_elastic(nominal, frf, options, DELAY_S)
+    assert solution.tied_names == ("bearing_1.stiffness",)
+    for spring, wanted in zip(fitted_robot(nominal, solution).springs, true.springs, strict=True):
+        assert spring.stiffness_nm_rad == pytest.approx(wanted.stiffness_nm_rad, rel=RECOVERY)
+    held = replace(options, bounds={"gear_1.stiffness": (1e4, 2.5e4)})
+    solution = fit_elastic(nominal, frf, held, DELAY_S)
+    assert solution.found["gear_1.stiffness"] == pytest.approx(2.5e4)
+    assert solution.status == "converged"
+    assert "ended at a bound" in solution.advice
+    assert "gear_1.stiffness" in solution.advice
+
+
+@pytest.mark.parametrize("estimator", ["lls", "nls"])
+def test_derivative_of_the_residual_by_loaded_and_tied_parameters(estimator):
+    robot = stiffened(two_joint_robot(), 500.0, 800.0)
+    frf = loaded_frf(robot, 4.0)
+    options = ElasticOptions(
+        estimator=estimator,
+        weights=Weights("user"),
+        free=("stiffness", "damping", "cubic", "location", "delay"),
+        tied={"forearm.damping": "gear_1.damping", "gear_2.stiffness": "gear_1.stiffness"},
+    )
+    model = rest_model(robot, frf, options, DELAY_S)
+    parameters = map_parameters(robot, nominal_parameters(robot, model, DELAY_S), options, (), np.zeros(0))
+    problem = make_problem(frf, model, parameters, options)[0]
+    point = np.random.default_rng(2).uniform(-0.02, 0.02, len(parameters.names))
+    derivative = problem.linear(point)[1]
+    for index in range(point.size):
+        step = np.zeros(point.size)
+        step[index] = 2e-5
+        ends = [problem.residual(point + f * step, problem.model_response(point + f * step)) for f in (1, -1, 2, -2)]
+        difference = (8 * (ends[0] - ends[1]) - (ends[2] - ends[3])) / (12 * 2e-5)
+        np.testing.assert_allclose(
+            -derivative[..., index], difference, atol=FINITE_DIFFERENCE * np.abs(difference).max()
+        )
+
+
+def test_a_response_without_its_torque_is_refused_for_cubic_gears():
+    frf = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ)
+    with pytest.raises(DataError, match="power of its torques") as caught:
+        fit_elastic(two_joint_robot(), frf, ElasticOptions(free=CUBIC), DELAY_S)
+    assert "estimate the response again" in caught.value.remedy
+
+
+def test_responses_of_other_lines_are_not_joined():
+    first = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ)
+    second = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ[1:])
+    with pytest.raises(DataError, match="`low` cannot be joined to `high`: excited lines"):
+        join([first, second], ("high", "low"))
+
+
+def test_joined_responses_are_brought_to_one_compensation():
+    frf = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ)
+    slope = np.random.default_rng(1).standard_normal((4, 1, 25, 2, 2)) + 0j
+    compensated = replace(
+        frf, sensitivity=slope, coefficient_names=("elbow.level",), coefficient_relative_std=np.array([0.1])
+    )
+    first = replace(compensated, coefficient_offset=np.array([0.2]), response=frf.response + 0.2 * slope[:, 0])
+    second = replace(compensated, coefficient_offset=np.array([-0.1]), response=frf.response - 0.1 * slope[:, 0])
+    found = join([first, second], ("first", "second"))
+    np.testing.assert_allclose(found.response, np.concatenate([first.response, first.response]), rtol=1e-12)
+    assert found.configurations.shape == (8, 2)
