@@ -12,9 +12,12 @@ ParameterKind = Literal["stiffness", "damping", "viscous", "motor_inertia", "lin
 class Weights:
     """Weights of the residual."""
 
-    kind: Literal["user", "optimal", "inflated"] = field(
+    kind: Literal["user", "optimal", "optimal_full", "inflated"] = field(
         default="inflated",
-        metadata={"description": "Constant per element; 1/variance; 1/(variance + model error)."},
+        metadata={
+            "description": "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
+            " included; 1/(variance + model error)."
+        },
     )
     off_diagonal: float = field(
         default=0.3, metadata={"description": "User weight of off-diagonal elements, diagonal is 1.", "ge": 0}
@@ -29,8 +32,8 @@ class Weights:
 class ElasticOptions:
     """The elastic fit."""
 
-    estimator: Literal["lls", "nls"] = field(
-        default="lls", metadata={"description": "Logarithmic or plain least squares."}
+    estimator: Literal["lls", "nls", "llsm"] = field(
+        default="lls", metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."}
     )
     weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
     free: tuple[ParameterKind, ...] = field(

@@ -1,20 +1,22 @@
-"""The elastic least-squares problem: residual, weights, cost and normal equations."""
+"""The elastic least-squares problem: residual, cost and normal equations."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.levenberg import Normal
-from robid.fit.options import ElasticOptions, Weights
+from robid.fit.normal import SymmetricNormal
+from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
+from robid.fit.weights import make_weights, make_whitening
 from robid.frf.frf import Frf
 from robid.robot.linearize import LinearModel
 from robid.robot.response import jacobian, response
-
-_MIN_SNR = 10.0
 
 
 @dataclass(frozen=True)
@@ -25,9 +27,11 @@ class Problem:
         frf: Measured response.
         model: Linearised robot in the same configurations.
         parameters: What is estimated.
-        estimator: `lls` or `nls`.
+        estimator: `lls`, `nls`, or `llsm`, whose residual is real.
         weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
         model_error: Relative model error that the weights assume.
+        whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line, rows of the
+            response one after the other, where errors of its elements are correlated; None for `weight` alone.
     """
 
     frf: Frf
@@ -36,6 +40,15 @@ class Problem:
     estimator: str
     weight: FloatArray
     model_error: float
+    whitening: ComplexArray | None = None
+
+    @cached_property
+    def _symmetric(self) -> SymmetricNormal | None:
+        return SymmetricNormal(self) if self.whitening is None and SymmetricNormal.serves(self) else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leaves the working memory of `_symmetric` behind."""
+        return {name: value for name, value in self.__dict__.items() if name != "_symmetric"}
 
     def model_response(self, internal: FloatArray) -> ComplexArray:
         """Parametric response (n_conf, n_freq, n_out, n_in)."""
@@ -49,23 +62,40 @@ class Problem:
             return self.frf.response
         return np.asarray(self.frf.response + np.einsum("s,csfoi->cfoi", internal[-count:], self.frf.sensitivity))
 
+    def measured_slopes(self, internal: FloatArray) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in, n_friction) of the measured response by the friction scales."""
+        del internal
+        return np.moveaxis(self.frf.sensitivity, 1, -1)
+
     def residual(self, internal: FloatArray, modelled: ComplexArray) -> ComplexArray:
-        """Residual (n_conf, n_freq, n_out, n_in), Wernholt and Moberg (2008) eq. 4c or 7c."""
+        """Residual (n_conf, n_freq, n_out, n_in), Wernholt and Moberg (2008) eq. 4c or 7c, or its real part."""
         if self.estimator == "nls":
             return np.asarray(self.measured(internal) - modelled)
-        return np.asarray(np.log(self.measured(internal) / modelled))
+        error = np.log(self.measured(internal) / modelled)
+        return np.asarray(error.real + 0j if self.estimator == "llsm" else error)
+
+    def weighted(self, values: ComplexArray) -> ComplexArray:
+        """Residuals or derivatives (n_conf, n_freq, n_out, n_in, ...) times the root of the weights."""
+        trailing = (1,) * (values.ndim - 4)
+        if self.whitening is None:
+            return np.asarray(np.sqrt(self.weight).reshape(*self.weight.shape, *trailing) * values)
+        stacked = values.reshape(*values.shape[:2], self.whitening.shape[-1], -1)
+        return np.asarray((self.whitening @ stacked).reshape(values.shape))
 
     def cost(self, internal: FloatArray) -> float:
-        """Weighted cost, eq. 4b or 7b, with half the squared friction scales over their variance."""
+        """Weighted cost, eq. 4b or 7b, with half the squared deviations from what is known beforehand."""
         with np.errstate(all="ignore"):
-            error = self.residual(internal, self.model_response(internal))
-            total = float((self.weight * np.abs(error) ** 2).sum()) + self._prior_cost(internal)
+            if self._symmetric is not None:
+                total = self._symmetric.cost(internal)
+            else:
+                total = float(self.configuration_cost(self.model_response(internal), internal).sum())
+            total += self._prior_cost(internal)
         return total if np.isfinite(total) else np.inf
 
     def configuration_cost(self, modelled: ComplexArray, internal: FloatArray) -> FloatArray:
         """Weighted cost of each configuration (n_conf,)."""
-        error = self.residual(internal, modelled)
-        return np.asarray((self.weight * np.abs(error) ** 2).sum(axis=(1, 2, 3)))
+        error = self.weighted(self.residual(internal, modelled))
+        return np.asarray((np.abs(error) ** 2).sum(axis=(1, 2, 3)))
 
     def linear(self, internal: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Residual and its negative derivative (n_conf, n_freq, n_out, n_in, n_param)."""
@@ -76,68 +106,41 @@ class Problem:
         count = self.parameters.n_friction
         slopes = self.parameters.slopes(internal)
         derivative = plain * slopes[: slopes.size - count]
-        if self.estimator == "lls":
+        if self.estimator != "nls":
             derivative /= result.sampled[..., None]
         if count:
-            moved = -np.moveaxis(self.frf.sensitivity, 1, -1)
-            if self.estimator == "lls":
+            moved = -self.measured_slopes(internal)
+            if self.estimator != "nls":
                 moved = moved / self.measured(internal)[..., None]
             derivative = np.concatenate([derivative, moved], axis=-1)
+        if self.estimator == "llsm":
+            derivative = derivative.real + 0j
         return self.residual(internal, result.sampled), derivative
 
     def normal(self, internal: FloatArray) -> Normal:
         """Cost, half gradient and half Gauss-Newton Hessian."""
-        error, derivative = self.linear(internal)
-        root = np.sqrt(self.weight)
-        rows = (root[..., None] * derivative).reshape(-1, derivative.shape[-1])
-        target = (root * error).ravel()
-        real, target_real = np.concatenate([rows.real, rows.imag]), np.concatenate([target.real, target.imag])
+        if self._symmetric is not None:
+            with np.errstate(all="ignore"):
+                sums = self._symmetric.normal(internal)
+        else:
+            sums = self.stacked_normal(internal)
         precision = 0.5 / self.parameters.prior_std**2
-        hessian = real.T @ real + np.diag(precision)
-        gradient = -(real.T @ target_real) + precision * internal
-        return Normal(float(target_real @ target_real) + self._prior_cost(internal), gradient, hessian)
+        return Normal(
+            sums.cost + self._prior_cost(internal),
+            sums.gradient + precision * internal,
+            sums.hessian + np.diag(precision),
+        )
+
+    def stacked_normal(self, internal: FloatArray) -> Normal:
+        """The sums of the normal equations from all residuals and derivatives, whatever the problem."""
+        error, derivative = self.linear(internal)
+        rows = self.weighted(derivative).reshape(-1, derivative.shape[-1])
+        target = self.weighted(error).ravel()
+        real, target_real = np.concatenate([rows.real, rows.imag]), np.concatenate([target.real, target.imag])
+        return Normal(float(target_real @ target_real), -(real.T @ target_real), real.T @ real)
 
     def _prior_cost(self, internal: FloatArray) -> float:
         return float((0.5 * (internal / self.parameters.prior_std) ** 2).sum())
-
-
-def make_weights(frf: Frf, weights: Weights, estimator: str, size: FloatArray | None = None) -> tuple[FloatArray, int]:
-    """Weights of the squared residuals.
-
-    Args:
-        frf: Measured response with its variance.
-        weights: Which weights.
-        estimator: `lls` or `nls`; the logarithm drops elements below 10 dB.
-        size (n_conf, n_freq, n_out, n_in): Magnitude that errors are relative to, the measured one by default.
-            A fitted model's is better: noise then does not choose its own weight.
-
-    Returns:
-        Weights (n_conf, n_freq, n_out, n_in) and the number of dropped elements. Without a covariance the
-        model error takes the place of the noise.
-
-    Source:
-        Wernholt and Moberg (2008), eq. 6, 8 and sec. 6; METHODS sec. 5.
-    """
-    power = (np.abs(frf.response) if size is None else size) ** 2
-    variance = frf.element_variance()
-    relative = np.divide(variance, power, out=np.full(power.shape, np.inf), where=power > 0)
-    freedom = frf.degrees_of_freedom
-    inverse_bias = (freedom - 1) / freedom if freedom > 1 else 1.0
-    if weights.kind == "user":
-        base = np.where(np.eye(*power.shape[2:]) > 0, 1.0, weights.off_diagonal) + np.zeros(power.shape)
-        typical = float((base * relative).sum() / max((base > 0).sum(), 1))
-        base = base / (typical if 0 < typical < np.inf else weights.model_error**2 or 1.0)
-    elif variance.any():
-        floor = weights.model_error**2 if weights.kind == "inflated" else 0.0
-        base = inverse_bias / (relative + floor)
-    else:
-        base = np.full(power.shape, 1 / (weights.model_error**2 or 1.0))
-    if estimator == "nls":
-        base = np.divide(base, power, out=np.zeros(power.shape), where=power > 0)
-    below = relative > 1 / _MIN_SNR
-    dropped = below if estimator == "lls" else np.zeros_like(below)
-    keep = ~dropped & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
-    return np.where(keep, base, 0.0), int(dropped.sum())
 
 
 def make_problem(
@@ -152,10 +155,14 @@ def make_problem(
     Returns:
         The problem and the number of elements that the logarithm drops.
     """
-    size = None
+    fitted = None
     if internal is not None:
         values = parameters.parameters(internal)
-        size = np.abs(response(model, values, frf.frequency_hz, frf.hold_period_s).sampled)
+        fitted = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
+    size = None if fitted is None else np.abs(fitted)
     weight, dropped = make_weights(frf, options.weights, options.estimator, size)
+    whitening = None
+    if options.weights.kind == "optimal_full":
+        whitening = make_whitening(frf, weight > 0, options.estimator, fitted)
     model_error = options.weights.model_error if options.weights.kind == "inflated" else 0.0
-    return Problem(frf, model, parameters, options.estimator, weight, model_error), dropped
+    return Problem(frf, model, parameters, options.estimator, weight, model_error, whitening), dropped

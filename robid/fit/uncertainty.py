@@ -26,7 +26,7 @@ def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
     n_param = derivative.shape[-1]
     bread = np.real(derivative.reshape(-1, n_param).conj().T @ weighted.reshape(-1, n_param))
     error = (problem.model_error * weighted).reshape(-1, n_param)
-    if problem.estimator == "lls":
+    if problem.estimator != "nls":
         weighted = weighted / problem.measured(internal).conj()[..., None]
     else:
         error = error * np.abs(problem.frf.response).reshape(-1, 1)

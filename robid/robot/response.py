@@ -94,11 +94,11 @@ def response(
     inputs = solved[..., :n_motor]
     outputs = inputs if collocated else solved[..., n_motor:]
     continuous = -(omega**2)[:, None, None] * (seen @ inputs)
-    hold = _hold(omega, parameters.delay[0], sampling_period_s)
+    hold = hold_factor(omega, parameters.delay[0], sampling_period_s)
     sampled = hold[:, None, None] * continuous
     if sampling_period_s is not None:
-        fast = _fast_limit(model, parameters)
-        sampled = sampled + _aliases(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
+        fast = fast_limit(model, parameters)
+        sampled = sampled + alias_factor(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
     return Response(sampled, inputs, outputs, hold, omega)
 
 
@@ -167,10 +167,10 @@ def _inertia_columns(
     columns = -(result.hold * result.omega**4)[:, None, None, None] * change
     if sampling_period_s is None:
         return np.asarray(columns)
-    inverse = np.linalg.inv(_mass(model, parameters))
+    inverse = np.linalg.inv(mass_matrix(model, parameters))
     left, right = model.output @ inverse, inverse[..., : model.n_motor]
     fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
-    aliases = _aliases(result.omega, parameters.delay[0], sampling_period_s)[0]
+    aliases = alias_factor(result.omega, parameters.delay[0], sampling_period_s)[0]
     return np.asarray(columns + aliases[:, None, None, None] * fast[:, None])
 
 
@@ -180,8 +180,8 @@ def _delay_column(
     rate = -1j * result.omega[:, None, None]
     if sampling_period_s is None:
         return np.asarray(rate * result.sampled)[..., None]
-    fast = _fast_limit(model, parameters)[:, None]
-    aliases, slope = _aliases(result.omega, parameters.delay[0], sampling_period_s)
+    fast = fast_limit(model, parameters)[:, None]
+    aliases, slope = alias_factor(result.omega, parameters.delay[0], sampling_period_s)
     own = result.sampled - aliases[:, None, None] * fast
     return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]
 
@@ -191,10 +191,11 @@ def motion_matrices(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Returns mass, damping and stiffness (n, n) of one configuration in the model's coordinates."""
     stiffness = model.gravity_stiffness[configuration] + _springs(model, parameters)
-    return _mass(model, parameters)[configuration], _dampers(parameters), stiffness
+    return mass_matrix(model, parameters)[configuration], _dampers(parameters), stiffness
 
 
-def _mass(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+def mass_matrix(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    """Returns the inertia matrices (n_conf, n, n) with rotors and links."""
     mass = model.mass + np.einsum("l,clij->cij", parameters.link_inertia, model.link_inertia)
     motors = np.arange(model.n_motor)
     mass[:, motors, motors] += parameters.motor_inertia
@@ -211,7 +212,7 @@ def _springs(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
 
 def _dynamic_stiffness(model: LinearModel, parameters: ElasticParameters, omega: FloatArray) -> ComplexArray:
     constant = model.gravity_stiffness[:, None] + _springs(model, parameters)
-    dynamic = constant - (omega**2)[:, None, None] * _mass(model, parameters)[:, None]
+    dynamic = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
     return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(parameters))
 
 
@@ -220,12 +221,14 @@ def _seen(model: LinearModel, omega: FloatArray) -> FloatArray:
     return np.asarray(model.output[:, None] + model.tilt[:, None] / (omega**2)[:, None, None])
 
 
-def _fast_limit(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
-    inverse = np.linalg.inv(_mass(model, parameters))
+def fast_limit(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    """Returns the acceleration per torque (n_conf, n_out, n_in) at infinite frequency."""
+    inverse = np.linalg.inv(mass_matrix(model, parameters))
     return np.asarray(model.output @ inverse[..., : model.n_motor])
 
 
-def _hold(omega: FloatArray, delay_s: float, sampling_period_s: float | None) -> ComplexArray:
+def hold_factor(omega: FloatArray, delay_s: float, sampling_period_s: float | None) -> ComplexArray:
+    """Returns what hold and delay multiply the continuous response by (n_freq,)."""
     lag = np.exp(-1j * omega * delay_s)
     if sampling_period_s is None:
         return np.asarray(lag)
@@ -233,12 +236,13 @@ def _hold(omega: FloatArray, delay_s: float, sampling_period_s: float | None) ->
     return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half) * lag)
 
 
-def _aliases(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
+def alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
+    """Returns what the fast limit is multiplied by as it folds down (n_freq,), and its derivative by the delay."""
     total = np.zeros(omega.size, complex)
     slope = np.zeros(omega.size, complex)
     for shift in _ALIASES:
         alias = omega + shift * 2 * np.pi / sampling_period_s
-        term = (omega / alias) ** 2 * _hold(alias, delay_s, sampling_period_s)
+        term = (omega / alias) ** 2 * hold_factor(alias, delay_s, sampling_period_s)
         total += term
         slope += -1j * alias * term
     return total, slope

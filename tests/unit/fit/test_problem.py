@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot
+from robid.errors import DataError
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import map_parameters
-from robid.fit.problem import make_problem, make_weights
+from robid.fit.problem import make_problem
+from robid.fit.weights import make_weights, make_whitening
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
-from tolerances import FINITE_DIFFERENCE
+from tolerances import FINITE_DIFFERENCE, IDENTITY
 
 FREQUENCY_HZ = np.array([2.0, 5.0, 9.0, 14.0, 27.0, 45.0])
 CONFIGURATIONS = np.array([[-0.3, 0.5], [0.9, 1.2]])
@@ -43,7 +45,7 @@ def problem_of(options):
     return make_problem(frf, linear, parameters, options)[0]
 
 
-@pytest.fixture(params=["lls", "nls"])
+@pytest.fixture(params=["lls", "nls", "llsm"])
 def problem(request):
     fixed = ("gear_2.damping", "shoulder.motor_inertia")
     return problem_of(ElasticOptions(estimator=request.param, free=EVERYTHING, fixed=fixed))
@@ -159,3 +161,99 @@ def test_units_of_torque_nonlinearities_are_their_own():
     nominal = nominal_parameters(robot, linear, 0.0)
     mapped = map_parameters(robot, nominal, ElasticOptions(free=("stiffness",)), names, np.ones(3))
     assert mapped.units == ("N m/rad", "1", "samples", "1")
+
+
+@pytest.mark.parametrize("estimator", ["lls", "llsm", "nls"])
+@pytest.mark.parametrize(
+    "kinds", [EVERYTHING, ("damping", "delay", "stiffness"), ("viscous",), ("stiffness", "link_inertia")]
+)
+@pytest.mark.parametrize("kind", ["user", "inflated"])
+def test_symmetric_sums_are_those_of_all_residuals(estimator, kinds, kind):
+    fixed = tuple(name for name in ("gear_2.damping", "forearm.stiffness") if name.rpartition(".")[2] in kinds)
+    weights = Weights(kind, low_cut_hz=4.0)
+    problem = problem_of(ElasticOptions(estimator=estimator, free=kinds, fixed=fixed, weights=weights))
+    assert not np.allclose(problem.frf.response, np.swapaxes(problem.frf.response, -1, -2), rtol=1e-3)
+    prior = 0.5 / problem.parameters.prior_std**2
+    for seed in range(3):
+        point = np.random.default_rng(seed).uniform(-0.5, 0.5, len(problem.parameters.names))
+        ours, whole = problem.normal(point), problem.stacked_normal(point)
+        assert problem.cost(point) == pytest.approx(ours.cost, rel=1e-14)
+        assert ours.cost == pytest.approx(whole.cost + (prior * point**2).sum(), rel=IDENTITY)
+        root = np.sqrt(np.diag(whole.hessian))
+        np.testing.assert_allclose((ours.hessian - whole.hessian) / np.outer(root, root), np.diag(prior / root**2), atol=IDENTITY)
+        np.testing.assert_allclose((ours.gradient - whole.gradient - prior * point) / root, 0, atol=IDENTITY * np.sqrt(whole.cost))
+
+
+def test_point_is_not_mistaken_for_another(problem, point):
+    there = problem.normal(point).gradient
+    problem.cost(point + 0.1)
+    np.testing.assert_array_equal(problem.normal(point).gradient, there)
+
+
+def test_other_outputs_take_the_general_way():
+    robot = two_joint_robot()
+    names = ("shoulder.arm", "elbow")
+    frf = exact_frf(robot, CONFIGURATIONS, FREQUENCY_HZ, delay_s=1e-3, output_names=names, relative_noise=0.01)
+    linear = linearize(build_model(robot), solve_statics(build_model(robot), CONFIGURATIONS), names)
+    options = ElasticOptions(free=EVERYTHING)
+    parameters = map_parameters(robot, nominal_parameters(robot, linear, 1e-3), options, (), np.zeros(0))
+    problem = make_problem(frf, linear, parameters, options)[0]
+    assert problem.normal(np.zeros(13 + 2)).cost == pytest.approx(problem.stacked_normal(np.zeros(15)).cost)
+
+
+def test_correlated_weights_are_the_inverse_covariance():
+    frf = correlated_frf()
+    relative = frf.response[1, 2].T.ravel()
+    covariance = frf.full_covariance(1)[2] / np.outer(relative, relative.conj())
+    kept = np.ones(frf.response.shape, bool)
+    whitening = make_whitening(frf, kept, "lls")[1, 2]
+    by_column = [0, 2, 1, 3]
+    found = (whitening.conj().T @ whitening)[np.ix_(by_column, by_column)]
+    np.testing.assert_allclose(found, np.linalg.inv(covariance) * (7 - 2) / 7, rtol=1e-9)
+
+
+def test_correlated_weights_without_correlation_are_the_optimal_ones():
+    frf = noisy_frf()
+    weight, _ = make_weights(frf, Weights("optimal"), "lls")
+    whitening = make_whitening(frf, weight > 0, "lls")
+    np.testing.assert_allclose(np.abs(np.diagonal(whitening, axis1=-2, axis2=-1)) ** 2, weight.reshape(2, 6, 4), rtol=1e-5)
+
+
+def correlated_frf():
+    generator = np.random.default_rng(5)
+    frf = noisy_frf(relative_noise=1e-3)
+
+    def positive(size):
+        root = generator.standard_normal((2, 6, size, size)) + 1j * generator.standard_normal((2, 6, size, size))
+        return root @ np.swapaxes(root.conj(), -1, -2)
+
+    scale = generator.uniform(0.5, 2, (2, 2, 2))
+    return replace(
+        frf,
+        input_factor=positive(2),
+        total_covariance=1e-6 * positive(2),
+        element_scale=scale,
+        total_degrees_of_freedom=7.0,
+    )
+
+
+@pytest.mark.parametrize("estimator", ["lls", "llsm", "nls"])
+def test_gradient_with_correlated_weights(estimator):
+    frf, robot = correlated_frf(), two_joint_robot()
+    linear = linearize(build_model(robot), solve_statics(build_model(robot), CONFIGURATIONS))
+    options = ElasticOptions(estimator=estimator, weights=Weights("optimal_full"))
+    parameters = map_parameters(robot, nominal_parameters(robot, linear, 1e-3), options, (), np.zeros(0))
+    problem = make_problem(replace(frf, sensitivity=frf.sensitivity[:, :0]), linear, parameters, options)[0]
+    point = np.full(len(parameters.names), 0.02)
+    gradient = problem.normal(point).gradient
+    for index in range(point.size):
+        step = np.zeros(point.size)
+        step[index] = 1e-5
+        slope = (problem.cost(point + step) - problem.cost(point - step)) / 2e-5
+        assert 2 * gradient[index] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(gradient).max())
+
+
+def test_correlated_weights_need_enough_realizations():
+    frf = replace(correlated_frf(), total_degrees_of_freedom=2.0)
+    with pytest.raises(DataError, match="more than 2 degrees of freedom of the covariance, not 2"):
+        make_whitening(frf, np.ones(frf.response.shape, bool), "lls")

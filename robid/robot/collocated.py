@@ -1,0 +1,281 @@
+"""Response of motors to their own torques for many parameter values: all lines at once, half of a symmetric matrix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.robot.linearize import LinearModel
+from robid.robot.response import ElasticParameters, alias_factor, fast_limit, hold_factor, mass_matrix
+
+KINDS = ("stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay")
+
+
+def is_collocated(model: LinearModel) -> bool:
+    """Whether the outputs are the motors themselves, so that the response is symmetric."""
+    n_motor = model.n_motor
+    same = model.output.shape[1] == n_motor and (model.output == np.eye(n_motor, model.mass.shape[-1])).all()
+    return bool(same) and not model.tilt.any()
+
+
+@dataclass
+class _Solved:
+    """One factorisation: pivot rows of the springs, response of the motors, sampled response."""
+
+    parameters: ElasticParameters
+    motors: ComplexArray | None
+    fast: FloatArray
+    sampled: ComplexArray
+    whole: ComplexArray | None = None
+
+
+class Collocated:
+    """Evaluates the sampled response of one linearised robot again and again.
+
+    Lines of all configurations stand last, configuration by configuration. Springs come first and are eliminated
+    without pivoting, which their dampers make safe. What is left is of the motors' size: with rotors and viscous friction
+    on its diagonal it is the inverse of the response; where those are known, the motors are swept once beforehand and it
+    is the response itself, negative (METHODS sec. 1).
+
+    Args:
+        model: Linearised robot whose outputs are its motors.
+        frequency_hz (n_freq,): Frequencies [Hz].
+        sampling_period_s: Period of the held torque, None for continuous time.
+        used (n_conf, n_freq): Which lines to evaluate.
+        kinds: Kinds of parameters that will vary.
+    """
+
+    def __init__(
+        self,
+        model: LinearModel,
+        frequency_hz: FloatArray,
+        sampling_period_s: float | None,
+        used: BoolArray,
+        kinds: tuple[str, ...],
+    ) -> None:
+        """Sets up what parameters do not change."""
+        n = model.mass.shape[-1]
+        self._model = model
+        self._period = sampling_period_s
+        self._swept = set(kinds) <= {"stiffness", "damping", "delay"}
+        self._configuration, line = np.nonzero(used)
+        self._omega = (2 * np.pi * frequency_hz)[line]
+        self._order = np.r_[model.n_motor : n, : model.n_motor]
+        self._rows, self._columns = np.triu_indices(model.n_motor)
+        self._work = np.empty((n, n, line.size), complex)
+        self._products = np.empty((n, max(1, model.n_motor), line.size), complex)
+        self._held: tuple[FloatArray, ...] = ()
+        self._constant = np.empty(0, complex)
+        self._fast = np.empty(0)
+        self._solved: _Solved | None = None
+        self._buffer = np.empty((0, 0, 0), complex)
+
+    def response(self, parameters: ElasticParameters) -> ComplexArray:
+        """Sampled response (n_pair, n_line), the upper triangle row by row."""
+        self._hold(parameters)
+        work, n_spring = self._work, len(self._work) - self._model.n_motor
+        for row in range(len(work)):
+            work[row, row:] = self._constant[row, row:]
+        springs, motors = np.arange(n_spring), np.arange(n_spring, len(work))
+        work[springs, springs] += parameters.stiffness[:, None] + 1j * parameters.damping[:, None] * self._omega
+        if not self._swept:
+            work[motors, motors] += 1j * parameters.viscous[:, None] * self._omega
+        _eliminate(work, n_spring, self._products[:, 0])
+        rest = work[n_spring:, n_spring:]
+        torque = None if self._swept else _invert(rest)
+        seen = -rest[self._rows, self._columns] if torque is None else torque[self._rows, self._columns]
+        held = hold_factor(self._omega, parameters.delay[0], self._period)
+        seen *= -(self._omega**2) * held
+        if self._period is not None:
+            seen += alias_factor(self._omega, parameters.delay[0], self._period)[0] * self._fast
+        self._solved = _Solved(parameters, torque, self._fast, seen)
+        return seen
+
+    def derivatives(self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], scale: ComplexArray) -> ComplexArray:
+        """Derivatives at the point of the last response with respect to plain values.
+
+        Args:
+            kinds: Kinds of parameters, in the order wanted.
+            masks: Which elements of each.
+            scale (n_pair, n_line): Factor of each element.
+
+        Returns:
+            (n_param, n_pair, n_line), valid until the next call.
+
+        Raises:
+            ValueError: If there was no response before.
+        """
+        solved = self._last()
+        if solved.whole is None:
+            solved.whole = self._whole()
+        count = sum(int(mask.sum()) for mask in masks)
+        if self._buffer.shape != (count, *scale.shape):
+            self._buffer = np.empty((count, *scale.shape), complex)
+        begin = 0
+        own = scale * (self._omega**2 * hold_factor(self._omega, solved.parameters.delay[0], self._period))
+        outer: dict[bytes, slice] = {}
+        for kind, mask in zip(kinds, masks, strict=True):
+            rows = slice(begin, begin + int(mask.sum()))
+            if kind == "delay":
+                self._buffer[rows] = scale * self._delay_slope()
+            else:
+                self._fill(rows, kind, mask, own, scale, outer)
+            begin = rows.stop
+        return self._buffer
+
+    def _fill(
+        self,
+        rows: slice,
+        kind: str,
+        mask: BoolArray,
+        own: ComplexArray,
+        scale: ComplexArray,
+        outer: dict[bytes, slice],
+    ) -> None:
+        """Outer products of one kind; a spring's damper takes over those of its stiffness."""
+        out = self._buffer[rows]
+        key = mask.tobytes()
+        if kind == "damping" and key in outer:
+            np.multiply(self._buffer[outer[key]], 1j * self._omega, out=out)
+            return
+        _outer(self._seen(kind)[mask], own, out)
+        if kind == "stiffness":
+            outer[key] = rows
+        elif kind.endswith("inertia"):
+            out *= -(self._omega**2)
+            if self._period is not None:
+                out += scale * self._alias_slope(kind, mask)
+        else:
+            out *= 1j * self._omega
+
+    def _seen(self, kind: str) -> ComplexArray:
+        """How each element of a kind moves for unit torques (n_element, n_motor, n_line)."""
+        whole, n_motor = self._last().whole, self._model.n_motor
+        assert whole is not None
+        n_spring = len(whole) - n_motor
+        if kind in ("stiffness", "damping"):
+            return whole[:n_spring]
+        if kind != "link_inertia":
+            return whole[n_spring:]
+        turns = self._turns()[:, :, self._order][self._configuration]
+        return np.asarray(np.einsum("Lla,aiL->liL", turns, whole, optimize=True))
+
+    def _whole(self) -> ComplexArray:
+        """Motion of all coordinates (n, n_motor, n_line), springs first, by back substitution.
+
+        Motors that were swept are not among the unknowns: a unit torque of each stands in their place.
+        """
+        solved, work, n_motor = self._last(), self._work, self._model.n_motor
+        n_spring = len(work) - n_motor
+        whole = np.empty((len(work), n_motor, work.shape[-1]), complex)
+        if solved.motors is not None:
+            whole[n_spring:] = solved.motors
+        for row in range(n_spring - 1, -1, -1):
+            known = len(work) if solved.motors is not None else n_spring
+            product = self._products[row + 1 : known]
+            np.multiply(work[row, row + 1 : known, None], whole[row + 1 : known], out=product)
+            np.sum(product, axis=0, out=whole[row])
+            if solved.motors is None:
+                whole[row] += work[row, n_spring:]
+            whole[row] *= -1 / work[row, row]
+        return whole
+
+    def _last(self) -> _Solved:
+        if self._solved is None:
+            message = "derivatives are those of the last response, and there was none"
+            raise ValueError(message)
+        return self._solved
+
+    def _turns(self) -> FloatArray:
+        """Direction (n_conf, n_joint, n) whose outer product each link's inertia multiplies."""
+        products = self._model.link_inertia
+        size = np.diagonal(products, axis1=-2, axis2=-1)
+        largest = size.argmax(axis=-1)[..., None]
+        root = np.sqrt(np.maximum(np.take_along_axis(size, largest, axis=-1), np.finfo(float).tiny))
+        return np.asarray(np.take_along_axis(products, largest[..., None], axis=-2)[..., 0, :] / root)
+
+    def _alias_slope(self, kind: str, mask: BoolArray) -> ComplexArray:
+        """Derivative (n_element, n_pair, n_line) of what folds down from above."""
+        model, parameters = self._model, self._last().parameters
+        inverse = np.linalg.inv(mass_matrix(model, parameters))[:, : model.n_motor]
+        if kind == "link_inertia":
+            seen = np.einsum("cia,cla->cli", inverse, self._turns())
+        else:
+            seen = np.swapaxes(inverse[..., : model.n_motor], -1, -2)
+        pairs = -(seen[..., self._rows] * seen[..., self._columns])[:, mask]
+        folded = alias_factor(self._omega, parameters.delay[0], self._period or 0.0)[0]
+        return np.asarray(folded * np.moveaxis(pairs[self._configuration], 0, -1))
+
+    def _delay_slope(self) -> ComplexArray:
+        solved, rate = self._last(), -1j * self._omega
+        if self._period is None:
+            return np.asarray(rate * solved.sampled)
+        folded, slope = alias_factor(self._omega, solved.parameters.delay[0], self._period)
+        return np.asarray(rate * (solved.sampled - folded * solved.fast) + slope * solved.fast)
+
+    def _hold(self, parameters: ElasticParameters) -> None:
+        """Sets up everything but what varies; anew only when it did change."""
+        held = (parameters.motor_inertia, parameters.link_inertia)
+        if self._swept:
+            held = (*held, parameters.viscous)
+        if self._held and all(map(np.array_equal, self._held, held)):
+            return
+        model, order = self._model, np.ix_(range(len(self._model.mass)), self._order, self._order)
+        mass, gravity = mass_matrix(model, parameters)[order], model.gravity_stiffness[order]
+        here = self._configuration
+        constant = gravity[here] - (self._omega**2)[:, None, None] * mass[here]
+        if self._swept:
+            constant = self._sweep(constant, parameters.viscous)
+        self._constant = np.ascontiguousarray(constant.transpose(1, 2, 0))
+        self._fast = np.ascontiguousarray(fast_limit(model, parameters)[here][:, self._rows, self._columns].T)
+        self._held = held
+
+    def _sweep(self, constant: FloatArray, viscous: FloatArray) -> ComplexArray:
+        """Eliminates the motors: `[[S, C], [C', A]]` becomes `[[S - C A^-1 C', C A^-1], [., -A^-1]]`."""
+        n_spring = constant.shape[-1] - self._model.n_motor
+        motors = constant[:, n_spring:, n_spring:] + 1j * self._omega[:, None, None] * np.diag(viscous)
+        inverse, coupling = np.linalg.inv(motors), constant[:, :n_spring, n_spring:]
+        seen = coupling @ inverse
+        springs = constant[:, :n_spring, :n_spring] - seen @ np.swapaxes(coupling, -1, -2)
+        return np.block([[springs, seen], [np.swapaxes(seen, -1, -2), -inverse]])
+
+
+def _eliminate(matrix: ComplexArray, pivots: int, product: ComplexArray) -> None:
+    """Eliminates the first rows of symmetric matrices (n, n, n_line) in place, upper triangle only."""
+    n = len(matrix)
+    for pivot in range(pivots):
+        row = matrix[pivot]
+        factor = row * (1 / row[pivot])
+        for below in range(pivot + 1, n):
+            rest = product[: n - below]
+            np.multiply(row[below:], factor[below], out=rest)
+            matrix[below, below:] -= rest
+
+
+def _invert(matrix: ComplexArray) -> ComplexArray:
+    """Inverse of symmetric matrices (n, n, n_line) of which the upper triangle is given, by sweeping."""
+    n = len(matrix)
+    swept = matrix.copy()
+    for row in range(n):
+        swept[row + 1 :, row] = swept[row, row + 1 :]
+    for pivot in range(n):
+        column = swept[:, pivot].copy()
+        inverse = 1 / column[pivot]
+        scaled = column * inverse
+        swept -= column[:, None] * scaled
+        swept[pivot] = scaled
+        swept[:, pivot] = scaled
+        swept[pivot, pivot] = -inverse
+    return np.negative(swept, out=swept)
+
+
+def _outer(motion: ComplexArray, scale: ComplexArray, out: ComplexArray) -> None:
+    """Upper triangle of the outer product of each element's motion (n_element, n_motor, n_line), scaled."""
+    n_motor, begin = motion.shape[1], 0
+    for row in range(n_motor):
+        part = slice(begin, begin + n_motor - row)
+        np.multiply(motion[:, row, None], motion[:, row:], out=out[:, part])
+        begin = part.stop
+    out *= scale
