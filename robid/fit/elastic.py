@@ -89,6 +89,38 @@ def fit_elastic(
     return _solution(problem, options, best, ends, predicted, dropped)
 
 
+def fit_starts(
+    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, chosen: Sequence[int], parallel_map: Map = serial_map
+) -> list[Minimum]:
+    """Descends from some of the starts of `fit_elastic`, statics and weights at the robot file's values.
+
+    Args:
+        robot: As for `fit_elastic`.
+        frf: As for `fit_elastic`.
+        options: As for `fit_elastic`.
+        delay_s: As for `fit_elastic`.
+        chosen: Indices of the starts; 0 is the robot file's values.
+        parallel_map: As for `fit_elastic`.
+
+    Returns:
+        Where each of them ended.
+    """
+    problem = elastic_problem(robot, frf, options, delay_s)
+    coarse, starts = _coarse(problem, robot, options), _starts(problem.parameters, options)
+    return parallel_map(_descend, [_Start(problem, coarse, starts[index], options.max_iterations) for index in chosen])
+
+
+def elastic_problem(robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float) -> Problem:
+    """Returns the problem of a fit, statics and weights at the robot file's values; arguments as for `fit_elastic`.
+
+    Raises:
+        DataError: If the response is not finite or its inputs are not the robot's motors.
+    """
+    check_inputs(robot, frf)
+    _check_finite(robot, frf)
+    return _problem(build_model(robot), frf, options, delay_s)[0]
+
+
 def _problem(
     elastic: ElasticModel,
     frf: Frf,

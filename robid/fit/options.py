@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+EstimatorKind = Literal["lls", "nls", "llsm"]
+WeightsKind = Literal["user", "optimal", "optimal_full", "inflated"]
 ParameterKind = Literal["stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay"]
 
 
@@ -12,7 +14,7 @@ ParameterKind = Literal["stiffness", "damping", "viscous", "motor_inertia", "lin
 class Weights:
     """Weights of the residual."""
 
-    kind: Literal["user", "optimal", "optimal_full", "inflated"] = field(
+    kind: WeightsKind = field(
         default="inflated",
         metadata={
             "description": "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
@@ -32,7 +34,7 @@ class Weights:
 class ElasticOptions:
     """The elastic fit."""
 
-    estimator: Literal["lls", "nls", "llsm"] = field(
+    estimator: EstimatorKind = field(
         default="lls", metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."}
     )
     weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
