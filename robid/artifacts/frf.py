@@ -3,6 +3,7 @@
 Schema history:
     1.0: first version.
     1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
+    1.2: `torque_power`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.frf.frf import Frf
 
-FRF = Kind("frf", "1.1", "robid estimate-frf")
+FRF = Kind("frf", "1.2", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -56,6 +57,9 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "silent_level": Column("rad/s^2", silent, "RMS amplitude of the output residual there"),
         "silent_noise": Column("rad/s^2", silent, "The part of it that is noise"),
         "silent_doubt": Column("rad/s^2", silent, "What interpolating the response may add"),
+        "torque_power": Column(
+            f"{torque}^2", ("configuration", "frequency", "input", "input"), "Mean of the torques' outer product"
+        ),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)
 

@@ -2,6 +2,7 @@
 
 Schema history:
     1.0: first version.
+    1.1: tied parameters.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.fit.solution import Solution
 
-MODEL = Kind("model", "1.0", "robid fit")
+MODEL = Kind("model", "1.1", "robid fit")
 
-_PARAMETER, _START = ("parameter",), ("start",)
+_PARAMETER, _START, _TIED = ("parameter",), ("start",), ("tied",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
 _OWN = "as in units"
 _TABLE = {
@@ -39,6 +40,10 @@ _TABLE = {
     "frequency_hz": Column("Hz", ("frequency",), "Frequencies of the fit"),
     "measured": Column("rad/s^2 per torque", _RESPONSE, "Response after the fitted friction compensation"),
     "modelled": Column("rad/s^2 per torque", _RESPONSE, "Parametric response"),
+    "tied_names": Column("1", _TIED, "Parameters that follow another one"),
+    "tied_to": Column("1", _TIED, "Name of that one"),
+    "tied_nominal": Column("as of tied_to", _TIED, "Values of the robot file"),
+    "tied_estimate": Column("as of tied_to", _TIED, "Estimated values"),
 }
 
 

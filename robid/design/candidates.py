@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import ElasticParameters, jacobian, nominal_parameters, response
+from robid.robot.response import ElasticParameters, nominal_parameters, response
 
 KINDS = ("stiffness", "damping", "viscous", "delay")
 """Kinds of parameters that a frequency response tells about; the last two are nuisance."""

@@ -11,8 +11,9 @@ from robid.design.candidates import KINDS, log_slopes
 from robid.design.loop import NominalLoop
 from robid.design.snr import residual_covariance
 from robid.frf.covariance import pool
+from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
-from robid.robot.response import jacobian, nominal_parameters, response
+from robid.robot.response import nominal_parameters, response
 
 FLOOR = 0.3
 """Smallest amplitude of a line, relative to the flat spectrum of the same RMS."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,39 +10,29 @@ from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.fit.levenberg import Minimum, minimise
-from robid.fit.options import ElasticOptions, Weights
-from robid.fit.parameters import LOGARITHMIC, ParameterMap, map_parameters
+from robid.fit.levenberg import Minimum
+from robid.fit.optimizers import optimise
+from robid.fit.options import ElasticOptions
+from robid.fit.parameters import ParameterMap, map_parameters
 from robid.fit.problem import Problem, make_problem
+from robid.fit.rest_model import rest_model
 from robid.fit.solution import Solution
+from robid.fit.strategy import Strategy, make_strategy, without_coefficients
 from robid.fit.uncertainty import sandwich
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
-from robid.robot.linearize import linearize, solve_statics
-from robid.robot.model import ElasticModel, build_model
 from robid.robot.response import nominal_parameters
 
 Map: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
 _SAME_MINIMUM = 1e-3
-_COARSE_TOLERANCE = 1e-4
-_COARSE_WEIGHTS = Weights(kind="user", off_diagonal=0.5)
-_CALL_BACKS = 3
+_UPDATED_ENOUGH = 1e-6  # of the cost
 _NEEDLESS_FACTOR = 1e3
 _LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
+_RELATIVE_TO_SCALE = ("cubic", "location")  # their nominal value may be zero and says little of their size
 _NO_INFLUENCE = 1e-14  # of the largest: rounding
-
-
-@dataclass(frozen=True)
-class _Start:
-    """One start; `coarse` has fewer parameters, the first ones of `problem`."""
-
-    problem: Problem
-    coarse: Problem
-    internal: FloatArray
-    max_iterations: int
 
 
 def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
@@ -75,117 +64,54 @@ def fit_elastic(
     """
     check_inputs(robot, frf)
     _check_finite(robot, frf)
-    elastic = build_model(robot)
-    problem, dropped = _problem(elastic, frf, options, delay_s)
+    problem, dropped = set_up(robot, frf, options, delay_s)
     predicted = np.sqrt(np.diag(sandwich(problem, np.zeros(len(problem.parameters.names)))))
     _check_influence(problem)
-    coarse = _coarse(problem, robot, options)
-    tasks = [_Start(problem, coarse, start, options.max_iterations) for start in _starts(problem.parameters, options)]
+    strategy = make_strategy(problem, robot, options)
+    tasks = [(strategy, start) for start in draw_starts(problem.parameters, options)]
     ends: list[Minimum] = parallel_map(_descend, tasks)
     best = min(ends, key=lambda end: end.cost)
     for _ in range(options.statics_updates):
-        problem, dropped = _problem(elastic, frf, options, delay_s, (problem, best))
-        best = minimise(problem.cost, problem.normal, best.parameters, max_iterations=options.max_iterations)
+        problem, dropped = set_up(robot, frf, options, delay_s, (problem, best))
+        before = problem.cost(best.parameters)
+        best = optimise(problem, best.parameters, max_iterations=options.max_iterations)
+        if before - best.cost <= _UPDATED_ENOUGH * before:
+            break
     return _solution(problem, options, best, ends, predicted, dropped)
 
 
-def fit_starts(
-    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, chosen: Sequence[int], parallel_map: Map = serial_map
-) -> list[Minimum]:
-    """Descends from some of the starts of `fit_elastic`, statics and weights at the robot file's values.
-
-    Args:
-        robot: As for `fit_elastic`.
-        frf: As for `fit_elastic`.
-        options: As for `fit_elastic`.
-        delay_s: As for `fit_elastic`.
-        chosen: Indices of the starts; 0 is the robot file's values.
-        parallel_map: As for `fit_elastic`.
-
-    Returns:
-        Where each of them ended.
-    """
-    problem = elastic_problem(robot, frf, options, delay_s)
-    coarse, starts = _coarse(problem, robot, options), _starts(problem.parameters, options)
-    return parallel_map(_descend, [_Start(problem, coarse, starts[index], options.max_iterations) for index in chosen])
-
-
-def elastic_problem(robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float) -> Problem:
-    """Returns the problem of a fit, statics and weights at the robot file's values; arguments as for `fit_elastic`.
-
-    Raises:
-        DataError: If the response is not finite or its inputs are not the robot's motors.
-    """
-    check_inputs(robot, frf)
-    _check_finite(robot, frf)
-    return _problem(build_model(robot), frf, options, delay_s)[0]
-
-
-def _problem(
-    elastic: ElasticModel,
+def set_up(
+    robot: Robot,
     frf: Frf,
     options: ElasticOptions,
     delay_s: float,
     before: tuple[Problem, Minimum] | None = None,
 ) -> tuple[Problem, int]:
-    """Statics and weights at the robot file's values, or at those of the minimum reached before."""
-    stiffness = None if before is None else before[0].parameters.parameters(before[1].parameters).stiffness
-    equilibrium = solve_statics(elastic, frf.configurations, stiffness)
-    model = linearize(elastic, equilibrium, frf.output_names)
-    nominal = nominal_parameters(elastic.robot, model, delay_s)
+    """Sets up the problem and counts the elements that it drops.
+
+    Statics and weights are those of the robot file's values, or of the minimum reached before.
+    """
+    if not options.correct_torques:
+        frf = without_coefficients(frf)
+    values = None if before is None else before[0].parameters.parameters(before[1].parameters)
+    model = rest_model(robot, frf, options, delay_s, values)
+    nominal = nominal_parameters(robot, model, delay_s)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    parameters = map_parameters(elastic.robot, nominal, options, *known)
+    parameters = map_parameters(robot, nominal, options, *known)
     return make_problem(frf, model, parameters, options, None if before is None else before[1].parameters)
 
 
-def _starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
+def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
+    """Draws the starts (n_param,) of a fit: the robot file's values, then log-uniform within the stated decades."""
     generator = np.random.default_rng(options.seed)
     spread = np.log(10) * options.start_decades * parameters.logarithmic
     random = spread * generator.uniform(-1, 1, (options.starts - 1, len(parameters.names)))
-    return [np.zeros(len(parameters.names)), *random]
+    return [np.zeros(len(parameters.names)), *np.clip(random, parameters.lower, parameters.upper)]
 
 
-def _descend(start: _Start) -> Minimum:
-    """Descends with springs, dampers and inertias under user weights first, then with everything."""
-    internal = start.internal.copy()
-    shared = [start.problem.parameters.names.index(name) for name in start.coarse.parameters.names]
-    coarse = _call_back(start.coarse, internal[shared], start.max_iterations)
-    internal[shared] = coarse.parameters
-    end = minimise(start.problem.cost, start.problem.normal, internal, max_iterations=start.max_iterations)
-    return replace(end, iterations=coarse.iterations + end.iterations)
-
-
-def _call_back(problem: Problem, internal: FloatArray, max_iterations: int) -> Minimum:
-    """Descends; while parameters run away, sets them to nominal, halves the others' distance, descends again."""
-
-    def descend(point: FloatArray) -> Minimum:
-        return minimise(
-            problem.cost, problem.normal, point, max_iterations=max_iterations, cost_tolerance=_COARSE_TOLERANCE
-        )
-
-    best = descend(internal)
-    iterations = best.iterations
-    for _ in range(_CALL_BACKS):
-        ran_away = np.abs(best.parameters) > problem.parameters.prior_std
-        if not ran_away.any():
-            break
-        again = descend(np.where(ran_away, 0.0, 0.5 * best.parameters))
-        iterations += again.iterations
-        if again.cost > best.cost * (1 - _SAME_MINIMUM):
-            break
-        best = again
-    return replace(best, iterations=iterations)
-
-
-def _coarse(problem: Problem, robot: Robot, options: ElasticOptions) -> Problem:
-    kinds = tuple(kind for kind in options.free if kind in LOGARITHMIC)
-    names = tuple(name for name in options.fixed if name.rpartition(".")[2] in kinds)
-    fewer = replace(options, free=kinds, fixed=names, weights=_COARSE_WEIGHTS)
-    nominal = problem.parameters.nominal
-    parameters = map_parameters(robot, nominal, fewer, (), np.zeros(0))
-    frf = problem.frf
-    plain = replace(frf, sensitivity=frf.sensitivity[:, :0], coefficient_names=(), coefficient_relative_std=np.zeros(0))
-    return make_problem(plain, problem.model, parameters, fewer)[0]
+def _descend(task: tuple[Strategy, FloatArray]) -> Minimum:
+    strategy, start = task
+    return strategy.descend(start)
 
 
 def _solution(
@@ -207,7 +133,9 @@ def _solution(
     size = np.where(friction, 1.0, np.maximum(np.abs(values), 1e-300))
     nominal = parameters.nominal_values()
     predicted_slopes = parameters.slopes(np.zeros_like(internal))
+    scaled_by = np.isin(parameters.kind_of, _RELATIVE_TO_SCALE)
     predicted_size = np.where(friction | (nominal == 0), 1.0, np.abs(nominal))
+    predicted_size = np.where(scaled_by, parameters.scale, predicted_size)
     predicted_relative = predicted * np.abs(predicted_slopes) / predicted_size
     scaled = problem.normal(internal).hessian
     root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
@@ -244,7 +172,19 @@ def _solution(
         frequency_hz=problem.frf.frequency_hz,
         measured=problem.measured(internal),
         modelled=modelled,
+        tied_names=tuple(parameters.tied),
+        tied_to=tuple(parameters.tied.values()),
+        **_tied_values(parameters, internal),
     )
+
+
+def _tied_values(parameters: ParameterMap, internal: FloatArray) -> dict[str, FloatArray]:
+    rows = [parameters.elements.index(name) for name in parameters.tied]
+    start = np.zeros_like(internal)
+    return {
+        "tied_nominal": parameters.element_values(start)[rows],
+        "tied_estimate": parameters.element_values(internal)[rows],
+    }
 
 
 def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
@@ -319,6 +259,9 @@ def _advice(best: Minimum, parameters: ParameterMap, dropped_share: float, exces
     ]
     if needless:
         advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
+    held = parameters.at_bound(best.parameters)
+    if held:
+        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:

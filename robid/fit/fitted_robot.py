@@ -24,8 +24,7 @@ def fitted_robot(robot: Robot, solution: Solution) -> Robot:
         The robot with springs, dampers, viscous friction, inertias, and, where the fit corrected them, the
         coefficients of friction and ripple. A friction's lag and a torque's scale belong to the measurement.
     """
-    found = dict(zip(solution.names, solution.estimate.tolist(), strict=True))
-    nominal = dict(zip(solution.names, solution.nominal.tolist(), strict=True))
+    found, nominal = solution.found, solution.stated
     springs = tuple(_spring(spring, found) for spring in robot.springs)
     joints = tuple(_joint(joint, found, nominal) for joint in robot.joints)
     return replace(robot, springs=springs, joints=joints)
@@ -33,15 +32,20 @@ def fitted_robot(robot: Robot, solution: Solution) -> Robot:
 
 def fitted_delay_s(solution: Solution, nominal_s: float) -> float:
     """Returns the estimated delay, or the nominal one where it was not estimated [s]."""
-    found: dict[str, float] = dict(zip(solution.names, solution.estimate.tolist(), strict=True))
-    return found.get("delay", nominal_s)
+    return solution.found.get("delay", nominal_s)
 
 
 def _spring(spring: Spring, found: Mapping[str, float]) -> Spring:
+    point = [found.get(f"{spring.name}.location_{axis}") for axis in "xyz"]
+    moved = any(value is not None for value in point)
     return replace(
         spring,
         stiffness_nm_rad=found.get(f"{spring.name}.stiffness", spring.stiffness_nm_rad),
         damping_nms_rad=found.get(f"{spring.name}.damping", spring.damping_nms_rad),
+        cubic_nm_rad3=found.get(f"{spring.name}.cubic", spring.cubic_nm_rad3),
+        point_m=np.where([value is None for value in point], spring.point_m, np.array(point, float))
+        if moved
+        else spring.point_m,
     )
 
 

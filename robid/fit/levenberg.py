@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 
 Status = Literal["converged", "iteration_limit", "stalled"]
 
-_GRADIENT_TOLERANCE = 1e-9
-_STEP_TOLERANCE = 1e-10
-_COST_TOLERANCE = 1e-11
+_GRADIENT_TOLERANCE = 1e-6
+_STEP_TOLERANCE = 1e-9
 _DAMPING_LIMIT = 1e12
+_ROUNDING = 1e-13  # of the cost: no decrease can be told from rounding
 _FIRST_DAMPING = 1e-3
 
 
@@ -44,12 +44,14 @@ class Minimum:
         cost: The cost there.
         iterations: Accepted and refused steps.
         status: How it ended.
+        evaluations: Points at which the cost was computed.
     """
 
     parameters: FloatArray
     cost: float
     iterations: int
     status: Status
+    evaluations: int = 0
 
 
 def minimise(
@@ -59,7 +61,9 @@ def minimise(
     *,
     max_iterations: int = 200,
     max_step: float = 1.0,
-    cost_tolerance: float = _COST_TOLERANCE,
+    cost_tolerance: float = 0.0,
+    lower: FloatArray | None = None,
+    upper: FloatArray | None = None,
 ) -> Minimum:
     """Minimises a sum of squares.
 
@@ -69,41 +73,57 @@ def minimise(
         start (n_param,): Where to start.
         max_iterations: Limit on steps.
         max_step: Largest change of one internal parameter in a step.
-        cost_tolerance: Relative decrease of the cost at which the descent ends.
+        cost_tolerance: Relative decrease of the cost at which the descent ends even though neither the gradient
+            (largest cosine between the residual and its derivatives) nor the step has become small.
+        lower (n_param,): Bounds that no point may pass; a parameter that the cost pushes against one is held there,
+            and what is left decides when to stop.
+        upper (n_param,): The same from above.
 
     Returns:
         The minimum reached; failure to converge is a status, not an error.
     """
-    point, here = start, normal(start)
-    damping, growth = _FIRST_DAMPING, 2.0
-    for iteration in range(max_iterations):
-        scale = np.maximum(np.diag(here.hessian), 1e-12 * np.diag(here.hessian).max())
-        if np.abs(here.gradient).max() <= _GRADIENT_TOLERANCE * max(here.cost, 1e-300):
-            return Minimum(point, here.cost, iteration, "converged")
-        step = _step(here, damping, scale)
-        largest = float(np.abs(step).max())
-        if largest <= _STEP_TOLERANCE:
-            return Minimum(point, here.cost, iteration, "converged")
-        step = np.clip(step, -max_step, max_step)
+    low = np.full(start.size, -np.inf) if lower is None else lower
+    high = np.full(start.size, np.inf) if upper is None else upper
+    point = np.clip(start, low, high)
+    here = normal(point)
+    damping, growth, steps = _FIRST_DAMPING, 2.0, 0
+    status: Status = "iteration_limit"
+    while steps < max_iterations:
+        free = ~(((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0)))
+        step = np.clip(_step(here, damping, free), -max_step, max_step)
+        step = np.clip(point + step, low, high) - point
+        if _cosine(here, free) <= _GRADIENT_TOLERANCE or float(np.abs(step).max()) <= _STEP_TOLERANCE:
+            status = "converged"
+            break
+        steps += 1
         trial = cost(point + step)
         predicted = -float(step @ (2 * here.gradient + here.hessian @ step))
         gain = (here.cost - trial) / predicted if predicted > 0 else -1.0
-        if not np.isfinite(trial) or gain <= 0:
-            if 0 <= predicted <= cost_tolerance * here.cost:
-                return Minimum(point, here.cost, iteration, "converged")
+        if np.isfinite(trial) and gain > 0:
+            damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
+            finished = here.cost - trial <= cost_tolerance * here.cost
+            point = point + step
+            here = normal(point)
+        else:
             damping, growth = damping * growth, growth * 2
-            if damping > _DAMPING_LIMIT:
-                return Minimum(point, here.cost, iteration, "stalled")
-            continue
-        damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
-        finished = here.cost - trial <= cost_tolerance * here.cost
-        point = point + step
-        here = normal(point)
-        if finished:
-            return Minimum(point, here.cost, iteration + 1, "converged")
-    return Minimum(point, here.cost, max_iterations, "iteration_limit")
+            finished = 0 <= predicted <= _ROUNDING * here.cost
+        if finished or damping > _DAMPING_LIMIT:
+            status = "converged" if finished else "stalled"
+            break
+    return Minimum(point, here.cost, steps, status, steps + 1)
 
 
-def _step(here: Normal, damping: float, scale: FloatArray) -> FloatArray:
-    factor = cho_factor(here.hessian + np.diag((damping + 1e-14) * scale))
-    return np.asarray(-cho_solve(factor, here.gradient))
+def _cosine(here: Normal, free: BoolArray) -> float:
+    """Largest cosine between the residual and its derivative by a free parameter; 0 where nothing is left."""
+    size = np.sqrt(np.diag(here.hessian) * here.cost)[free]
+    return float(np.divide(np.abs(here.gradient[free]), size, out=np.zeros(size.size), where=size > 0).max(initial=0.0))
+
+
+def _step(here: Normal, damping: float, free: BoolArray) -> FloatArray:
+    step = np.zeros(free.size)
+    inside = np.ix_(free, free)
+    diagonal = np.diag(here.hessian)
+    scale = np.maximum(diagonal, 1e-12 * diagonal.max())[free]
+    factor = cho_factor(here.hessian[inside] + np.diag((damping + 1e-14) * scale))
+    step[free] = -cho_solve(factor, here.gradient[free])
+    return step

@@ -50,7 +50,8 @@ class SymmetricNormal:
     @staticmethod
     def serves(problem: Problem) -> bool:
         """Whether the problem has the symmetry and the parameters that this needs."""
-        return is_collocated(problem.model) and set(problem.parameters.kinds) <= set(KINDS)
+        constant = problem.model.rest.moves is None and not problem.parameters.nominal.cubic.any()
+        return constant and is_collocated(problem.model) and set(problem.parameters.kinds) <= set(KINDS)
 
     def _pairs(self, values: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
         """Elements (2, n_pair, n_line) of (n_conf, n_freq, n_out, n_in): upper triangle, and what mirrors it."""
@@ -82,8 +83,8 @@ class SymmetricNormal:
         hessian, gradient = _gram(rows, self._real), _project(rows, weighted, self._real)
         if count:
             hessian, gradient = self._with_friction(internal, rows, hessian, gradient)
-        slopes = np.concatenate([parameters.slopes(internal)[: len(rows)], np.ones(count)])
-        return Normal(total, -slopes * gradient, slopes[:, None] * hessian * slopes)
+        chain = parameters.chain(internal)
+        return Normal(total, -(chain.T @ gradient), chain.T @ hessian @ chain)
 
     @property
     def _real(self) -> bool:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 EstimatorKind = Literal["lls", "nls", "llsm"]
 WeightsKind = Literal["user", "optimal", "optimal_full", "inflated"]
-ParameterKind = Literal["stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay"]
+ParameterKind = Literal[
+    "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"
+]
+Optimizer = Literal["levenberg", "scipy", "nlopt", "nlopt_global"]
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,8 @@ class ElasticOptions:
     """The elastic fit."""
 
     estimator: EstimatorKind = field(
-        default="lls", metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."}
+        default="lls",
+        metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."},
     )
     weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
     free: tuple[ParameterKind, ...] = field(
@@ -44,6 +49,17 @@ class ElasticOptions:
     )
     fixed: tuple[str, ...] = field(
         default=(), metadata={"description": "Names of single parameters that stay at the robot file's value."}
+    )
+    tied: Mapping[str, str] = field(
+        default_factory=dict,
+        metadata={
+            "description": "Parameters that share the correction of another one of their kind, by name: a common factor"
+            " on the robot file's values, for linear kinds a common multiple of their scales."
+        },
+    )
+    bounds: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict,
+        metadata={"description": "Lower and upper bound of single parameters, by name, in their own units."},
     )
     starts: int = field(
         default=1, metadata={"description": "Number of starts; the first is the robot file's values.", "ge": 1}
@@ -58,10 +74,38 @@ class ElasticOptions:
             "gt": 0,
         },
     )
+    strategy: Literal["staged", "plain"] = field(
+        default="staged",
+        metadata={
+            "description": "From a start to a minimum: over heavier dampers and fewer lines, with what ran away put back;"
+            " or straight down."
+        },
+    )
+    optimizer: Optimizer = field(
+        default="levenberg",
+        metadata={
+            "description": "What ends each start: ours, scipy's least_squares, nlopt's SLSQP, or nlopt's MLSL over the"
+            " bounds before ours."
+        },
+    )
+    correct_torques: bool = field(
+        default=True,
+        metadata={"description": "Whether the compensated friction and ripple are corrected along, as nuisances."},
+    )
     max_iterations: int = field(default=200, metadata={"description": "Iteration limit of one start.", "ge": 1})
+    statics: Literal["updates", "every_iterate"] = field(
+        default="updates",
+        metadata={
+            "description": "Whether inertia and gravity stay between updates as they were at rest, or follow the rest"
+            " position of every iterate to first order, as they do where locations are free."
+        },
+    )
     statics_updates: int = field(
-        default=2,
-        metadata={"description": "How often the equilibrium is solved again for the fitted springs.", "ge": 0},
+        default=4,
+        metadata={
+            "description": "How often the equilibrium is solved again for the fitted springs, at most; 0 is never.",
+            "ge": 0,
+        },
     )
     identifiable_relative_std: float = field(
         default=0.2,

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
+from robid.fit.names import LOGARITHMIC, check_names, element_names
 from robid.fit.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.response import ElasticParameters, with_values
 
-LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
 _UNITS = {
     "stiffness": "N m/rad",
     "damping": "N m s/rad",
@@ -20,44 +21,73 @@ _UNITS = {
     "motor_inertia": "kg m^2",
     "link_inertia": "kg m^2",
     "delay": "s",
+    "cubic": "N m/rad^3",
+    "location": "m",
     "friction": "1",
 }
 _VISCOUS_SCALE_HZ = 1.0
+_LOCATION_SCALE_M = 0.1
+_MOST_DECADES = 30.0
 
 
 @dataclass(frozen=True)
 class ParameterMap:
     """Internal parameters `x`: `value = nominal exp(x)` or `value = nominal + scale x`.
 
-    Friction scales, the distances of the compensated friction from the robot file's, come last; their internal
-    value is the distance from what was compensated.
+    An element is one number of `ElasticParameters`; tied elements share the internal parameter of their leader,
+    whose name it bears. Friction scales, the distances of the compensated friction from the robot file's, come
+    last; their internal value is the distance from what was compensated.
 
     Attributes:
         nominal: Values of the robot file.
         kinds: Kinds that are estimated, in order.
         masks: Estimated elements of each kind.
+        elements: Name of each estimated element.
+        member (n_element,): Internal parameter of each.
+        element_scale (n_element,): Its scale where it is linear, 1 for the others.
         names: Name of each internal parameter.
         kind_of: Kind of each internal parameter.
         logarithmic (n_param,): Which internal parameters are logarithmic.
-        scale (n_param,): Scale of the linear ones, 1 for the others.
         prior_std (n_param,): Standard deviation known beforehand; infinite where nothing is known.
+        lower (n_param,): Lower bounds, minus infinity where there is none.
+        upper (n_param,): Upper bounds.
         friction_offset (n_friction,): Friction scales as they were compensated.
     """
 
     nominal: ElasticParameters
     kinds: tuple[str, ...]
     masks: tuple[BoolArray, ...]
+    elements: tuple[str, ...]
+    member: IntArray
+    element_scale: FloatArray
     names: tuple[str, ...]
     kind_of: tuple[str, ...]
     logarithmic: BoolArray
-    scale: FloatArray
     prior_std: FloatArray
-    friction_offset: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    friction_offset: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def n_friction(self) -> int:
         """Number of friction scales."""
         return self.kind_of.count("friction")
+
+    @property
+    def leaders(self) -> IntArray:
+        """Element (n_param - n_friction,) that each internal parameter is named after."""
+        return np.array([self.elements.index(name) for name in self.names[: len(self.names) - self.n_friction]], int)
+
+    @property
+    def tied(self) -> dict[str, str]:
+        """Leader of each tied element, by name."""
+        pairs = zip(self.elements, self.member.tolist(), strict=True)
+        return {name: self.names[index] for name, index in pairs if name != self.names[index]}
+
+    @property
+    def scale(self) -> FloatArray:
+        """Scale (n_param,) of each linear internal parameter, 1 for the others."""
+        return np.concatenate([self.element_scale[self.leaders], np.ones(self.n_friction)])
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -67,8 +97,7 @@ class ParameterMap:
 
     def nominal_values(self) -> FloatArray:
         """Nominal value (n_param,) of each parameter in its own unit."""
-        parts = [getattr(self.nominal, kind)[mask] for kind, mask in zip(self.kinds, self.masks, strict=True)]
-        return np.concatenate([*parts, self.friction_offset])
+        return np.concatenate([self._nominal_elements()[self.leaders], self.friction_offset])
 
     def values(self, internal: FloatArray) -> FloatArray:
         """Values (n_param,) in their own units."""
@@ -81,9 +110,23 @@ class ParameterMap:
         """Derivative (n_param,) of each value with respect to its internal parameter."""
         return np.where(self.logarithmic, self.values(internal), self.scale)
 
+    def element_values(self, internal: FloatArray) -> FloatArray:
+        """Values (n_element,) of all estimated elements."""
+        nominal, logarithmic, own = self._nominal_elements(), self.logarithmic[self.member], internal[self.member]
+        return np.where(logarithmic, nominal * np.exp(own * logarithmic), nominal + self.element_scale * own)
+
+    def chain(self, internal: FloatArray) -> FloatArray:
+        """Derivative (n_element + n_friction, n_param) of all elements, then friction scales, by internal values."""
+        n_element, n_friction = self.member.size, self.n_friction
+        derivative = np.zeros((n_element + n_friction, len(self.names)))
+        slopes = np.where(self.logarithmic[self.member], self.element_values(internal), self.element_scale)
+        derivative[np.arange(n_element), self.member] = slopes
+        derivative[n_element:, len(self.names) - n_friction :] = np.eye(n_friction)
+        return derivative
+
     def parameters(self, internal: FloatArray) -> ElasticParameters:
         """Returns all parameter values, fixed ones at nominal."""
-        values, result, begin = self.values(internal), self.nominal, 0
+        values, result, begin = self.element_values(internal), self.nominal, 0
         for kind, mask in zip(self.kinds, self.masks, strict=True):
             full = getattr(self.nominal, kind).copy()
             count = int(mask.sum())
@@ -94,6 +137,15 @@ class ParameterMap:
     def columns(self) -> IntArray:
         """Indices of the estimated elements among all elements of the estimated kinds."""
         return np.flatnonzero(np.concatenate(self.masks))
+
+    def at_bound(self, internal: FloatArray) -> tuple[str, ...]:
+        """Names of the parameters that lie at one of their bounds."""
+        at = (internal <= self.lower) | (internal >= self.upper)
+        return tuple(name for name, there in zip(self.names, at, strict=True) if there)
+
+    def _nominal_elements(self) -> FloatArray:
+        parts = [getattr(self.nominal, kind)[mask] for kind, mask in zip(self.kinds, self.masks, strict=True)]
+        return np.concatenate(parts)
 
 
 def map_parameters(
@@ -109,65 +161,79 @@ def map_parameters(
     Args:
         robot: The robot, for names.
         nominal: Nominal values.
-        options: Kinds that are free, single names that are fixed.
+        options: Kinds that are free, single names that are fixed, tied or bounded.
         friction_names: Names of the compensated friction coefficients.
         friction_std (n_friction,): Their relative standard deviations.
         friction_offset (n_friction,): Their values as they were compensated; None for zero.
 
     Raises:
-        SettingsError: If a fixed name is unknown or a logarithmic parameter's nominal value is not positive.
+        SettingsError: If a name is unknown, a logarithmic parameter's nominal value is not positive, or a
+            parameter starts at a bound or outside; all at once.
     """
-    springs = [spring.name for spring in robot.springs]
-    joints = [joint.name for joint in robot.joints]
     kinds: tuple[str, ...] = tuple(dict.fromkeys(options.free))
-    every = {
-        kind: ["delay"]
-        if kind == "delay"
-        else [f"{n}.{kind}" for n in (springs if kind in LOGARITHMIC[:2] else joints)]
-        for kind in kinds
-    }
-    _check_names(options, {name for names in every.values() for name in names}, every, nominal)
-    masks = tuple(np.array([name not in options.fixed for name in every[kind]]) for kind in kinds)
-    names = [
-        name
-        for kind, mask in zip(kinds, masks, strict=True)
-        for name, free in zip(every[kind], mask, strict=True)
-        if free
-    ]
-    kind_of = [kind for kind, mask in zip(kinds, masks, strict=True) for _ in range(int(mask.sum()))]
-    scales = {"viscous": 2 * np.pi * _VISCOUS_SCALE_HZ * nominal.motor_inertia, "delay": np.array([1e-3])}
-    scale = [
-        scales[kind][mask] if kind in scales else np.ones(int(mask.sum()))
-        for kind, mask in zip(kinds, masks, strict=True)
-    ]
+    every = {kind: element_names(robot, kind) for kind in kinds}
+    masks = tuple(np.array([n is not None and n not in options.fixed for n in every[kind]], bool) for kind in kinds)
+    free = {name: kind for kind in kinds for name in every[kind] if name is not None and name not in options.fixed}
+    elements = tuple(free)
+    check_names(options, every, nominal)
+    names = [name for name in elements if name not in options.tied]
+    member = [names.index(options.tied.get(name, name)) for name in elements]
+    kind_of = [free[name] for name in names]
+    scales = _scales(robot, nominal)
     n_friction = len(friction_names)
-    decades = np.log(10) * options.prior_decades
-    prior = np.array([decades if kind in LOGARITHMIC else np.inf for kind in kind_of])
-    return ParameterMap(
+    decades = options.prior_decades
+    # At its largest torque a cubic gear's slope is known as its linear one is.
+    known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), "cubic": 10 ** min(decades, _MOST_DECADES) / 3}
+    found = ParameterMap(
         nominal=nominal,
         kinds=kinds,
         masks=masks,
+        elements=elements,
+        member=np.array(member, int),
+        element_scale=np.concatenate(
+            [
+                scales[kind][mask] if kind in scales else np.ones(int(mask.sum()))
+                for kind, mask in zip(kinds, masks, strict=True)
+            ]
+        ),
         names=(*names, *friction_names),
         kind_of=(*kind_of, *["friction"] * n_friction),
-        logarithmic=np.array([kind in LOGARITHMIC for kind in kind_of] + [False] * n_friction),
-        scale=np.concatenate([*scale, np.ones(n_friction)]),
-        prior_std=np.concatenate([prior, friction_std]),
+        logarithmic=np.array([kind in LOGARITHMIC for kind in kind_of] + [False] * n_friction, bool),
+        prior_std=np.concatenate([[known.get(kind, np.inf) for kind in kind_of], friction_std]),
+        lower=np.full(len(names) + n_friction, -np.inf),
+        upper=np.full(len(names) + n_friction, np.inf),
         friction_offset=np.zeros(n_friction) if friction_offset is None else friction_offset,
     )
+    return _bounded(found, options.bounds)
 
 
-def _check_names(
-    options: ElasticOptions, known: set[str], every: dict[str, list[str]], nominal: ElasticParameters
-) -> None:
-    problems = [f"`fixed` names `{name}`, which is not free (free: {', '.join(sorted(known))})"
-                for name in options.fixed if name not in known]  # fmt: skip
-    for kind, names in every.items():
-        if kind in LOGARITHMIC:
-            values = getattr(nominal, kind)
-            problems += [
-                f"`{name}` starts at {value:g}, but must be positive to be estimated"
-                for name, value in zip(names, values, strict=True)
-                if value <= 0 and name not in options.fixed
-            ]
+def _scales(robot: Robot, nominal: ElasticParameters) -> dict[str, FloatArray]:
+    """Scale of each element of the linear kinds; a cubic gear's doubles the torque at the motor's limit."""
+    limit = np.array([robot.joints[s.joint].motor.max_torque_nm for s in robot.springs])
+    ratio = np.array([robot.joints[s.joint].motor.gear_ratio for s in robot.springs])
+    return {
+        "viscous": 2 * np.pi * _VISCOUS_SCALE_HZ * nominal.motor_inertia,
+        "delay": np.array([1e-3]),
+        "cubic": nominal.stiffness**3 / (limit * ratio) ** 2,
+        "location": np.full(nominal.location.size, _LOCATION_SCALE_M),
+    }
+
+
+def _bounded(found: ParameterMap, bounds: Mapping[str, tuple[float, float]]) -> ParameterMap:
+    """Puts bounds, given in the parameters' own units, on the internal values."""
+    ends = np.array([found.lower, found.upper])
+    nominal, scale = found.nominal_values(), found.scale
+    problems = []
+    for name, (low, high) in bounds.items():
+        index = found.names.index(name)
+        if not low < nominal[index] < high:
+            where = "at a bound of" if nominal[index] in (low, high) else "outside"
+            problems.append(f"`{name}` starts {where} {low:g} to {high:g}, at {nominal[index]:g}")
+        elif found.logarithmic[index]:
+            ends[:, index] = np.log(np.maximum([low, high], np.finfo(float).tiny) / nominal[index])
+        else:
+            ends[:, index] = (np.array([low, high]) - nominal[index]) / scale[index]
     if problems:
-        raise SettingsError("; ".join(problems), where="fit", remedy="correct `fixed` or the robot file's values")
+        remedy = "widen `bounds`, change the robot file's value, or put the parameter in `fixed`"
+        raise SettingsError("; ".join(problems), where="fit", remedy=remedy)
+    return replace(found, lower=ends[0], upper=ends[1])

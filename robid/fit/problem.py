@@ -15,8 +15,9 @@ from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
 from robid.fit.weights import make_weights, make_whitening
 from robid.frf.frf import Frf
+from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
-from robid.robot.response import jacobian, response
+from robid.robot.response import response
 
 
 @dataclass(frozen=True)
@@ -104,8 +105,8 @@ class Problem:
         result = response(self.model, values, self.frf.frequency_hz, period)
         plain = jacobian(self.model, values, result, self.parameters.kinds, period)[..., self.parameters.columns()]
         count = self.parameters.n_friction
-        slopes = self.parameters.slopes(internal)
-        derivative = plain * slopes[: slopes.size - count]
+        element = plain.shape[-1]
+        derivative = plain @ self.parameters.chain(internal)[:element, : len(self.parameters.names) - count]
         if self.estimator != "nls":
             derivative /= result.sampled[..., None]
         if count:
@@ -119,11 +120,10 @@ class Problem:
 
     def normal(self, internal: FloatArray) -> Normal:
         """Cost, half gradient and half Gauss-Newton Hessian."""
-        if self._symmetric is not None:
-            with np.errstate(all="ignore"):
-                sums = self._symmetric.normal(internal)
-        else:
-            sums = self.stacked_normal(internal)
+        if self._symmetric is None:
+            return self.stacked_normal(internal)
+        with np.errstate(all="ignore"):
+            sums = self._symmetric.normal(internal)
         precision = 0.5 / self.parameters.prior_std**2
         return Normal(
             sums.cost + self._prior_cost(internal),
@@ -131,13 +131,19 @@ class Problem:
             sums.hessian + np.diag(precision),
         )
 
-    def stacked_normal(self, internal: FloatArray) -> Normal:
-        """The sums of the normal equations from all residuals and derivatives, whatever the problem."""
+    def stacked(self, internal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """All weighted residuals as real numbers, what is known beforehand last, and their derivative."""
         error, derivative = self.linear(internal)
         rows = self.weighted(derivative).reshape(-1, derivative.shape[-1])
         target = self.weighted(error).ravel()
-        real, target_real = np.concatenate([rows.real, rows.imag]), np.concatenate([target.real, target.imag])
-        return Normal(float(target_real @ target_real), -(real.T @ target_real), real.T @ real)
+        known = np.sqrt(0.5) / self.parameters.prior_std
+        residual = np.concatenate([target.real, target.imag, known * internal])
+        return residual, np.concatenate([-rows.real, -rows.imag, np.diag(known)])
+
+    def stacked_normal(self, internal: FloatArray) -> Normal:
+        """The same as `normal` from all residuals and derivatives, whatever the problem."""
+        residual, derivative = self.stacked(internal)
+        return Normal(float(residual @ residual), derivative.T @ residual, derivative.T @ derivative)
 
     def _prior_cost(self, internal: FloatArray) -> float:
         return float((0.5 * (internal / self.parameters.prior_std) ** 2).sum())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
@@ -43,6 +45,10 @@ class Solution:
         frequency_hz (n_freq,): Frequencies of the fit [Hz].
         measured (n_conf, n_freq, n_out, n_in): Response after the fitted friction compensation.
         modelled (n_conf, n_freq, n_out, n_in): Parametric response.
+        tied_names: Parameters that follow another one.
+        tied_to: Name of that one.
+        tied_nominal (n_tied,): Their values in the robot file.
+        tied_estimate (n_tied,): Their estimated values.
     """
 
     family: str
@@ -75,3 +81,23 @@ class Solution:
     frequency_hz: FloatArray
     measured: ComplexArray
     modelled: ComplexArray
+    tied_names: tuple[str, ...] = ()
+    tied_to: tuple[str, ...] = ()
+    tied_nominal: FloatArray = field(default_factory=lambda: np.zeros(0))
+    tied_estimate: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def found(self) -> dict[str, float]:
+        """Estimate of every parameter, tied ones too, by name."""
+        own, tied = (self.names, self.estimate), (self.tied_names, self.tied_estimate)
+        return {
+            name: value for names, values in (own, tied) for name, value in zip(names, values.tolist(), strict=True)
+        }
+
+    @property
+    def stated(self) -> dict[str, float]:
+        """The robot file's value of every parameter, tied ones too, by name."""
+        own, tied = (self.names, self.nominal), (self.tied_names, self.tied_nominal)
+        return {
+            name: value for names, values in (own, tied) for name, value in zip(names, values.tolist(), strict=True)
+        }

@@ -119,6 +119,7 @@ def estimate_frf(
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_doubt=levels.doubt[None],
+        torque_power=_power(blocks.torque)[None],
     )
 
 
@@ -264,6 +265,12 @@ def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Fo
 def _rms(torque: ComplexArray) -> FloatArray:
     """RMS of each motor over realizations and experiments (n_in,), from its complex amplitudes."""
     return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
+
+
+def _power(torque: ComplexArray) -> ComplexArray:
+    """Mean of `u u^H` (n_freq, n_in, n_in) over realizations and experiments, from the complex amplitudes."""
+    each = torque @ np.swapaxes(torque, -1, -2).conj()
+    return np.asarray(2 * each.mean(axis=0) / torque.shape[-1])
 
 
 def _notes(total: ComplexArray | None, excited: IntArray) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ CONFIGURATION_WISE = (
     "silent_noise",
     "silent_doubt",
     "uncompensated_response",
+    "torque_power",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -81,6 +82,8 @@ class Frf:
         silent_noise (n_conf, n_silent, n_out): The part of it that is noise, or None with a single period.
         silent_doubt (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
             a level that does not exceed it says nothing.
+        torque_power (n_conf, n_freq, n_in, n_in): Mean of `u u^H` over all experiments, compensation subtracted; the
+            diagonal is each torque's mean square at the line. None in files of older versions [(N m)^2].
     """
 
     frequency_hz: FloatArray
@@ -113,6 +116,7 @@ class Frf:
     silent_level: FloatArray | None = None
     silent_noise: FloatArray | None = None
     silent_doubt: FloatArray | None = None
+    torque_power: ComplexArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""

@@ -11,6 +11,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Sensor
 from robid.robot.model import ElasticModel, site_name
+from robid.robot.rest import Rest
 
 _GRADIENT_STEP_RAD = 1e-5
 _NEWTON_STEPS = 20
@@ -25,11 +26,13 @@ class Equilibrium:
         position (n_conf, n_dof): All coordinates [rad].
         motor_torque (n_conf, n_joint): Torque that holds the motors [N m].
         deflection (n_conf, n_spring): Spring deflections [rad].
+        spring_torque (n_conf, n_spring): What gravity does to each deflection, minus the spring's torque [N m].
     """
 
     position: FloatArray
     motor_torque: FloatArray
     deflection: FloatArray
+    spring_torque: FloatArray
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class LinearModel:
         tilt (n_conf, n_out, n): How gravity enters an accelerometer as it turns [m/s^2]; zero for the others.
         rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
         axial (n_joint,): Links' own inertia about the joint axis direction, payload included [kg m^2].
+        rest: Where the springs rest.
     """
 
     mass: FloatArray
@@ -57,6 +61,7 @@ class LinearModel:
     tilt: FloatArray
     rotor: FloatArray
     axial: FloatArray
+    rest: Rest
 
     @property
     def n_motor(self) -> int:
@@ -64,13 +69,22 @@ class LinearModel:
         return int(self.rotor.size)
 
 
-def solve_statics(model: ElasticModel, configurations: FloatArray, stiffness: FloatArray | None = None) -> Equilibrium:
+def solve_statics(
+    model: ElasticModel,
+    configurations: FloatArray,
+    stiffness: FloatArray | None = None,
+    cubic: FloatArray | None = None,
+    variance: FloatArray | None = None,
+) -> Equilibrium:
     """Solves the statics with the motor angles held by the encoders.
 
     Args:
         model: The elastic model.
         configurations (n_conf, n_joint): Arm-side angles that the encoders show [rad].
         stiffness (n_spring,): Linear stiffness to use instead of the robot's own [N m/rad].
+        cubic (n_spring,): Cubic coefficients to use instead of the robot's own [N m/rad^3].
+        variance (n_conf, n_spring): Mean square deflections of swinging springs, whose cubic part then carries more
+            of the mean torque; none by default [rad^2].
 
     Returns:
         The equilibrium of every configuration.
@@ -80,13 +94,15 @@ def solve_statics(model: ElasticModel, configurations: FloatArray, stiffness: Fl
     """
     springs = model.robot.springs
     linear = np.array([s.stiffness_nm_rad for s in springs]) if stiffness is None else stiffness
-    cubic = np.array([s.cubic_nm_rad3 for s in springs])
+    third = np.array([s.cubic_nm_rad3 for s in springs]) if cubic is None else cubic
+    swing = np.zeros((len(configurations), len(springs))) if variance is None else variance
+    slope = linear + 3 * third * swing
     data = mujoco.MjData(model.mujoco)
-    positions = [_settle(model, data, linear, cubic, configuration) for configuration in configurations]
-    position = np.array(positions)
+    pairs = zip(configurations, slope, strict=True)
+    position = np.array([_settle(model, data, own, third, configuration) for configuration, own in pairs])
     deflection = position @ model.deflection.T
-    torque = linear * deflection + cubic * deflection**3
-    return Equilibrium(position, (torque @ model.deflection)[:, model.motor], deflection)
+    torque = slope * deflection + third * deflection**3
+    return Equilibrium(position, (torque @ model.deflection)[:, model.motor], deflection, -torque)
 
 
 def linearize(
@@ -118,15 +134,31 @@ def linearize(
         links.append(turns[:, :, None] * turns[:, None, :])
         outputs.append(_outputs(model, data, names) @ to_spring)
         masses.append(to_spring.T @ mass @ to_spring - np.einsum("l,lij->ij", axial, links[-1]))
+    n_motor = len(model.motor)
+    gravity = np.array(gravities)
     return LinearModel(
         mass=np.array(masses),
-        gravity_stiffness=np.array(gravities),
+        gravity_stiffness=gravity,
         link_inertia=np.array(links),
         output=np.array([output for output, _ in outputs]),
         tilt=np.array([tilt for _, tilt in outputs]),
         rotor=model.robot.motor_inertia_kgm2,
         axial=axial,
+        rest=Rest(
+            deflection=equilibrium.deflection,
+            torque=equilibrium.spring_torque,
+            gradient=gravity[:, n_motor:, n_motor:],
+            location=np.concatenate([spring.point_m for spring in model.robot.springs]),
+            power=np.zeros((len(gravity), 0, len(model.robot.springs))),
+            omega=np.zeros(0),
+        ),
     )
+
+
+def gravity_torque(model: ElasticModel, positions: FloatArray) -> FloatArray:
+    """Gravity's torque (n_conf, n_dof) on every coordinate at some positions [N m]."""
+    data = mujoco.MjData(model.mujoco)
+    return np.array([_gravity(model, data, position) for position in positions])
 
 
 def _settle(

@@ -1,4 +1,4 @@
-"""Sampled frequency response of the linearised elastic robot and its analytic derivatives."""
+"""Sampled frequency response of the linearised elastic robot."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel
+from robid.robot.rest import Springs, SpringValues, settle_springs
 
 _ALIASES = (-2, -1, 1, 2)
 
@@ -24,6 +25,8 @@ class ElasticParameters:
         motor_inertia (n_joint,): Rotor inertias, motor side [kg m^2].
         link_inertia (n_joint,): Links' own inertia about the joint axis direction [kg m^2].
         delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
+        cubic (n_spring,): Cubic coefficients, arm side [N m/rad^3].
+        location (3 n_spring,): Where springs of links, payload and base sit, see `Spring.point_m` [m].
     """
 
     stiffness: FloatArray
@@ -32,6 +35,13 @@ class ElasticParameters:
     motor_inertia: FloatArray
     link_inertia: FloatArray
     delay: FloatArray
+    cubic: FloatArray
+    location: FloatArray
+
+    @property
+    def springs(self) -> SpringValues:
+        """What decides where the springs rest."""
+        return SpringValues(self.stiffness, self.cubic, self.damping, self.location)
 
 
 @dataclass(frozen=True)
@@ -44,6 +54,8 @@ class Response:
         outputs (n_conf, n_freq, n, n_out): `Z^-1 C'`.
         hold (n_freq,): Zero-order hold and delay.
         omega (n_freq,): Angular frequency [rad/s].
+        model: The linearised robot where these parameters let it rest.
+        springs: Its springs there.
     """
 
     sampled: ComplexArray
@@ -51,6 +63,8 @@ class Response:
     outputs: ComplexArray
     hold: ComplexArray
     omega: FloatArray
+    model: LinearModel
+    springs: Springs
 
 
 def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> ElasticParameters:
@@ -62,6 +76,8 @@ def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> Elas
         motor_inertia=robot.motor_inertia_kgm2,
         link_inertia=model.axial,
         delay=np.array([delay_s]),
+        cubic=np.array([spring.cubic_nm_rad3 for spring in robot.springs]),
+        location=np.concatenate([spring.point_m for spring in robot.springs]),
     )
 
 
@@ -83,7 +99,8 @@ def response(
         METHODS sec. 1 (FRF, Sampling).
     """
     omega = 2 * np.pi * np.asarray(frequency_hz, float)
-    stiffness = _dynamic_stiffness(model, parameters, omega)
+    model, springs = at_rest(model, parameters)
+    stiffness = _dynamic_stiffness(model, parameters, springs, omega)
     n_motor, n = model.n_motor, model.mass.shape[-1]
     collocated = model.output.shape[1] == n_motor and bool((model.output == np.eye(n_motor, n)).all())
     seen = _seen(model, omega)
@@ -98,99 +115,43 @@ def response(
     sampled = hold[:, None, None] * continuous
     if sampling_period_s is not None:
         fast = fast_limit(model, parameters)
-        sampled = sampled + alias_factor(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
-    return Response(sampled, inputs, outputs, hold, omega)
+        sampled = (
+            sampled + alias_factor(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
+        )
+    return Response(sampled, inputs, outputs, hold, omega, model, springs)
 
 
-def jacobian(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    kinds: tuple[str, ...],
-    sampling_period_s: float | None,
-) -> ComplexArray:
-    """Derivatives of the sampled response, springs and dampers as outer products.
-
-    Args:
-        model: Linearised robot.
-        parameters: Where `result` was computed.
-        result: The response.
-        kinds: Field names of `ElasticParameters`, in the order wanted.
-        sampling_period_s: As for `response`.
-
-    Returns:
-        (n_conf, n_freq, n_out, n_in, n_param), with respect to the plain (not logarithmic) values.
-
-    Source:
-        METHODS sec. 1: `dG = w^2 X_o' (dZ) X_i`.
-    """
-    columns = [_columns(model, parameters, result, kind, sampling_period_s) for kind in kinds]
-    return np.concatenate(columns, axis=-1)
+def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:
+    """Returns the linear model where the parameters let it rest, to first order, and its springs there."""
+    if not parameters.cubic.any() and model.rest.moves is None:
+        rest = model.rest
+        stiffness = np.broadcast_to(parameters.stiffness, rest.deflection.shape)
+        return model, Springs(stiffness, rest.deflection, np.zeros_like(rest.deflection), np.zeros((len(stiffness), 0)))
+    springs = settle_springs(model.rest, parameters.springs)
+    moves = model.rest.moves
+    if moves is None:
+        return model, springs
+    by = springs.displacement
+    moved = replace(
+        model,
+        mass=_moved(model.mass, moves.mass, by),
+        gravity_stiffness=_moved(model.gravity_stiffness, moves.gravity_stiffness, by),
+        output=_moved(model.output, moves.output, by),
+        tilt=_moved(model.tilt, moves.tilt, by),
+    )
+    return moved, springs
 
 
-def _columns(
-    model: LinearModel, parameters: ElasticParameters, result: Response, kind: str, sampling_period_s: float | None
-) -> ComplexArray:
-    n_motor = model.n_motor
-    scale = (result.hold * result.omega**2)[:, None, None, None]
-    rate = 1j * result.omega[:, None, None, None]
-    if kind == "stiffness":
-        return scale * _outer(result, slice(n_motor, None))
-    if kind == "damping":
-        return scale * rate * _outer(result, slice(n_motor, None))
-    if kind == "viscous":
-        return scale * rate * _outer(result, slice(0, n_motor))
-    if kind == "motor_inertia":
-        matrices = np.eye(n_motor, model.mass.shape[-1])
-        directions = np.einsum("li,lj->lij", matrices, matrices)
-        return _inertia_columns(model, parameters, result, directions[None], sampling_period_s)
-    if kind == "link_inertia":
-        return _inertia_columns(model, parameters, result, model.link_inertia, sampling_period_s)
-    return _delay_column(model, parameters, result, sampling_period_s)
-
-
-def _outer(result: Response, rows: slice) -> ComplexArray:
-    left = np.swapaxes(result.outputs[..., rows, :], -1, -2)
-    right = np.swapaxes(result.inputs[..., rows, :], -1, -2)
-    return np.asarray(left[..., :, None, :] * right[..., None, :, :])
-
-
-def _inertia_columns(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    directions: FloatArray,
-    sampling_period_s: float | None,
-) -> ComplexArray:
-    spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
-    change = np.einsum("cfao,clab,cfbi->cfoil", result.outputs, spread, result.inputs, optimize=True)
-    columns = -(result.hold * result.omega**4)[:, None, None, None] * change
-    if sampling_period_s is None:
-        return np.asarray(columns)
-    inverse = np.linalg.inv(mass_matrix(model, parameters))
-    left, right = model.output @ inverse, inverse[..., : model.n_motor]
-    fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
-    aliases = alias_factor(result.omega, parameters.delay[0], sampling_period_s)[0]
-    return np.asarray(columns + aliases[:, None, None, None] * fast[:, None])
-
-
-def _delay_column(
-    model: LinearModel, parameters: ElasticParameters, result: Response, sampling_period_s: float | None
-) -> ComplexArray:
-    rate = -1j * result.omega[:, None, None]
-    if sampling_period_s is None:
-        return np.asarray(rate * result.sampled)[..., None]
-    fast = fast_limit(model, parameters)[:, None]
-    aliases, slope = alias_factor(result.omega, parameters.delay[0], sampling_period_s)
-    own = result.sampled - aliases[:, None, None] * fast
-    return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]
+def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> FloatArray:
+    return np.asarray(matrix + np.einsum("cm,cmij->cij", displacement, slopes))
 
 
 def motion_matrices(
     model: LinearModel, parameters: ElasticParameters, configuration: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Returns mass, damping and stiffness (n, n) of one configuration in the model's coordinates."""
-    stiffness = model.gravity_stiffness[configuration] + _springs(model, parameters)
+    model, springs = at_rest(model, parameters)
+    stiffness = (model.gravity_stiffness + _springs(model, springs))[configuration]
     return mass_matrix(model, parameters)[configuration], _dampers(parameters), stiffness
 
 
@@ -206,12 +167,16 @@ def _dampers(parameters: ElasticParameters) -> FloatArray:
     return np.diag(np.concatenate([parameters.viscous, parameters.damping]))
 
 
-def _springs(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
-    return np.diag(np.concatenate([np.zeros(model.n_motor), parameters.stiffness]))
+def _springs(model: LinearModel, springs: Springs) -> FloatArray:
+    """Stiffness matrices (n_conf, n, n) of the springs alone."""
+    full = np.pad(springs.stiffness, ((0, 0), (model.n_motor, 0)))
+    return np.asarray(full[:, :, None] * np.eye(full.shape[1]))
 
 
-def _dynamic_stiffness(model: LinearModel, parameters: ElasticParameters, omega: FloatArray) -> ComplexArray:
-    constant = model.gravity_stiffness[:, None] + _springs(model, parameters)
+def _dynamic_stiffness(
+    model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray
+) -> ComplexArray:
+    constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
     dynamic = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
     return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(parameters))
 

@@ -12,11 +12,11 @@ from robid.fit.elastic import check_inputs
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap, map_parameters
 from robid.fit.problem import Problem, make_problem
+from robid.fit.rest_model import rest_model
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
-from robid.robot.linearize import LinearModel, linearize, solve_statics
-from robid.robot.model import build_model
+from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, nominal_parameters
 
 _SAME_VALUE = 1e-6
@@ -70,11 +70,17 @@ def fitted_model(robot: Robot, solution: Solution, frf: Frf, options: ElasticOpt
             those of the fit.
     """
     check_inputs(robot, frf)
-    elastic = build_model(robot)
-    found = dict(zip(solution.names, solution.estimate.tolist(), strict=True))
-    stiffness = np.array([found.get(f"{s.name}.stiffness", s.stiffness_nm_rad) for s in robot.springs])
-    model = linearize(elastic, solve_statics(elastic, frf.configurations, stiffness), frf.output_names)
-    parameters = map_parameters(
+    model = rest_model(robot, frf, options, delay_s)
+    values = _parameters(robot, model, frf, options, delay_s)
+    model = rest_model(robot, frf, options, delay_s, values.parameters(_internal(robot, solution, values)))
+    parameters = _parameters(robot, model, frf, options, delay_s)
+    internal = _internal(robot, solution, parameters)
+    problem, dropped = make_problem(frf, model, parameters, options, internal)
+    return FittedModel(problem, internal, dropped)
+
+
+def _parameters(robot: Robot, model: LinearModel, frf: Frf, options: ElasticOptions, delay_s: float) -> ParameterMap:
+    return map_parameters(
         robot,
         nominal_parameters(robot, model, delay_s),
         options,
@@ -82,9 +88,6 @@ def fitted_model(robot: Robot, solution: Solution, frf: Frf, options: ElasticOpt
         frf.coefficient_relative_std,
         frf.coefficient_offset,
     )
-    internal = _internal(robot, solution, parameters)
-    problem, dropped = make_problem(frf, model, parameters, options, internal)
-    return FittedModel(problem, internal, dropped)
 
 
 def _internal(robot: Robot, solution: Solution, parameters: ParameterMap) -> FloatArray:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.robot.derivatives import loaded_slopes
 from robid.robot.linearize import LinearModel
-from robid.robot.response import ElasticParameters, motion_matrices
+from robid.robot.response import ElasticParameters, at_rest, motion_matrices
 from robid.validation.fitted import FittedModel
 
 
@@ -70,10 +71,10 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
     Source:
         First-order perturbation of `(M s^2 + D s + K) x = 0` with symmetric matrices.
     """
-    model, parameters = fitted.problem.model, fitted.problem.parameters
+    model, parameters, values = fitted.problem.model, fitted.problem.parameters, fitted.parameters
     s, x = modes.roots, modes.shapes
     motors, springs = x[: model.n_motor] ** 2, x[model.n_motor :] ** 2
-    inertias = np.einsum("im,lij,jm->lm", x, model.link_inertia[configuration], x)
+    inertias = _seen(model.link_inertia[configuration], x)
     change = {
         "stiffness": springs,
         "damping": s * springs,
@@ -82,11 +83,25 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
         "link_inertia": s**2 * inertias,
         "delay": np.zeros((1, s.size)),
     }
+    moving, at = at_rest(model, values)
+    for kind, slopes in loaded_slopes(moving, values, at, parameters.kinds).items():
+        through = slopes.stiffness[configuration].T @ springs
+        moves = moving.rest.moves
+        if moves is not None:
+            turned = s**2 * _seen(moves.mass[configuration], x) + _seen(moves.gravity_stiffness[configuration], x)
+            through = through + slopes.displacement[configuration].T @ turned
+        change[kind] = through + (change[kind] if kind == "damping" else 0.0)
     moved = -np.concatenate([change[kind] for kind in parameters.kinds])[parameters.columns()] / modes.slopes
     rate = np.real(s.conj() * moved) / (2 * np.pi * np.abs(s))
-    rate *= parameters.slopes(fitted.internal)[: rate.shape[0], None]
+    count = len(parameters.names) - parameters.n_friction
+    rate = parameters.chain(fitted.internal)[: len(rate), :count].T @ rate
     own = covariance[: rate.shape[0], : rate.shape[0]]
     return np.asarray(np.sqrt(np.einsum("pm,pq,qm->m", rate, own, rate)))
+
+
+def _seen(matrices: FloatArray, shapes: ComplexArray) -> ComplexArray:
+    """Quadratic form (n_matrix, n_mode) of each matrix in each shape."""
+    return np.asarray(np.einsum("im,lij,jm->lm", shapes, matrices, shapes))
 
 
 def _modes(model: LinearModel, parameters: ElasticParameters, configuration: int, locked: int | None) -> Modes:

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot, two_mass_robot
+from robid.robot.derivatives import jacobian
 from robid.robot.description import Inertial
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import ElasticParameters, jacobian, nominal_parameters, response, with_values
+from robid.robot.response import ElasticParameters, nominal_parameters, response, with_values
 from tolerances import FINITE_DIFFERENCE
 
 FREQUENCY_HZ = np.array([1.3, 5.0, 11.0, 17.0, 29.0, 47.0, 60.0, 83.0])
-KINDS = tuple(field.name for field in fields(ElasticParameters))
+KINDS = tuple(field.name for field in fields(ElasticParameters) if field.name not in ("cubic", "location"))
 CASES = {
     "two joints": (two_joint_robot(), np.array([[-0.3, 0.5], [0.9, 1.2]]), None),
     "rotors on the links": (two_joint_robot("on_link"), np.array([[-0.3, 0.5]]), None),

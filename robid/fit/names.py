@@ -1,0 +1,105 @@
+"""Names of the parameters of an elastic fit, and what options may say about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from robid.errors import SettingsError
+from robid.fit.options import ElasticOptions, ParameterKind
+from robid.robot.description import Robot
+from robid.robot.expand import LOCATED
+from robid.robot.response import ElasticParameters
+
+LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
+_AXIS_TOLERANCE = 1e-9
+
+
+def element_names(robot: Robot, kind: str) -> list[str | None]:
+    """Names of a kind's elements, in the order of its values; None for what no fit estimates."""
+    if kind == "delay":
+        return ["delay"]
+    if kind == "cubic":
+        return [f"{s.name}.cubic" if s.place == "transmission" else None for s in robot.springs]
+    if kind == "location":
+        # A spring that moves along its own axis stays the same spring.
+        return [
+            f"{spring.name}.location_{axis}" if spring.place in LOCATED and share < 1 - _AXIS_TOLERANCE else None
+            for spring in robot.springs
+            for axis, share in zip("xyz", np.abs(spring.axis).tolist(), strict=True)
+        ]
+    owners = robot.springs if kind in ("stiffness", "damping") else robot.joints
+    return [f"{owner.name}.{kind}" for owner in owners]
+
+
+def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], nominal: ElasticParameters) -> None:
+    """Refuses options that name what is not there, tie or bound what cannot be, or estimate what starts at zero.
+
+    Args:
+        options: Options of the fit.
+        every: Names of every free kind's elements.
+        nominal: Nominal values.
+
+    Raises:
+        SettingsError: With every problem.
+    """
+    kind_of = {name: kind for kind, names in every.items() for name in names if name is not None}
+    free = {name: kind for name, kind in kind_of.items() if name not in options.fixed}
+    known = ", ".join(sorted(kind_of))
+    unknown = [name for name in options.fixed if name not in kind_of]
+    problems = [f"`fixed` names `{name}`, which is not free (free: {known})" for name in unknown]
+    problems += name_problems(options, free)
+    for kind in LOGARITHMIC:
+        values = getattr(nominal, kind)
+        problems += [
+            f"`{name}` starts at {value:g}, but must be positive to be estimated"
+            for name, value in zip(every.get(kind, []), values, strict=False)
+            if value <= 0 and name in free
+        ]
+    if problems:
+        remedy = "correct `fixed`, `tied`, `bounds` or the robot file's values"
+        raise SettingsError("; ".join(problems), where="fit", remedy=remedy)
+
+
+def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[str]:
+    """Says what is wrong with `tied` and `bounds`, a sentence each.
+
+    Args:
+        options: Options of the fit.
+        free: Kind of each parameter that is estimated, by name.
+    """
+    problems = []
+    for name, leader in options.tied.items():
+        missing = [f"`{each}`" for each in (name, leader) if each not in free]
+        if missing:
+            problems.append(f"`tied` names {' and '.join(missing)}, which is not estimated")
+        elif leader in options.tied:
+            problems.append(f"`tied` ties `{name}` to `{leader}`, which is tied itself")
+        elif free[name] != free[leader]:
+            problems.append(f"`tied` ties `{name}` to `{leader}`, which is of another kind")
+    for name, (low, high) in options.bounds.items():
+        if name not in free:
+            problems.append(f"`bounds` names `{name}`, which is not estimated")
+        elif name in options.tied:
+            problems.append(f"`bounds` names `{name}`, which is tied: bound `{options.tied[name]}`")
+        if not low < high:
+            problems.append(f"`bounds` of `{name}` leave nothing between {low:g} and {high:g}")
+    return problems
+
+
+def restricted(options: ElasticOptions, kinds: tuple[ParameterKind, ...]) -> ElasticOptions:
+    """Returns options under which only some of the free kinds are estimated, with what is said of these."""
+
+    def kept(name: str) -> bool:
+        suffix = name.rpartition(".")[2]
+        return ("location" if suffix.startswith("location_") else suffix) in kinds
+
+    return replace(
+        options,
+        free=kinds,
+        fixed=tuple(name for name in options.fixed if kept(name)),
+        tied={name: leader for name, leader in options.tied.items() if kept(name)},
+        bounds={name: ends for name, ends in options.bounds.items() if kept(name)},
+    )

@@ -1,0 +1,165 @@
+"""Analytic derivatives of the sampled response with respect to every kind of parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.robot.linearize import LinearModel
+from robid.robot.response import ElasticParameters, Response, alias_factor, fast_limit, mass_matrix
+from robid.robot.rest import Moves, Springs, SpringSlopes, settle_springs, spring_slopes
+
+
+def jacobian(
+    model: LinearModel,
+    parameters: ElasticParameters,
+    result: Response,
+    kinds: tuple[str, ...],
+    sampling_period_s: float | None,
+) -> ComplexArray:
+    """Derivatives of the sampled response, springs and dampers as outer products.
+
+    Args:
+        model: Linearised robot.
+        parameters: Where `result` was computed.
+        result: The response.
+        kinds: Field names of `ElasticParameters`, in the order wanted.
+        sampling_period_s: As for `response`.
+
+    Returns:
+        (n_conf, n_freq, n_out, n_in, n_param), with respect to the plain (not logarithmic) values.
+
+    Source:
+        METHODS sec. 1: `dG = w^2 X_o' (dZ) X_i`.
+    """
+    model = result.model
+    slopes = loaded_slopes(model, parameters, result.springs, kinds)
+    through_rest = _rest_columns(parameters, result, slopes, sampling_period_s)
+    columns = [_columns(model, parameters, result, kind, sampling_period_s, through_rest.get(kind)) for kind in kinds]
+    return np.concatenate(columns, axis=-1)
+
+
+def _columns(
+    model: LinearModel,
+    parameters: ElasticParameters,
+    result: Response,
+    kind: str,
+    sampling_period_s: float | None,
+    through_rest: ComplexArray | None,
+) -> ComplexArray:
+    n_motor = model.n_motor
+    scale = (result.hold * result.omega**2)[:, None, None, None]
+    rate = 1j * result.omega[:, None, None, None]
+    if kind == "damping":
+        own = scale * rate * _outer(result, slice(n_motor, None))
+        return own if through_rest is None else own + through_rest
+    if through_rest is not None:
+        return through_rest
+    if kind == "stiffness":
+        return scale * _outer(result, slice(n_motor, None))
+    if kind == "viscous":
+        return scale * rate * _outer(result, slice(0, n_motor))
+    if kind == "motor_inertia":
+        matrices = np.eye(n_motor, model.mass.shape[-1])
+        directions = np.einsum("li,lj->lij", matrices, matrices)
+        return _inertia_columns(model, parameters, result, directions[None], sampling_period_s)
+    if kind == "link_inertia":
+        return _inertia_columns(model, parameters, result, model.link_inertia, sampling_period_s)
+    return _delay_column(model, parameters, result, sampling_period_s)
+
+
+def loaded_slopes(
+    model: LinearModel, parameters: ElasticParameters, springs: Springs, kinds: tuple[str, ...]
+) -> dict[str, SpringSlopes]:
+    """How springs move with each kind of parameter; none where they are linear and rest where they are.
+
+    Args:
+        model: Linearised robot.
+        parameters: Parameter values.
+        springs: Its springs there.
+        kinds: Kinds whose derivatives are asked for.
+    """
+    constant = not parameters.cubic.any() and model.rest.moves is None
+    if constant and {"cubic", "location"}.isdisjoint(kinds):
+        return {}
+    if constant:
+        springs = settle_springs(model.rest, parameters.springs)
+    return spring_slopes(model.rest, parameters.springs, springs)
+
+
+def _rest_columns(
+    parameters: ElasticParameters,
+    result: Response,
+    slopes: Mapping[str, SpringSlopes],
+    sampling_period_s: float | None,
+) -> dict[str, ComplexArray]:
+    """Derivatives that pass through expected slopes and rest positions, by kind."""
+    if not slopes:
+        return {}
+    model = result.model
+    scale = (result.hold * result.omega**2)[:, None, None, None]
+    stiffness = scale * _outer(result, slice(model.n_motor, None))
+    columns = {kind: np.einsum("cfois,cst->cfoit", stiffness, each.stiffness) for kind, each in slopes.items()}
+    if model.rest.moves is not None:
+        moved = _move_columns(parameters, result, model.rest.moves, sampling_period_s)
+        for kind, each in slopes.items():
+            columns[kind] += np.einsum("cfoim,cmt->cfoit", moved, each.displacement)
+    return columns
+
+
+def _move_columns(
+    parameters: ElasticParameters, result: Response, moves: Moves, sampling_period_s: float | None
+) -> ComplexArray:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest."""
+    model, square = result.model, result.omega**2
+    columns = _inertia_columns(model, parameters, result, moves.mass, sampling_period_s)
+    left, right = np.swapaxes(result.outputs, -1, -2), result.inputs
+    for index in range(moves.mass.shape[1]):
+        change = square[:, None, None] * (left @ (moves.gravity_stiffness[:, index, None] @ right))
+        seen = square[:, None, None] * moves.output[:, index, None] + moves.tilt[:, index, None]
+        columns[..., index] += result.hold[:, None, None] * (change - seen @ right)
+    if sampling_period_s is not None:
+        inverse = np.linalg.inv(mass_matrix(model, parameters))[..., : model.n_motor]
+        aliases = alias_factor(result.omega, parameters.delay[0], sampling_period_s)[0]
+        fast = np.einsum("cmoa,cai->coim", moves.output, inverse)
+        columns += aliases[:, None, None, None] * fast[:, None]
+    return columns
+
+
+def _outer(result: Response, rows: slice) -> ComplexArray:
+    left = np.swapaxes(result.outputs[..., rows, :], -1, -2)
+    right = np.swapaxes(result.inputs[..., rows, :], -1, -2)
+    return np.asarray(left[..., :, None, :] * right[..., None, :, :])
+
+
+def _inertia_columns(
+    model: LinearModel,
+    parameters: ElasticParameters,
+    result: Response,
+    directions: FloatArray,
+    sampling_period_s: float | None,
+) -> ComplexArray:
+    spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
+    change = np.einsum("cfao,clab,cfbi->cfoil", result.outputs, spread, result.inputs, optimize=True)
+    columns = -(result.hold * result.omega**4)[:, None, None, None] * change
+    if sampling_period_s is None:
+        return np.asarray(columns)
+    inverse = np.linalg.inv(mass_matrix(model, parameters))
+    left, right = model.output @ inverse, inverse[..., : model.n_motor]
+    fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
+    aliases = alias_factor(result.omega, parameters.delay[0], sampling_period_s)[0]
+    return np.asarray(columns + aliases[:, None, None, None] * fast[:, None])
+
+
+def _delay_column(
+    model: LinearModel, parameters: ElasticParameters, result: Response, sampling_period_s: float | None
+) -> ComplexArray:
+    rate = -1j * result.omega[:, None, None]
+    if sampling_period_s is None:
+        return np.asarray(rate * result.sampled)[..., None]
+    fast = fast_limit(model, parameters)[:, None]
+    aliases, slope = alias_factor(result.omega, parameters.delay[0], sampling_period_s)
+    own = result.sampled - aliases[:, None, None] * fast
+    return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]
