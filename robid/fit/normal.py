@@ -32,7 +32,9 @@ class SymmetricNormal:
         self._problem = problem
         used = problem.weight.any(axis=(2, 3))
         frf = problem.frf
-        self._collocated = Collocated(problem.model, frf.frequency_hz, frf.hold_period_s, used, problem.parameters.kinds)
+        self._collocated = Collocated(
+            problem.model, frf.frequency_hz, frf.hold_period_s, used, problem.parameters.kinds
+        )
         self._used = used
         self._rows, self._columns = np.triu_indices(problem.weight.shape[-1])
         self._weight = np.asarray(self._pairs(problem.weight), float)

@@ -155,9 +155,7 @@ def _restricted(problem: Problem, point: FloatArray, free: BoolArray, limit: int
 
 def _after(before: Minimum, end: Minimum) -> Minimum:
     """The end, with what went before counted."""
-    return replace(
-        end, iterations=before.iterations + end.iterations, evaluations=before.evaluations + end.evaluations
-    )
+    return replace(end, iterations=before.iterations + end.iterations, evaluations=before.evaluations + end.evaluations)
 
 
 def _spread(count: int, most: int) -> list[int]:

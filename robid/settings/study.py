@@ -48,9 +48,9 @@ class WernholtStudy(Section):
     kind: Literal["wernholt2008"] = Field(description="What is studied.")
     campaign: Name = Field(description="Name of the simulated campaign whose responses are fitted.")
     fit: ElasticOptions = Field(
-        default_factory=lambda: ElasticOptions(free=("stiffness", "damping"), starts=100),
-        description="Options that all estimators share: free parameters, starts, strategy. The friction stays as it"
-        " was compensated. All starts are random, the same for all estimators.",
+        default_factory=lambda: ElasticOptions(free=("stiffness", "damping"), correct_torques=False, starts=100),
+        description="Options that all estimators share: free parameters, starts, strategy. All starts are random, the"
+        " same for all estimators.",
     )
     estimators: dict[Name, EstimatorChoice] = Field(description="What is compared, by name.", min_length=1)
     reference: Name = Field(
@@ -58,15 +58,15 @@ class WernholtStudy(Section):
     )
     wide: tuple[Name, ...] = Field(default=(), description="Estimators that also start over `wide_decades`.")
     wide_decades: float = Field(default=2.0, description="Spread of these starts [decades].", gt=0)
+    plain: bool = Field(
+        default=True, description="Whether every start is also fitted with `strategy: plain`, as in the paper."
+    )
     starts_per_task: int = Field(default=25, description="Starts that are fitted in one go.", ge=1)
     element: tuple[int, int] = Field(
         default=(1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
     )
     paper: str | None = Field(
         default=None, description="File with the paper's figures, relative to this one.", min_length=1
-    )
-    references: dict[str, float] = Field(
-        default_factory=dict, description="Figures to hold ours against, by their name in summary.json."
     )
 
 

@@ -13,16 +13,18 @@ import numpy as np
 from robid.artifacts.artifact import Dataset
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.fit.elastic import elastic_problem, fit_starts
+from robid.fit.elastic import draw_starts, set_up
 from robid.fit.options import ElasticOptions, EstimatorKind, WeightsKind
 from robid.fit.problem import Problem
+from robid.fit.strategy import make_strategy
 from robid.fit.uncertainty import sandwich
 from robid.frf.frf import Frf
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.settings.study import EstimatorChoice, WernholtStudy
+from robid.settings.study import WernholtStudy
+from robid.settings.yaml import load_yaml
 from robid.stages.fit import model_settings
 from robid.stages.slices import delay_s
 from robid.studies.tasks import Task
@@ -70,20 +72,12 @@ def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
 
 
 def measured(run: Run) -> Frf:
-    """Returns the measured responses, friction as it was compensated."""
+    """Returns the measured responses."""
     return _read(run.path(needs(run.loaded)[0]))
 
 
 def _read(path: Path) -> Frf:
-    frf = frf_from_artifact(read_artifact(path, FRF))
-    none = np.zeros(0)
-    return replace(
-        frf,
-        sensitivity=frf.sensitivity[:, :0],
-        coefficient_names=(),
-        coefficient_relative_std=none,
-        coefficient_offset=none,
-    )
+    return frf_from_artifact(read_artifact(path, FRF))
 
 
 def robot_and_delay(loaded: LoadedExperiment) -> tuple[Robot, float]:
@@ -92,54 +86,89 @@ def robot_and_delay(loaded: LoadedExperiment) -> tuple[Robot, float]:
     return loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
 
 
-def with_estimator(options: ElasticOptions, estimator: EstimatorKind, weights: WeightsKind) -> ElasticOptions:
-    """Returns the options with another estimator and other weights."""
-    return replace(options, estimator=estimator, weights=replace(options.weights, kind=weights))
-
-
 def score_options(study: WernholtStudy) -> tuple[ElasticOptions, ElasticOptions]:
     """Returns the options of the costs that judge: logarithmic, user-defined and optimal weights, data alone."""
     shared = replace(study.fit, prior_decades=_NOTHING_KNOWN)
-    return with_estimator(shared, "lls", "user"), with_estimator(shared, "lls", "optimal")
+    return _with_estimator(shared, "lls", "user"), _with_estimator(shared, "lls", "optimal")
+
+
+def _with_estimator(options: ElasticOptions, estimator: EstimatorKind, weights: WeightsKind) -> ElasticOptions:
+    return replace(options, estimator=estimator, weights=replace(options.weights, kind=weights))
+
+
+@dataclass(frozen=True)
+class StartSet:
+    """All starts of one estimator.
+
+    Attributes:
+        group: "" for the starts and the strategy of the study, `<n>dec` for wider ones, `plain` for plain descents.
+        name: Name of the estimator.
+        alone: Whether only the best configuration is fitted.
+        options: Options of the fit; `starts` counts the robot file's values too, which are no start here.
+    """
+
+    group: str
+    name: str
+    alone: bool
+    options: ElasticOptions
+
+
+def sets(study: WernholtStudy) -> list[StartSet]:
+    """Returns the sets of starts in the order of their tasks."""
+    every, wide = tuple(study.estimators), f"{study.wide_decades:g}dec".replace(".", "_")
+    shared = replace(study.fit, starts=study.fit.starts + 1)
+    groups = [("", every, shared), (wide, study.wide, replace(shared, start_decades=study.wide_decades))]
+    if study.plain:
+        groups.append(("plain", every, replace(shared, strategy="plain")))
+    found = []
+    for group, names, options in groups:
+        for name in names:
+            choice = study.estimators[name]
+            own = _with_estimator(options, choice.estimator, choice.weights)
+            found.append(StartSet(group, name, choice.configurations == "best", own))
+    return found
 
 
 def best_configuration(robot: Robot, frf: Frf, options: ElasticOptions, delay: float) -> int:
     """Returns the configuration whose response alone predicts the smallest covariance, by its determinant."""
     volumes = []
     for index in range(len(frf.configurations)):
-        problem = elastic_problem(robot, frf.select([index]), options, delay)
+        problem = set_up(robot, frf.select([index]), options, delay)[0]
         covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))
         volumes.append(np.linalg.slogdet(covariance)[1])
     return int(np.argmin(volumes))
 
 
 def tasks(run: Run) -> list[Task]:
-    """Returns the tasks: the starts of every estimator in chunks, then those of the wide ones."""
+    """Returns the tasks: the starts of every set in chunks."""
     study = study_of(run.loaded)
+    paper_figures(run.loaded)
     robot, delay = robot_and_delay(run.loaded)
     path = run.path(needs(run.loaded)[0])
     decides = {"frf": read_header(path, FRF).content_sha256, **model_settings(run.loaded, study.campaign)}
     best = ALL
-    if any(choice.configurations == "best" for choice in study.estimators.values()):
-        best = best_configuration(robot, _read(path), with_estimator(study.fit, "lls", "user"), delay)
+    if any(one.alone for one in sets(study)):
+        best = best_configuration(robot, _read(path), _with_estimator(study.fit, "lls", "user"), delay)
     found = []
-    for name, choice, decades in sets(study):
-        options = with_estimator(study.fit, choice.estimator, choice.weights)
-        options = replace(options, starts=study.fit.starts + 1, start_decades=decades)
-        alone = best if choice.configurations == "best" else ALL
-        for number, first in enumerate(range(1, options.starts, study.starts_per_task), 1):
-            starts = tuple(range(first, min(first + study.starts_per_task, options.starts)))
-            chunk = Chunk(robot, path, alone, options, score_options(study), starts, delay)
-            place = {"options": to_plain(options), "scores": to_plain(chunk.scores), "starts": starts}
-            label = f"{name}_{decades:g}dec_{number}".replace(".", "_")
+    for one in sets(study):
+        alone = best if one.alone else ALL
+        for number, first in enumerate(range(1, one.options.starts, study.starts_per_task), 1):
+            starts = tuple(range(first, min(first + study.starts_per_task, one.options.starts)))
+            chunk = Chunk(robot, path, alone, one.options, score_options(study), starts, delay)
+            place = {"options": to_plain(one.options), "scores": to_plain(chunk.scores), "starts": starts}
+            label = "_".join(part for part in (one.name, one.group, str(number)) if part)
             found.append(Task(label, {**decides, **place, "configuration": alone}, chunk))
     return found
 
 
-def sets(study: WernholtStudy) -> list[tuple[str, EstimatorChoice, float]]:
-    """Returns the sets of starts in their order: name, estimator and spread in decades."""
-    near = [(name, choice, study.fit.start_decades) for name, choice in study.estimators.items()]
-    return near + [(name, study.estimators[name], study.wide_decades) for name in study.wide]
+def paper_figures(loaded: LoadedExperiment) -> dict[str, Any]:
+    """Returns the paper's figures, or nothing where the study names no file.
+
+    Raises:
+        SettingsError: If the file cannot be read.
+    """
+    name = study_of(loaded).paper
+    return {} if name is None else load_yaml(loaded.path.parent / name).data
 
 
 def fit_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
@@ -147,17 +176,20 @@ def fit_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
     frf = _read(chunk.frf)
     used = frf if chunk.configuration == ALL else frf.select([chunk.configuration])
     clock, processor = time.perf_counter(), time.process_time()
-    ends = fit_starts(chunk.robot, used, chunk.options, chunk.delay_s, chunk.starts)
+    problem = set_up(chunk.robot, used, chunk.options, chunk.delay_s)[0]
+    strategy, starts = (
+        make_strategy(problem, chunk.robot, chunk.options),
+        draw_starts(problem.parameters, chunk.options),
+    )
+    ends = [strategy.descend(starts[index]) for index in chunk.starts]
     seconds, processor = time.perf_counter() - clock, time.process_time() - processor
     internal = np.array([end.parameters for end in ends])
-    user, optimal = (
-        scores(elastic_problem(chunk.robot, frf, options, chunk.delay_s), internal) for options in chunk.scores
-    )
+    user, optimal = (scores(set_up(chunk.robot, frf, options, chunk.delay_s)[0], internal) for options in chunk.scores)
     start = ("start",)
     return {
         "internal": Dataset(internal, "1", ("start", "parameter"), "Logarithm of each parameter over the robot file's"),
         "cost": Dataset(np.array([end.cost for end in ends]), "1", start, "Cost that was minimised"),
-        "evaluations": Dataset(np.array([end.iterations for end in ends]), "1", start),
+        "evaluations": Dataset(np.array([end.evaluations for end in ends]), "1", start),
         "status": Dataset(np.array([end.status for end in ends]), "1", start),
         "user_cost": Dataset(user, "1", start, "Logarithmic cost with user weights, all configurations"),
         "optimal_cost": Dataset(optimal, "1", start, "The same with optimal weights"),

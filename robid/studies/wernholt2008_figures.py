@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.fit.elastic import elastic_problem
+from robid.fit.elastic import set_up
 from robid.fit.problem import Problem
 from robid.fit.uncertainty import sandwich
 from robid.pipeline import Run
@@ -36,7 +36,6 @@ class Models:
 
     Attributes:
         name: Name of the estimator.
-        decades: Spread of its starts.
         internal (n_start, n_param): Logarithm of each parameter over the robot file's.
         own_cost (n_start,): Cost that it minimised.
         user_cost (n_start,): Logarithmic cost with user weights, divided by the best of all models.
@@ -50,7 +49,6 @@ class Models:
     """
 
     name: str
-    decades: float
     internal: FloatArray
     own_cost: FloatArray
     user_cost: FloatArray
@@ -79,8 +77,7 @@ class Found:
 
     Attributes:
         problem: Logarithmic problem with user weights in all configurations.
-        near: Models of every estimator from the common starts, by name.
-        wide: Models of the estimators that also started further away, by name.
+        groups: Models of every set of starts, by group and estimator, see `StartSet`.
         reference: Name of the estimator whose best model the others are held against.
         truth (n_param,): True internal parameters.
         std (n_param,): Predicted standard deviation of the best reference model's internal parameters.
@@ -93,8 +90,7 @@ class Found:
     """
 
     problem: Problem
-    near: dict[str, Models]
-    wide: dict[str, Models]
+    groups: dict[str, dict[str, Models]]
     reference: str
     truth: FloatArray
     std: FloatArray
@@ -104,6 +100,16 @@ class Found:
     truth_optimal_cost: float
     resonances: int
     uncounted: int
+
+    @property
+    def near(self) -> dict[str, Models]:
+        """Models from the study's own starts by its own strategy."""
+        return self.groups[""]
+
+    @property
+    def as_in_paper(self) -> dict[str, Models]:
+        """Models of plain descents, or, without these, those of the study's strategy."""
+        return self.groups.get("plain", self.near)
 
     @property
     def best(self) -> FloatArray:
@@ -127,29 +133,26 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     study = study_of(run.loaded)
     robot, delay = robot_and_delay(run.loaded)
     frf = measured(run)
-    user, optimal = (elastic_problem(robot, frf, options, delay) for options in score_options(study))
+    user, optimal = (set_up(robot, frf, options, delay)[0] for options in score_options(study))
     truth = true_internal(user, robot, run.loaded.experiment.campaigns[study.campaign])
     parts: dict[int, list[dict[str, Any]]] = {}
     per_set = -(-study.fit.starts // study.starts_per_task)
     for index, result in enumerate(results):
         values = {name: dataset.values for name, dataset in result.datasets.items()}
         parts.setdefault(index // per_set, []).append(values)
-    n_near = len(study.estimators)
-    near_parts = [part for index in range(n_near) for part in parts[index]]
-    best = min(float(part["user_cost"].min()) for part in near_parts)
-    best_optimal = min(float(part["optimal_cost"].min()) for part in near_parts)
+    kinds = sets(study)
+    near = [part for index, kind in enumerate(kinds) if not kind.group for part in parts[index]]
+    best = min(float(part["user_cost"].min()) for part in near)
+    best_optimal = min(float(part["optimal_cost"].min()) for part in near)
     errors = resonance_errors(user, truth)
     judge = Judge(user, errors <= _RESONANCE_LIMIT)
-    models = [
-        _models(name, decades, parts[index], (best, best_optimal), judge)
-        for index, (name, _, decades) in enumerate(sets(study))
-    ]
-    near, wide = ({one.name: one for one in group} for group in (models[:n_near], models[n_near:]))
-    reference = near[study.reference]
+    groups: dict[str, dict[str, Models]] = {}
+    for index, kind in enumerate(kinds):
+        groups.setdefault(kind.group, {})[kind.name] = _models(kind.name, parts[index], (best, best_optimal), judge)
+    reference = groups[""][study.reference]
     return Found(
         problem=user,
-        near=near,
-        wide=wide,
+        groups=groups,
         reference=study.reference,
         truth=truth,
         std=np.sqrt(np.diag(sandwich(user, reference.internal[reference.order[0]]))),
@@ -195,9 +198,7 @@ class Judge:
         return self._known[key]
 
 
-def _models(
-    name: str, decades: float, parts: Sequence[Mapping[str, Any]], best: tuple[float, float], judge: Judge
-) -> Models:
+def _models(name: str, parts: Sequence[Mapping[str, Any]], best: tuple[float, float], judge: Judge) -> Models:
     def joined(key: str) -> Any:  # noqa: ANN401
         return np.concatenate([part[key] for part in parts])
 
@@ -205,7 +206,6 @@ def _models(
     near = [value <= COST_LIMIT and judge.meets(one) for one, value in zip(internal, cost, strict=True)]
     return Models(
         name=name,
-        decades=decades,
         internal=internal,
         own_cost=joined("cost"),
         user_cost=cost,
@@ -251,20 +251,20 @@ def best_of(models: Models) -> FloatArray:
 
 def summarise(found: Found) -> dict[str, float]:
     """All figures by name."""
-    summary = {f"{name}.{key}": value for name, one in found.near.items() for key, value in
-               model_figures(one, found).items()}  # fmt: skip
-    for name, one in found.wide.items():
-        for key, value in model_figures(one, found).items():
-            summary[f"{name}.{key}_{one.decades:g}dec".replace("0.", "0_")] = value
+    summary = {
+        f"{name}.{key}{group and '_' + group}": value
+        for group, members in found.groups.items()
+        for name, one in members.items()
+        for key, value in model_figures(one, found).items()
+    }
     near = list(found.near.values())
-    every = [*near, *found.wide.values()]
     starts = sum(len(one.own_cost) for one in near)
     summary |= {
         "fits": starts,
         f"fits{starts}_s": sum(one.seconds for one in near) / _CORES,
         f"fits{starts}_processor_s": sum(one.processor_seconds for one in near) / _CORES,
         "evaluations_per_fit": float(np.mean(np.concatenate([one.evaluations for one in near]))),
-        "capped": float(np.mean(np.concatenate([one.capped for one in every]))),
+        "capped": float(np.mean(np.concatenate([one.capped for one in near]))),
         "best_over_truth": 1 / found.truth_cost,
         "best_over_truth_optimal": 1 / found.truth_optimal_cost,
         "resonances": found.resonances,

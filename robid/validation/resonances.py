@@ -11,8 +11,8 @@ from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.options import ElasticOptions
-from robid.fit.solution import Solution
 from robid.fit.problem import Problem
+from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.robot.response import response
