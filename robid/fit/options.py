@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+EstimatorKind = Literal["lls", "nls", "llsm"]
+WeightsKind = Literal["user", "optimal", "optimal_full", "inflated", "estimated"]
 ParameterKind = Literal[
     "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"
 ]
@@ -16,7 +18,7 @@ Optimizer = Literal["levenberg", "scipy", "nlopt", "nlopt_global"]
 class Weights:
     """Weights of the residual."""
 
-    kind: Literal["user", "optimal", "optimal_full", "inflated", "estimated"] = field(
+    kind: WeightsKind = field(
         default="inflated",
         metadata={
             "description": "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
@@ -38,7 +40,7 @@ class Weights:
 class ElasticOptions:
     """The elastic fit."""
 
-    estimator: Literal["lls", "nls", "llsm"] = field(
+    estimator: EstimatorKind = field(
         default="lls",
         metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."},
     )

@@ -33,6 +33,9 @@ def _figure_data(figure: Figure) -> dict[str, Any]:
         "y_title": figure.y_title,
         "log_x": figure.log_x,
         "log_y": figure.log_y,
+        "y_range": figure.y_range,
+        "height": figure.height,
+        "legend": figure.legend,
         "curves": [
             {"name": curve.name, "x": [_rounded(x) for x in curve.x], "y": [_rounded(y) for y in curve.y]}
             for curve in figure.curves

@@ -45,6 +45,9 @@ class Figure:
         log_x: Whether x is logarithmic.
         log_y: Whether y is logarithmic.
         caption: What the reader has to know.
+        y_range: Ends of the vertical axis; those of the curves when None.
+        height: Height on the page [pixel].
+        legend: Whether the curves are named.
     """
 
     title: str
@@ -54,13 +57,25 @@ class Figure:
     log_x: bool = True
     log_y: bool = True
     caption: str = ""
+    y_range: tuple[float, float] | None = None
+    height: int = 340
+    legend: bool = True
 
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of the page."""
+    """A titled part of the page.
+
+    Attributes:
+        title: Its title.
+        lead: What it is about.
+        tables: Its tables.
+        figures: Its figures, after the tables.
+        columns: Number of figures beside each other where the page is wide.
+    """
 
     title: str
     lead: str = ""
     tables: tuple[Table, ...] = ()
     figures: tuple[Figure, ...] = ()
+    columns: int = 1

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias, get_args, get_type_hints
+from typing import Annotated, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
+from robid.fit.options import ElasticOptions, EstimatorKind, WeightsKind
 from robid.frf.options import EstimateOptions
 from robid.settings.base import Name, Section
 
@@ -31,7 +32,45 @@ class FrfStudy(Section):
     )
 
 
-Study: TypeAlias = FrfStudy
+class EstimatorChoice(Section):
+    """One estimator of the parameters."""
+
+    estimator: EstimatorKind = Field(description="As in a fit.")
+    weights: WeightsKind = Field(default="user", description="As `kind` in the weights of a fit.")
+    configurations: Literal["all", "best"] = Field(
+        default="all", description="All, or the one with the smallest predicted covariance."
+    )
+
+
+class WernholtStudy(Section):
+    """Estimators of springs and dampers by the models that they reach from many starts."""
+
+    kind: Literal["wernholt2008"] = Field(description="What is studied.")
+    campaign: Name = Field(description="Name of the simulated campaign whose responses are fitted.")
+    fit: ElasticOptions = Field(
+        default_factory=lambda: ElasticOptions(free=("stiffness", "damping"), correct_torques=False, starts=100),
+        description="Options that all estimators share: free parameters, starts, strategy. All starts are random, the"
+        " same for all estimators.",
+    )
+    estimators: dict[Name, EstimatorChoice] = Field(description="What is compared, by name.", min_length=1)
+    reference: Name = Field(
+        default="lls15u", description="The estimator whose best model the others' parameters are divided by."
+    )
+    wide: tuple[Name, ...] = Field(default=(), description="Estimators that also start over `wide_decades`.")
+    wide_decades: float = Field(default=2.0, description="Spread of these starts [decades].", gt=0)
+    plain: bool = Field(
+        default=True, description="Whether every start is also fitted with `strategy: plain`, as in the paper."
+    )
+    starts_per_task: int = Field(default=25, description="Starts that are fitted in one go.", ge=1)
+    element: tuple[int, int] = Field(
+        default=(1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
+    )
+    paper: str | None = Field(
+        default=None, description="File with the paper's figures, relative to this one.", min_length=1
+    )
+
+
+Study: TypeAlias = Annotated[FrfStudy | WernholtStudy, Field(discriminator="kind")]
 
 
 def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from robid.settings.experiment import Experiment
+from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
-from robid.settings.study import choices
+from robid.settings.study import FrfStudy, WernholtStudy, choices
 from robid.settings.yaml import FieldPath
 
 
@@ -21,11 +21,20 @@ def check_study(experiment: Experiment) -> Iterator[tuple[FieldPath, str]]:
         yield ("study", "campaign"), message
     elif campaign.source is None or campaign.source.simulate is None:
         yield ("study", "campaign"), f"campaign `{study.campaign}` is not simulated, so its true response is not known"
-    elif campaign.realizations % study.group or campaign.realizations < 2 * study.group:
+    elif isinstance(study, FrfStudy):
+        yield from _check_groups(study, campaign)
+    yield from _check_frf(study) if isinstance(study, FrfStudy) else _check_wernholt(study)
+
+
+def _check_groups(study: FrfStudy, campaign: Campaign) -> Iterator[tuple[FieldPath, str]]:
+    if campaign.realizations % study.group or campaign.realizations < 2 * study.group:
         message = (
             f"does not divide the {campaign.realizations} realizations of `{study.campaign}` into groups, two or more"
         )
         yield ("study", "group"), message
+
+
+def _check_frf(study: FrfStudy) -> Iterator[tuple[FieldPath, str]]:
     for key, known, named in (
         ("estimators", choices("estimator"), study.estimators or ()),
         ("compensations", choices("compensation"), study.compensations or ()),
@@ -40,3 +49,15 @@ def check_study(experiment: Experiment) -> Iterator[tuple[FieldPath, str]]:
             f"there is no `{study.reference_estimator}`; {suggest(study.reference_estimator, choices('estimator'))}"
         )
         yield ("study", "reference_estimator"), message
+
+
+def _check_wernholt(study: WernholtStudy) -> Iterator[tuple[FieldPath, str]]:
+    if study.reference not in study.estimators:
+        yield ("study", "reference"), f"there is no `{study.reference}`; {suggest(study.reference, study.estimators)}"
+    elif study.estimators[study.reference].configurations != "all":
+        yield ("study", "reference"), f"`{study.reference}` does not use all configurations"
+    for index, name in enumerate(study.wide):
+        if name not in study.estimators:
+            yield ("study", "wide", index), f"there is no `{name}`; {suggest(name, study.estimators)}"
+        elif name in study.wide[:index]:
+            yield ("study", "wide", index), f"`{name}` is there twice"

@@ -74,8 +74,11 @@ def compensations(study: FrfStudy, campaign: Campaign) -> list[str]:
 def campaign_of(loaded: LoadedExperiment) -> tuple[FrfStudy, Campaign, SimulateOptions]:
     """Returns the study, its campaign, and how that is simulated."""
     study = loaded.experiment.study
-    source = None if study is None else loaded.experiment.campaigns[study.campaign].source
-    if study is None or source is None or source.simulate is None:
+    if not isinstance(study, FrfStudy):
+        message = "the study is of another kind"
+        raise TypeError(message)
+    source = loaded.experiment.campaigns[study.campaign].source
+    if source is None or source.simulate is None:
         message = "the settings' checks let a study without a simulated campaign pass"
         raise RuntimeError(message)
     return study, loaded.experiment.campaigns[study.campaign], source.simulate

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
+from robid.pipeline import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Curve, Figure, Section, Table
 from robid.settings.experiment import Campaign
-from robid.settings.load import LoadedExperiment
 from robid.studies.conclusion import Conclusion
 from robid.studies.frf import campaign_of, compared, compensations
 from robid.studies.frf_figures import (
@@ -26,9 +26,9 @@ from robid.studies.frf_figures import (
 _WORTH = 0.98  # another estimator is worth a new default only where its error is surely below this share
 
 
-def conclude(loaded: LoadedExperiment, results: list[Artifact]) -> Conclusion:
+def conclude(run: Run, results: list[Artifact]) -> Conclusion:
     """Turns the tasks' results into figures, tables and the default that follows."""
-    found = gather(results)
+    loaded, found = run.loaded, gather(results)
     study, campaign, _ = campaign_of(loaded)
     own, kinds = campaign.estimate, compensations(study, campaign)
     place: dict[tuple[str, str], int] = {

@@ -21,9 +21,10 @@ from robid.report.numbers import duration, significant
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
+from robid.settings.study import FrfStudy
 from robid.stages.report import read_stamp, write_page
 from robid.stages.stage import Progress, counted
-from robid.studies import frf, frf_report
+from robid.studies import frf, frf_report, wernholt2008, wernholt2008_report
 from robid.studies.conclusion import Conclusion
 from robid.studies.tasks import Function, Task, run_tasks
 
@@ -44,10 +45,13 @@ class Study:
     needs: Callable[[LoadedExperiment], tuple[str, ...]]
     tasks: Callable[[Run], list[Task]]
     function: Function
-    conclude: Callable[[LoadedExperiment, list[Artifact]], Conclusion]
+    conclude: Callable[[Run, list[Artifact]], Conclusion]
 
 
-STUDIES = {"frf": Study(frf.needs, frf.tasks, frf.estimate_chunk, frf_report.conclude)}
+STUDIES = {
+    "frf": Study(frf.needs, frf.tasks, frf.estimate_chunk, frf_report.conclude),
+    "wernholt2008": Study(wernholt2008.needs, wernholt2008.tasks, wernholt2008.fit_chunk, wernholt2008_report.conclude),
+}
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ def run_study(
     tasks = study.tasks(run)
     with make_map(run.backend, run.workers) as parallel_map, progress(TASKS) as shown:
         results = run_tasks(folder, study.function, tasks, parallel_map, shown, force=force)
-    conclusion = study.conclude(run.loaded, results)
+    conclusion = study.conclude(run, results)
     provenance = _provenance(run, tasks, started)
     if _is_fresh(run, provenance):
         return Outcome("fresh", conclusion)
@@ -153,7 +157,7 @@ def _content(loaded: LoadedExperiment, conclusion: Conclusion, results: list[Art
 def _against_references(loaded: LoadedExperiment, summary: dict[str, float]) -> tuple[Section, ...]:
     """The table of reference figures, where the study names any."""
     study = loaded.experiment.study
-    if study is None or not study.references:
+    if not isinstance(study, FrfStudy) or not study.references:
         return ()
     rows = []
     for name, reference in study.references.items():

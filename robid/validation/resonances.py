@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.options import ElasticOptions
+from robid.fit.problem import Problem
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
@@ -265,3 +266,26 @@ def _table(rows: list[_Row]) -> ResonanceTable:
         mode_upper_hz=mode + mode_reach,
         damping=np.array([row.mode.damping for row in rows]),
     )
+
+
+def resonance_errors(problem: Problem, internal: FloatArray) -> FloatArray:
+    """Relative frequency errors of a model at every measured resonance of the motors' own responses.
+
+    Args:
+        problem: Measured responses and the linearised robot.
+        internal (n_param,): Internal parameters of the model.
+
+    Returns:
+        Errors (n_resonance,), in the table's order; infinite where the model has no resonance near.
+    """
+    frf = problem.frf
+    elements = _Elements(FittedModel(problem, internal, 0), frf)
+    pairs = [
+        pair
+        for configuration in range(frf.response.shape[0])
+        for motor, name in enumerate(frf.input_names)
+        if name in frf.output_names
+        for pair in _pairs(elements.at(configuration, frf.output_names.index(name), motor), "resonance")
+    ]
+    errors = np.array([abs(pair.model_hz / pair.measured_hz - 1) for pair in pairs])
+    return np.asarray(np.where(np.isfinite(errors), errors, np.inf))

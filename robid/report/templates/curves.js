@@ -4,10 +4,10 @@
   const { data, colour, axis, layout, title, logTicks, hover, onDraw } = robid;
   const DASHES = ["solid", "dash", "dot", "dashdot"];
 
-  function scale(values, isLog, text) {
-    const known = values.filter((value) => value !== null && (!isLog || value > 0));
+  function scale(values, isLog, text, given) {
+    const known = (given || values).filter((value) => value !== null && (!isLog || value > 0));
     const low = Math.min(...known), high = Math.max(...known);
-    if (!known.length || !isLog) return axis({ title: title(text), showline: true });
+    if (!known.length || !isLog) return axis({ title: title(text), showline: true, ...(given ? { range: given } : {}) });
     const ends = [Math.log10(low), Math.log10(high)];
     const pad = Math.max(0.04 * (ends[1] - ends[0]), 0.01);
     const ticks = high / low > 1e3 ? logTicks(low / 2, high * 2, [1]) : logTicks(low / 2, high * 2);
@@ -23,10 +23,11 @@
       hovertemplate: `${curve.name}: %{y:.3g}<extra></extra>`,
     }));
     Plotly.react(host, all, layout({
-      width: host.clientWidth, height: 340, margin: { l: 72, r: 10, t: 34, b: 46 }, hovermode: "x",
-      showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 12 } },
+      width: host.clientWidth, height: figure.height, hovermode: "x", showlegend: figure.legend,
+      margin: { l: figure.y_title ? 72 : 46, r: 10, t: figure.legend ? 34 : 6, b: figure.x_title ? 46 : 26 },
+      legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 12 } },
       xaxis: { ...scale(x, figure.log_x, figure.x_title), hoverformat: ".4~r" },
-      yaxis: scale(y, figure.log_y, figure.y_title),
+      yaxis: scale(y, figure.log_y, figure.y_title, figure.y_range),
     }), hover);
   }
 

@@ -1,0 +1,204 @@
+"""The study of estimators of springs and dampers: models from many starts, all scored with the same cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robid.artifacts.artifact import Dataset
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.store import read_artifact, read_header
+from robid.fit.elastic import draw_starts, set_up
+from robid.fit.options import ElasticOptions, EstimatorKind, WeightsKind
+from robid.fit.problem import Problem
+from robid.fit.strategy import make_strategy
+from robid.fit.uncertainty import sandwich
+from robid.frf.frf import Frf
+from robid.pipeline import Run
+from robid.robot.description import Robot
+from robid.settings.load import LoadedExperiment
+from robid.settings.slices import to_plain
+from robid.settings.study import WernholtStudy
+from robid.settings.yaml import load_yaml
+from robid.stages.fit import model_settings
+from robid.stages.slices import delay_s
+from robid.studies.tasks import Task
+
+_NOTHING_KNOWN = 1e9
+ALL = -1
+"""Stands for all configurations where one is named by its index."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some starts of one estimator.
+
+    Attributes:
+        robot: The robot file's.
+        frf: Where the measured responses lie.
+        configuration: Index of the only one that is fitted, or `ALL`.
+        options: Options of the fit; `starts` counts all of them and the robot file's values, which is not used.
+        scores: Options of the two costs that every model is judged by.
+        starts: Indices of the starts, from 1.
+        delay_s: Nominal delay [s].
+    """
+
+    robot: Robot
+    frf: Path
+    configuration: int
+    options: ElasticOptions
+    scores: tuple[ElasticOptions, ElasticOptions]
+    starts: tuple[int, ...]
+    delay_s: float
+
+
+def study_of(loaded: LoadedExperiment) -> WernholtStudy:
+    """Returns the study of an experiment that has one of this kind."""
+    study = loaded.experiment.study
+    if not isinstance(study, WernholtStudy):
+        message = "the study is of another kind"
+        raise TypeError(message)
+    return study
+
+
+def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
+    """Returns the outputs of the chain that the tasks read."""
+    return (f"{study_of(loaded).campaign}/frf.h5",)
+
+
+def measured(run: Run) -> Frf:
+    """Returns the measured responses."""
+    return _read(run.path(needs(run.loaded)[0]))
+
+
+def _read(path: Path) -> Frf:
+    return frf_from_artifact(read_artifact(path, FRF))
+
+
+def robot_and_delay(loaded: LoadedExperiment) -> tuple[Robot, float]:
+    """Returns the robot file's robot with the campaign's payload, and its nominal delay [s]."""
+    campaign = loaded.experiment.campaigns[study_of(loaded).campaign]
+    return loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
+
+
+def score_options(study: WernholtStudy) -> tuple[ElasticOptions, ElasticOptions]:
+    """Returns the options of the costs that judge: logarithmic, user-defined and optimal weights, data alone."""
+    shared = replace(study.fit, prior_decades=_NOTHING_KNOWN)
+    return _with_estimator(shared, "lls", "user"), _with_estimator(shared, "lls", "optimal")
+
+
+def _with_estimator(options: ElasticOptions, estimator: EstimatorKind, weights: WeightsKind) -> ElasticOptions:
+    return replace(options, estimator=estimator, weights=replace(options.weights, kind=weights))
+
+
+@dataclass(frozen=True)
+class StartSet:
+    """All starts of one estimator.
+
+    Attributes:
+        group: "" for the starts and the strategy of the study, `<n>dec` for wider ones, `plain` for plain descents.
+        name: Name of the estimator.
+        alone: Whether only the best configuration is fitted.
+        options: Options of the fit; `starts` counts the robot file's values too, which are no start here.
+    """
+
+    group: str
+    name: str
+    alone: bool
+    options: ElasticOptions
+
+
+def sets(study: WernholtStudy) -> list[StartSet]:
+    """Returns the sets of starts in the order of their tasks."""
+    every, wide = tuple(study.estimators), f"{study.wide_decades:g}dec".replace(".", "_")
+    shared = replace(study.fit, starts=study.fit.starts + 1)
+    groups = [("", every, shared), (wide, study.wide, replace(shared, start_decades=study.wide_decades))]
+    if study.plain:
+        groups.append(("plain", every, replace(shared, strategy="plain")))
+    found = []
+    for group, names, options in groups:
+        for name in names:
+            choice = study.estimators[name]
+            own = _with_estimator(options, choice.estimator, choice.weights)
+            found.append(StartSet(group, name, choice.configurations == "best", own))
+    return found
+
+
+def best_configuration(robot: Robot, frf: Frf, options: ElasticOptions, delay: float) -> int:
+    """Returns the configuration whose response alone predicts the smallest covariance, by its determinant."""
+    volumes = []
+    for index in range(len(frf.configurations)):
+        problem = set_up(robot, frf.select([index]), options, delay)[0]
+        covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))
+        volumes.append(np.linalg.slogdet(covariance)[1])
+    return int(np.argmin(volumes))
+
+
+def tasks(run: Run) -> list[Task]:
+    """Returns the tasks: the starts of every set in chunks."""
+    study = study_of(run.loaded)
+    paper_figures(run.loaded)
+    robot, delay = robot_and_delay(run.loaded)
+    path = run.path(needs(run.loaded)[0])
+    decides = {"frf": read_header(path, FRF).content_sha256, **model_settings(run.loaded, study.campaign)}
+    best = ALL
+    if any(one.alone for one in sets(study)):
+        best = best_configuration(robot, _read(path), _with_estimator(study.fit, "lls", "user"), delay)
+    found = []
+    for one in sets(study):
+        alone = best if one.alone else ALL
+        for number, first in enumerate(range(1, one.options.starts, study.starts_per_task), 1):
+            starts = tuple(range(first, min(first + study.starts_per_task, one.options.starts)))
+            chunk = Chunk(robot, path, alone, one.options, score_options(study), starts, delay)
+            place = {"options": to_plain(one.options), "scores": to_plain(chunk.scores), "starts": starts}
+            label = "_".join(part for part in (one.name, one.group, str(number)) if part)
+            found.append(Task(label, {**decides, **place, "configuration": alone}, chunk))
+    return found
+
+
+def paper_figures(loaded: LoadedExperiment) -> dict[str, Any]:
+    """Returns the paper's figures, or nothing where the study names no file.
+
+    Raises:
+        SettingsError: If the file cannot be read.
+    """
+    name = study_of(loaded).paper
+    return {} if name is None else load_yaml(loaded.path.parent / name).data
+
+
+def fit_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
+    """Fits from the starts of a chunk and scores the models."""
+    frf = _read(chunk.frf)
+    used = frf if chunk.configuration == ALL else frf.select([chunk.configuration])
+    clock, processor = time.perf_counter(), time.process_time()
+    problem = set_up(chunk.robot, used, chunk.options, chunk.delay_s)[0]
+    strategy, starts = (
+        make_strategy(problem, chunk.robot, chunk.options),
+        draw_starts(problem.parameters, chunk.options),
+    )
+    ends = [strategy.descend(starts[index]) for index in chunk.starts]
+    seconds, processor = time.perf_counter() - clock, time.process_time() - processor
+    internal = np.array([end.parameters for end in ends])
+    user, optimal = (scores(set_up(chunk.robot, frf, options, chunk.delay_s)[0], internal) for options in chunk.scores)
+    start = ("start",)
+    return {
+        "internal": Dataset(internal, "1", ("start", "parameter"), "Logarithm of each parameter over the robot file's"),
+        "cost": Dataset(np.array([end.cost for end in ends]), "1", start, "Cost that was minimised"),
+        "evaluations": Dataset(np.array([end.evaluations for end in ends]), "1", start),
+        "status": Dataset(np.array([end.status for end in ends]), "1", start),
+        "user_cost": Dataset(user, "1", start, "Logarithmic cost with user weights, all configurations"),
+        "optimal_cost": Dataset(optimal, "1", start, "The same with optimal weights"),
+        "configuration": Dataset(np.array(chunk.configuration), "1", (), "Index of the only one fitted, or -1"),
+        "seconds": Dataset(np.array(seconds), "s", (), "Wall time of these fits"),
+        "processor_seconds": Dataset(np.array(processor), "s", (), "Processor time of these fits"),
+    }
+
+
+def scores(problem: Problem, internal: Any) -> Any:  # noqa: ANN401
+    """Costs (n_model,) of models by their internal parameters (n_model, n_param)."""
+    return np.array([problem.cost(one) for one in internal])
