@@ -53,8 +53,9 @@ def _meaning(field: dict[str, Any], schema: dict[str, Any]) -> str:
 
 
 def _values(field: dict[str, Any]) -> str:
-    if "anyOf" in field:
-        members = (_values(member) for member in field["anyOf"] if member.get("type") != "null")
+    choices = field.get("anyOf") or field.get("oneOf")
+    if choices:
+        members = (_values(member) for member in choices if member.get("type") != "null")
         return " or ".join(dict.fromkeys(members))
     if "const" in field:
         return f"`{field['const']}`"
