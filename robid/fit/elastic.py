@@ -11,6 +11,7 @@ from robid.arrays import FloatArray
 from robid.fit.bootstrap import Map
 from robid.fit.checks import check_data, check_influence, check_inputs
 from robid.fit.levenberg import Minimum
+from robid.fit.load_doubt import load_doubt
 from robid.fit.model_error import element_level
 from robid.fit.optimizers import optimise
 from robid.fit.options import ElasticOptions
@@ -20,7 +21,7 @@ from robid.fit.rest_model import rest_model
 from robid.fit.result import make_solution
 from robid.fit.solution import Solution
 from robid.fit.strategy import Strategy, make_strategy, without_coefficients
-from robid.fit.uncertainty import sandwich
+from robid.fit.uncertainty import influence, structured_covariance
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.robot.response import nominal_parameters
@@ -58,7 +59,10 @@ def fit_elastic(
     check_inputs(robot, frf)
     check_data(robot, frf, options)
     problem, dropped = set_up(robot, frf, options, delay_s)
-    predicted = np.sqrt(np.diag(sandwich(problem, np.zeros(len(problem.parameters.names)))))
+    start = np.zeros(len(problem.parameters.names))
+    expected = influence(problem, start)
+    doubt = load_doubt(problem, start, expected.inverse, expected.weighted)
+    predicted = np.sqrt(np.diag(structured_covariance(problem, expected) + doubt))
     check_influence(problem)
     strategy = make_strategy(problem, robot, options)
     tasks = [(strategy, start) for start in draw_starts(problem.parameters, options)]

@@ -4,40 +4,42 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.fit.problem import Problem
 
 _SAME_CONFIGURATION_RAD = 1e-3
 
 
-def load_doubt(problem: Problem, relative: float) -> FloatArray:
-    """Variance (n_param,) that errors of the gears' slopes give, one for each gear and robot configuration.
+def load_doubt(problem: Problem, internal: FloatArray, inverse: FloatArray, weighted: ComplexArray) -> FloatArray:
+    """Covariance that errors of the gears' slopes give, one for each gear and robot configuration.
 
     Between configurations everything else changes too, and a model that is off by so much in each of them feigns a
     cubic gear. Only loads that differ by far more, as gravity's do, or that differ in one and the same
-    configuration, as those of two amplitudes do, tell it from a linear one.
+    configuration, as those of two amplitudes do, tell it from a linear one. The error is the one that the weights
+    assume of the response.
 
     Args:
         problem: The problem; without cubic coefficients there is no such doubt.
-        relative: Standard deviation of the relative errors.
+        internal (n_param,): Where to evaluate.
+        inverse (n_param, n_param): Inverse of half the Gauss-Newton Hessian.
+        weighted (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative of the residual.
 
     Returns:
-        Variance of the internal parameters at the robot file's values.
+        Covariance (n_param, n_param) of the internal parameters.
     """
     parameters = problem.parameters
-    total = np.zeros(len(parameters.names))
+    total = np.zeros_like(inverse)
     owners = [name.removesuffix("cubic") for name in parameters.elements if name.endswith(".cubic")]
-    names = [f"{owner}stiffness" for owner in owners]
-    columns = [int(parameters.member[parameters.elements.index(name)]) for name in names if name in parameters.elements]
+    names = [f"{owner}stiffness" for owner in owners if f"{owner}stiffness" in parameters.elements]
+    columns = [int(parameters.member[parameters.elements.index(name)]) for name in names]
     if not columns:
         return total
-    derivative = problem.weighted(problem.linear(np.zeros(total.size))[1])
-    rows = derivative.reshape(len(derivative), -1, total.size)
-    own = np.real(np.einsum("crp,crq->cpq", rows.conj(), rows, optimize=True))
-    inverse = np.linalg.pinv(own.sum(axis=0) + np.diag(0.5 / parameters.prior_std**2), rcond=1e-14, hermitian=True)
+    own = problem.linear(internal)[1][..., columns]
+    pulls = np.real(np.einsum("cfoip,cfoiq->cpq", weighted.conj(), own, optimize=True))
+    relative = np.sqrt(np.mean(problem.model_error**2))
     for place in _places(problem.frf.configurations):
-        shift = inverse @ own[place].sum(axis=0)[:, columns]
-        total += (relative * shift**2 * relative).sum(axis=1)
+        shift = relative * inverse @ pulls[place].sum(axis=0)
+        total += shift @ shift.T
     return total
 
 

@@ -8,6 +8,7 @@ from scipy.stats import norm
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.bootstrap import Map, bootstrap
 from robid.fit.levenberg import Minimum
+from robid.fit.load_doubt import load_doubt
 from robid.fit.model_error import ModelError, estimate_model_error
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
@@ -27,7 +28,6 @@ _NEEDLESS_FACTOR = 1e3
 _LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
-_RELATIVE_TO_SCALE = ("cubic", "location")  # their nominal value may be zero and says little of their size
 _MANY_ABOVE = 0.25  # of the elements, where 0.05 are expected
 
 
@@ -56,6 +56,7 @@ def make_solution(
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
     covariance = structured_covariance(problem, found) * max(1.0, excess)
+    covariance += load_doubt(problem, internal, found.inverse, found.weighted)
     values, relative = parameters.values(internal), _relative(parameters, internal)
     deviation = np.sqrt(np.diag(covariance))
     reach = norm.ppf(0.5 + 0.5 * options.confidence) * deviation
@@ -142,11 +143,13 @@ def _relative(parameters: ParameterMap, internal: FloatArray) -> FloatArray:
 
 
 def _predicted_relative(parameters: ParameterMap) -> FloatArray:
-    """The same at the nominal values; related to the scale of what may be zero there."""
+    """The same at the nominal values; of what may be zero there, related to what it could be beforehand."""
     start, nominal = np.zeros(len(parameters.names)), parameters.nominal_values()
     friction = np.array(parameters.kind_of) == "friction"
     size = np.where(friction | (nominal == 0), 1.0, np.abs(nominal))
-    size = np.where(np.isin(parameters.kind_of, _RELATIVE_TO_SCALE), parameters.scale, size)
+    kinds = np.array(parameters.kind_of)
+    size = np.where(kinds == "cubic", parameters.scale * parameters.prior_std, size)
+    size = np.where(kinds == "location", parameters.scale, size)
     return np.asarray(np.abs(parameters.slopes(start)) / size)
 
 

@@ -60,7 +60,7 @@ def parameter_names(robot: RobotFile, kinds: Iterable[str]) -> list[str]:
 def _kinds(robot: RobotFile, kinds: Iterable[str]) -> dict[str, str]:
     """Kind of every parameter of these kinds, by name, and of shifts along an axis, which have no effect."""
     springs, joints = robot.all_springs, [joint.name for joint in robot.joints]
-    found = {}
+    found: dict[str, str] = {}
     for kind in kinds:
         owners = [spring.name for spring in springs] if kind in ("stiffness", "damping") else joints
         if kind == "cubic":
