@@ -46,7 +46,7 @@ def parameter_sections(found: Found, transmission: BoolArray) -> tuple[Section, 
     members = found.as_in_paper
     logarithmic = {name: one for name, one in members.items() if name.startswith("lls") and one.configuration == ALL}
     lead = (
-        f"Divided by the best {found.reference} model's; models of plain descents where the study has them, sorted as in"
+        f"Divided by the best {found.reference} model's; models of plain descents where there are any, sorted as in"
         " Fig. 3. Values beyond the axis are drawn at its end."
     )
     panels = (
