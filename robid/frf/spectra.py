@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import rfft
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.signals.record import Record
 
 _FEW_LINES = 16
@@ -65,8 +65,9 @@ def record_blocks(record: Record, lines: IntArray, *, with_reference: bool = Fal
         The spectra, averaged over the periods.
     """
     factor = acceleration_factor(record, lines)
-    torque, torque_scatter = _mean_and_scatter(record.torque[0], lines)
-    acceleration, acceleration_scatter = _mean_and_scatter(record.position[0], lines, factor)
+    beside = np.isin(lines - 1, record.excited_lines) | np.isin(lines + 1, record.excited_lines)
+    torque, torque_scatter = _mean_and_scatter(record.torque[0], lines, beside)
+    acceleration, acceleration_scatter = _mean_and_scatter(record.position[0], lines, beside, factor)
     injected = record.reference if with_reference else None
     reference = None if injected is None else line_amplitudes(injected[0], lines)
     return Blocks(
@@ -129,17 +130,19 @@ def _experiments_last(spectrum: ComplexArray) -> ComplexArray:
 
 
 def _mean_and_scatter(
-    samples: FloatArray, lines: IntArray, factor: FloatArray | None = None
+    samples: FloatArray, lines: IntArray, beside: BoolArray, factor: FloatArray | None = None
 ) -> tuple[ComplexArray, ComplexArray]:
     """Mean over the periods and deviations that stand for its noise, see `Blocks`.
 
     Noise that does not repeat jumps at the ends of a period and leaks over its lines; the jumps of successive
     periods cancel in their mean, whose leakage falls with the square of the number of periods P. Deviations under
-    a Hann window do not leak; one part in P + 1 of the plain ones adds what is left in the mean.
+    a Hann window do not leak; one part in P + 1 of the plain ones adds what is left in the mean. The window takes in
+    both neighbours of a line: where these are excited, and vary with the response, plain deviations stand alone.
 
     Args:
         samples (n_real, n_exp, n_period, n_sample, n_channel): Signals.
         lines (n_freq,): DFT lines of one period.
+        beside (n_freq,): Whether a line has an excited neighbour.
         factor (n_freq, n_channel): What turns angles, whose drift is removed, into accelerations; None for torques.
 
     Returns:
@@ -150,9 +153,10 @@ def _mean_and_scatter(
     plain = band[..., 1:-1, :]
     hann = (plain - 0.5 * (band[..., :-2, :] + band[..., 2:, :])) / np.sqrt(1.5)
     scale = np.ones(1) if factor is None else factor
+    share = np.where(beside, 1.0, 1 / (n_period + 1))[:, None]
     scatter = [
-        (each - each.mean(axis=2, keepdims=True))[..., chosen, :] * (scale * np.sqrt(share / n_period))
-        for each, share in ((plain, 1 / (n_period + 1)), (hann, n_period / (n_period + 1)))
+        (each - each.mean(axis=2, keepdims=True))[..., chosen, :] * (scale * np.sqrt(part / n_period))
+        for each, part in ((plain, share), (hann, 1 - share))
     ]
     mean = plain.mean(axis=2)[..., chosen, :] * scale
     return _experiments_last(mean), np.asarray(np.concatenate(scatter, axis=2).transpose(0, 2, 3, 4, 1))
