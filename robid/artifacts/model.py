@@ -55,6 +55,8 @@ _TABLE = {
     "tied_to": Column("1", _TIED, "Name of that one"),
     "tied_nominal": Column("as of tied_to", _TIED, "Values of the robot file"),
     "tied_estimate": Column("as of tied_to", _TIED, "Estimated values"),
+    "tied_lower": Column("as of tied_to", _TIED, "Lower ends of their intervals"),
+    "tied_upper": Column("as of tied_to", _TIED, "Upper ends of their intervals"),
 }
 
 

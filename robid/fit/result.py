@@ -100,7 +100,7 @@ def make_solution(
         modelled=modelled,
         tied_names=tuple(parameters.tied),
         tied_to=tuple(parameters.tied.values()),
-        **_tied_values(parameters, internal),
+        **_tied_values(parameters, internal, reach),
         undetermined=undetermined_combinations(parameters.names, covariance, structural, limit),
         model_error=error,
         **_from_realizations(problem, options, internal, found, parallel_map),
@@ -126,13 +126,15 @@ def _from_realizations(
     return result
 
 
-def _tied_values(parameters: ParameterMap, internal: FloatArray) -> dict[str, FloatArray]:
+def _tied_values(parameters: ParameterMap, internal: FloatArray, reach: FloatArray) -> dict[str, FloatArray]:
     rows = [parameters.elements.index(name) for name in parameters.tied]
-    start = np.zeros_like(internal)
-    return {
-        "tied_nominal": parameters.element_values(start)[rows],
-        "tied_estimate": parameters.element_values(internal)[rows],
+    at = {
+        "nominal": np.zeros_like(internal),
+        "estimate": internal,
+        "lower": internal - reach,
+        "upper": internal + reach,
     }
+    return {f"tied_{name}": parameters.element_values(point)[rows] for name, point in at.items()}
 
 
 def _relative(parameters: ParameterMap, internal: FloatArray) -> FloatArray:

@@ -57,6 +57,8 @@ class Solution:
         tied_to: Name of that one.
         tied_nominal (n_tied,): Their values in the robot file.
         tied_estimate (n_tied,): Their estimated values.
+        tied_lower (n_tied,): Lower ends of their intervals.
+        tied_upper (n_tied,): Upper ends.
     """
 
     family: str
@@ -99,6 +101,8 @@ class Solution:
     tied_to: tuple[str, ...] = ()
     tied_nominal: FloatArray = field(default_factory=lambda: np.zeros(0))
     tied_estimate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    tied_lower: FloatArray = field(default_factory=lambda: np.zeros(0))
+    tied_upper: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def found(self) -> dict[str, float]:

@@ -24,11 +24,20 @@ KIND_TITLES = {
     "viscous": "Equivalent viscous friction",
     "motor_inertia": "Motor inertias",
     "link_inertia": "Link inertias",
+    "cubic": "Cubic stiffness",
+    "location": "Locations of springs",
     "delay": "Delay",
     "friction": "Torque nonlinearities (nuisance)",
 }
 NUISANCE = "friction"
-_SYMBOLS = {"stiffness": "k", "damping": "d", "viscous": "d", "motor_inertia": "J1", "link_inertia": "J2"}
+_SYMBOLS = {
+    "stiffness": "k",
+    "cubic": "k3",
+    "damping": "d",
+    "viscous": "d",
+    "motor_inertia": "J1",
+    "link_inertia": "J2",
+}
 
 
 @dataclass(frozen=True)

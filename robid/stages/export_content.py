@@ -78,7 +78,7 @@ class FittedExport:
 
 
 def parameter_records(found: FittedExport) -> list[dict[str, object]]:
-    """Returns one mapping of `COLUMNS` for each parameter."""
+    """Returns one mapping of `COLUMNS` for each parameter, those that follow another one last."""
     solution = found.solution
     columns = (
         solution.names,
@@ -86,7 +86,13 @@ def parameter_records(found: FittedExport) -> list[dict[str, object]]:
         found.units,
         *(getattr(solution, name).tolist() for name in COLUMNS[3:]),
     )
-    return [dict(zip(COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)]
+    own = {str(row[0]): dict(zip(COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)}
+    values = (solution.tied_nominal, solution.tied_estimate, solution.tied_lower, solution.tied_upper)
+    followers = zip(solution.tied_names, solution.tied_to, *(value.tolist() for value in values), strict=True)
+    tied = [
+        own[leader] | dict(zip(COLUMNS[3:7], row, strict=True)) | {"name": name} for name, leader, *row in followers
+    ]
+    return [*own.values(), *tied]
 
 
 def arrays(found: FittedExport, rows: list[int]) -> Content:

@@ -19,6 +19,7 @@ from robid.validation.elastic import Validation
 from robid.validation.resonances import ResonanceTable, tabulate_resonances
 
 _ASSUMED = {
+    "cubic": "cubic_nm_rad3",
     "stiffness": "stiffness_nm_rad",
     "damping": "damping_nms_rad",
     "viscous": "motor.friction.viscous_nms_rad",
@@ -124,6 +125,7 @@ def _parameters(
         kind = solution.kinds[index]
         owner = name.removesuffix(f".{kind}")
         true, lower, upper = truth.get(name), float(solution.lower[index]), float(solution.upper[index])
+        shared = [tied for tied, leader in zip(solution.tied_names, solution.tied_to, strict=True) if leader == name]
         rows.append(
             ParameterRow(
                 name=owner,
@@ -140,6 +142,7 @@ def _parameters(
                 bootstrap=_pair(solution.bootstrap_lower, solution.bootstrap_upper, index),
                 realization_relative_std=_at(solution.realization_relative_std, index),
                 assumed=f"{owner}.{_ASSUMED.get(kind, kind)}" in assumed,
+                note=f"shared by {', '.join(tied.removesuffix(f'.{kind}') for tied in shared)}" if shared else "",
             )
         )
     return tuple(rows)

@@ -34,7 +34,7 @@ def summarize(gathered: Gathered) -> dict[str, float]:
 def _fit(fit: FitContent) -> dict[str, float]:
     found: dict[str, float] = {"converged": float(fit.status == "converged"), "misfit": fit.misfit}
     for row in fit.parameters:
-        name = row.name if row.kind in ("delay", "friction") else f"{row.name}.{row.kind}"
+        name = row.name if row.kind in ("delay", "friction", "location") else f"{row.name}.{row.kind}"
         found |= {f"parameters.{name}.{key}": value for key, value in _parameter(row).items()}
     found["undetermined"] = len(fit.undetermined)
     if fit.element_errors is not None:
@@ -100,6 +100,9 @@ def _recovery(fit: FitContent) -> dict[str, float]:
             "springs.worst_error": max(errors),
             "springs.within_2_percent": sum(error <= _CLOSE for error in errors),
         }
+    cubic = [row for row in fit.parameters if row.kind == "cubic" and row.identifiable and row.truth]
+    if cubic:
+        found["cubic.max_relative_error"] = max(abs(row.estimate / row.truth - 1) for row in cubic if row.truth)
     covered = [row.covered for row in fit.parameters if row.identifiable and row.covered is not None]
     if covered:
         found["coverage"] = fmean(covered)

@@ -196,3 +196,32 @@ def test_a_fit_that_has_not_converged_is_saved_and_exits_5(shop):
     assert shop.files() == before
     assert shop.states()["report.html"][0] == "fresh"
     assert shop.states()["fits/elastic/validation.h5"][0] == "missing"
+
+
+def test_a_cubic_gear_is_fitted_to_two_amplitudes(shop):
+    shop.change("friction: lugre}", "stiffening_1_rad2: 2.0e+4}")
+    shop.change("compensation: nominal", "compensation: none")
+    shop.change("friction_relative: 0.1", "friction_relative: 0")
+    shop.change("count: 14, rms: 6,", "count: 14, rms: 25,")
+    campaign = "configurations: {from: best}, realizations: 2, periods: 2, source: {simulate: *simulate}"
+    low = f"  low: {{{campaign}, excitation: {{<<: *excitation, rms: 8}}, estimate: {{compensation: none}}}}"
+    shop.change("designs:\n", f"{low}\ndesigns:\n")
+    kinds = "[stiffness, damping, viscous, delay, cubic]"
+    shop.change(
+        "from: estimation,", f"from: [estimation, low], free: {kinds}, tied: {{gear_lift.damping: gear_turn.damping}},"
+    )
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code in (0, 5), answer.err
+    summary = json.loads((shop.runs / "summary.json").read_text())
+    for gear in ("gear_turn", "gear_lift"):
+        found = {
+            key: summary[f"fits.elastic.parameters.{gear}.cubic.{key}"] for key in ("estimate", "truth", "covered")
+        }
+        assert found["estimate"] == pytest.approx(found["truth"], rel=0.1)
+        assert found["covered"] == 1
+    assert summary["fits.elastic.parameters.gear_turn.cubic.identifiable"] == 1
+    assert summary["fits.elastic.cubic.max_relative_error"] < 0.1
+    assert "estimation + low" in (shop.runs / "report.html").read_text()
+    answer = shop.robid("export", "small.yaml", "--format", "csv")
+    assert answer.code == 0, answer.err
+    assert "gear_lift.damping" in (shop.runs / "fits/elastic/export/parameters.csv").read_text()

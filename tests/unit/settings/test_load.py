@@ -215,6 +215,29 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
             "did you mean `g1.stiffness`?",
         ),
         ("validate_on: fresh", "free: [delay], fixed: [g1.damping]", "fits.springs.fixed[0]", "known here: `delay`"),
+        ("from: measured", "from: [measured, frech]", "fits.springs.from", "did you mean `fresh`?"),
+        ("from: measured", "from: [measured, measured]", "fits.springs.from", "names a campaign twice"),
+        ("from: measured", "from: [measured, fresh]", "fits.springs.validate_on", "validate on another"),
+        (
+            "from: measured, validate_on: fresh",
+            "from: [measured, fresh], configurations: [5]",
+            "fits.springs.configurations[0]",
+            "no index 5: `measured` and `fresh` have 5 configurations, from index 0 to 4",
+        ),
+        (
+            "validate_on: fresh",
+            "tied: {g1.stiffness: g2.damping}",
+            "fits.springs.tied",
+            "`g1.stiffness` cannot follow `g2.damping`, which is of another kind",
+        ),
+        ("validate_on: fresh", "tied: {g1.stiffness: g3.stiffness}", "fits.springs.tied", "`g3.stiffness` is not"),
+        (
+            "validate_on: fresh",
+            "bounds: {g1.cubic: [0, 1]}",
+            "fits.springs.bounds",
+            "`g1.cubic` is not estimated",
+        ),
+        ("validate_on: fresh", "bounds: {g1.damping: [3, 2]}", "fits.springs.bounds", "nothing between 3 and 2"),
         ("count: 20}", "count: 20, rms: [1, 2, 3]}", "campaigns.measured.excitation.rms", "3 values for the 2 motors"),
         ("count: 20}", "count: 20, rms: 0}", "campaigns.measured.excitation.rms", "above 0"),
         ("high_hz: 50", "high_hz: 501", "campaigns.measured.excitation", "Nyquist frequency 500 Hz"),
@@ -402,3 +425,20 @@ def test_a_missing_or_broken_robot_is_told_with_the_rest(tmp_path):
 def test_a_missing_experiment_is_told(tmp_path):
     with pytest.raises(SettingsError, match=r"absent\.yaml: cannot be read: No such file"):
         load_experiment(tmp_path / "absent.yaml")
+
+
+def test_a_fit_may_read_several_campaigns_and_say_what_its_parameters_share(tmp_path):
+    said = "free: [stiffness, cubic], tied: {g2.cubic: g1.cubic}, bounds: {g1.cubic: [0, 1.0e+12]}"
+    experiment = _replaced(EXPERIMENT, "from: measured, validate_on: fresh", f"from: [measured, fresh], {said}")
+    fit = load_experiment(_write(tmp_path, experiment)).experiment.fits["springs"]
+    assert fit.campaigns == ("measured", "fresh")
+    assert fit.options().tied == {"g2.cubic": "g1.cubic"}
+    one = load_experiment(_write(tmp_path, EXPERIMENT)).experiment.fits["springs"]
+    assert one.campaigns == ("measured",)
+
+
+def test_campaigns_of_one_fit_carry_the_same_payload(tmp_path):
+    experiment = _replaced(EXPERIMENT, "from: measured, validate_on: fresh", "from: [measured, fresh]")
+    experiment = _replaced(experiment, "  fresh:\n", "  fresh:\n    payload_kg: 3\n")
+    with pytest.raises(SettingsError, match="different payloads"):
+        load_experiment(_write(tmp_path, experiment))

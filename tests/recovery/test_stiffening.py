@@ -1,0 +1,38 @@
+"""Gears that stiffen under load: cubic coefficients from one and from two amplitudes, and what they are worth."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from robid.cli import run_command
+
+EXAMPLE = Path(__file__).parents[2] / "configs" / "kr300_stiffening.yaml"
+
+pytestmark = pytest.mark.slow
+
+
+def test_cubic_coefficients_of_the_simulated_robot(tmp_path):
+    """`linear` lacks them and does not hold, so the run ends with a 5."""
+    assert run_command(["run", str(EXAMPLE), "--run-dir", str(tmp_path)]) == 5
+    summary = json.loads((tmp_path / "summary.json").read_text())
+
+    def row(fit, axis):
+        prefix = f"fits.{fit}.parameters.gear_{axis}.cubic"
+        return {key: summary[f"{prefix}.{key}"] for key in ("estimate", "truth", "identifiable", "covered")}
+
+    for fit in ("one_amplitude", "two_amplitudes"):
+        rows = {axis: row(fit, axis) for axis in range(1, 7)}
+        errors = {axis: each["estimate"] / each["truth"] - 1 for axis, each in rows.items()}
+        print(fit, {axis: f"{100 * error:+.1f} %" for axis, error in errors.items()})
+        assert max(abs(errors[2]), abs(errors[3])) < 0.1
+        assert all(each["covered"] for each in rows.values() if each["identifiable"])
+        assert rows[2]["identifiable"] == rows[3]["identifiable"] == 1
+        assert summary[f"fits.{fit}.springs.worst_error"] < 0.02
+    assert row("one_amplitude", 1)["identifiable"] == 0
+    assert row("two_amplitudes", 1)["identifiable"] == 1
+    excess = {
+        fit: summary[f"fits.{fit}.validation.average_cost"] - 1 for fit in ("linear", "one_amplitude", "two_amplitudes")
+    }
+    print("cubic.cost_ratio", {fit: value / excess["linear"] for fit, value in excess.items()})
+    assert max(excess["one_amplitude"], excess["two_amplitudes"]) < 0.5 * excess["linear"]
