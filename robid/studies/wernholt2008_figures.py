@@ -125,7 +125,7 @@ class Found:
 
     def of_kind(self, kind: str) -> BoolArray:
         """Which parameters (n_param,) are of a kind."""
-        return np.array(self.problem.parameters.kind_of) == kind
+        return np.asarray(np.array(self.problem.parameters.kind_of) == kind)
 
 
 def gather(run: Run, results: Sequence[Artifact]) -> Found:
@@ -175,7 +175,7 @@ def true_internal(problem: Problem, robot: Robot, campaign: Campaign) -> FloatAr
     values = {f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in true.springs}
     values |= {f"{spring.name}.damping": spring.damping_nms_rad for spring in true.springs}
     parameters = problem.parameters
-    return np.log([values[name] for name in parameters.names] / parameters.nominal_values())
+    return np.asarray(np.log([values[name] for name in parameters.names] / parameters.nominal_values()))
 
 
 @dataclass

@@ -64,7 +64,7 @@ def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[
         f"A model is reasonable when its logarithmic cost with user weights is within {COST_LIMIT:g} of the best of all"
         f" models and it meets all {found.resonances} resonances of the motors' own responses within 2 %"
         f" ({found.uncounted} more peaks, which the true robot's linearisation does not have, do not count)."
-        f" The best cost is {significant(1 / found.truth_cost)} of that of the truth. The {near} fits from common starts"
+        f" The best cost is {significant(1 / found.truth_cost)} of the truth's. The {near} fits from common starts"
         f" took {duration(summary[f'fits{near}_s'])} on two cores, {summary['evaluations_per_fit']:.0f} evaluations of"
         f" the cost each; {percent(summary['capped'])} ended at the iteration limit."
     )
@@ -135,12 +135,12 @@ def _optimal_table(found: Found, summary: Mapping[str, float]) -> Table:
 
 def _claims_section(held: tuple[Claim, ...]) -> Section:
     words = {True: "yes", False: "no", None: MISSING}
-    rows = tuple((claim.text, claim.figures, words[claim.reproduced]) for claim in held)
+    rows = tuple((claim.text, words[claim.reproduced], claim.figures) for claim in held)
     lead = (
         "Shares are those of plain descents where the study has them. A share counts as larger by more than two"
         " standard errors; a kind of parameter as easier when predicted deviation and true error are both smaller."
     )
-    table = Table(("The paper concludes", "Here", "Reproduced"), rows)
+    table = Table(("The paper concludes", "Reproduced", "Here"), rows, prose=True)
     return Section("The paper's seven conclusions", lead, (table,))
 
 
