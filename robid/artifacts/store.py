@@ -14,7 +14,7 @@ Format history:
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -119,7 +119,9 @@ def write_header(file: h5py.File, header: Header, attributes: Mapping[str, Attri
     set_attributes(file.create_group(_ATTRIBUTES), attributes)
 
 
-def read_artifact(path: Path, kind: Kind, *, row: int | None = None, verify: bool = True) -> Artifact:
+def read_artifact(
+    path: Path, kind: Kind, *, row: int | None = None, verify: bool = True, leave_out: Collection[str] = ()
+) -> Artifact:
     """Reads an artifact of a known kind.
 
     Args:
@@ -127,11 +129,12 @@ def read_artifact(path: Path, kind: Kind, *, row: int | None = None, verify: boo
         kind: The kind it must be of.
         row: Read this configuration alone, its axis kept; memory and time do not depend on how many there are.
         verify: Compare what is read with its hash.
+        leave_out: Datasets not to read.
 
     Raises:
         ArtifactError: If the file is missing, damaged, of another kind or of an unknown version.
     """
-    header, (attributes, datasets) = _read(path, kind, partial(_content, row=row, verify=verify))
+    header, (attributes, datasets) = _read(path, kind, partial(_content, row=row, verify=verify, leave_out=leave_out))
     return Artifact(replace(kind, version=header.version), datasets, attributes, header.provenance)
 
 
@@ -237,13 +240,15 @@ def _values(file: h5py.File, name: str, label: Label, verify: bool, row: int | N
 
 
 def _content(
-    file: h5py.File, header: Header, *, row: int | None, verify: bool
+    file: h5py.File, header: Header, *, row: int | None, verify: bool, leave_out: Collection[str]
 ) -> tuple[dict[str, Attribute], dict[str, Dataset]]:
     outline = _outline(file, header, verify=verify)
     if row is not None and not 0 <= row < outline.n_rows:
         raise IndexError(f"There is no row {row} of {outline.n_rows}.")
     datasets = {}
     for name, label in outline.labels.items():
+        if name in leave_out:
+            continue
         values = _values(file, name, label, verify, row) if label.by_row else outline.shared[name]
         datasets[name] = decode(label if row is None else label.row(row), values)
     return outline.attributes, datasets

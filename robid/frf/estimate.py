@@ -29,6 +29,9 @@ from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 
+READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
+"""Estimators that look at what was injected, if it was recorded."""
+
 _CONDITION_LIMIT = 1e6
 
 
@@ -127,7 +130,9 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
     """Transforms the record at the lines that the estimator reads and at the silent ones."""
     n_freq = len(record.excited_lines)
     lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
-    blocks, removed = record_blocks(record, lines), _removed(record, lines, laws, delay_s)
+    with_reference = options.estimator in READS_REFERENCE
+    blocks = record_blocks(record, lines, with_reference=with_reference)
+    removed = _removed(record, lines, laws, delay_s)
     silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
     blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.first(n_freq), None
     if options.estimator == "robust_local":
@@ -139,7 +144,8 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
         if options.estimator == "local":
             source = record.as_one_period()
             lines, windows = bin_windows(source.excited_lines, half, source.torque.shape[4] // 2)
-            blocks, removed = record_blocks(source, lines), _removed(source, lines, laws, delay_s)
+            blocks = record_blocks(source, lines, with_reference=with_reference)
+            removed = _removed(source, lines, laws, delay_s)
     if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
         message = "the record holds NaN or infinite samples"
         raise DataError(message, where=_where(record), remedy="acquire the record again")

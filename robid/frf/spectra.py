@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import rfft
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.signals.record import Record
 
 _FEW_LINES = 16
@@ -53,20 +53,23 @@ class Blocks:
         )
 
 
-def record_blocks(record: Record, lines: IntArray) -> Blocks:
+def record_blocks(record: Record, lines: IntArray, *, with_reference: bool = False) -> Blocks:
     """Transforms one configuration's record, drift of the angles removed.
 
     Args:
         record: Record of a single configuration.
         lines (n_freq,): DFT lines of one period.
+        with_reference: Whether what was injected is transformed too, if it was recorded.
 
     Returns:
         The spectra, averaged over the periods.
     """
     factor = acceleration_factor(record, lines)
-    torque, torque_scatter = _mean_and_scatter(record.torque[0], lines)
-    acceleration, acceleration_scatter = _mean_and_scatter(record.position[0], lines, factor)
-    reference = None if record.reference is None else line_amplitudes(record.reference[0], lines)
+    beside = np.isin(lines - 1, record.excited_lines) | np.isin(lines + 1, record.excited_lines)
+    torque, torque_scatter = _mean_and_scatter(record.torque[0], lines, beside)
+    acceleration, acceleration_scatter = _mean_and_scatter(record.position[0], lines, beside, factor)
+    injected = record.reference if with_reference else None
+    reference = None if injected is None else line_amplitudes(injected[0], lines)
     return Blocks(
         lines=lines,
         torque=torque,
@@ -127,42 +130,47 @@ def _experiments_last(spectrum: ComplexArray) -> ComplexArray:
 
 
 def _mean_and_scatter(
-    samples: FloatArray, lines: IntArray, factor: FloatArray | None = None
+    samples: FloatArray, lines: IntArray, beside: BoolArray, factor: FloatArray | None = None
 ) -> tuple[ComplexArray, ComplexArray]:
     """Mean over the periods and deviations that stand for its noise, see `Blocks`.
 
     Noise that does not repeat jumps at the ends of a period and leaks over its lines; the jumps of successive
     periods cancel in their mean, whose leakage falls with the square of the number of periods P. Deviations under
-    a Hann window do not leak; one part in P + 1 of the plain ones adds what is left in the mean.
+    a Hann window do not leak; one part in P + 1 of the plain ones adds what is left in the mean. The window takes in
+    both neighbours of a line: where these are excited, and vary with the response, plain deviations stand alone.
 
     Args:
         samples (n_real, n_exp, n_period, n_sample, n_channel): Signals.
         lines (n_freq,): DFT lines of one period.
+        beside (n_freq,): Whether a line has an excited neighbour.
         factor (n_freq, n_channel): What turns angles, whose drift is removed, into accelerations; None for torques.
 
     Returns:
         Mean (n_real, n_freq, n_channel, n_exp) and scatter (n_real, 2 n_period, n_freq, n_channel, n_exp).
     """
-    n_period = samples.shape[2]
-    plain, below, above = np.split(_around(samples, lines, factor), 3, axis=-2)
-    hann = (plain - 0.5 * (below + above)) / np.sqrt(1.5)
+    n_period, chosen = samples.shape[2], lines - lines.min()
+    band = _band(samples, int(lines.min()), int(lines.max()), drifts=factor is not None)
+    plain = band[..., 1:-1, :]
+    hann = (plain - 0.5 * (band[..., :-2, :] + band[..., 2:, :])) / np.sqrt(1.5)
+    scale = np.ones(1) if factor is None else factor
+    share = np.where(beside, 1.0, 1 / (n_period + 1))[:, None]
     scatter = [
-        (each - each.mean(axis=2, keepdims=True)) * np.sqrt(share / n_period)
-        for each, share in ((plain, 1 / (n_period + 1)), (hann, n_period / (n_period + 1)))
+        (each - each.mean(axis=2, keepdims=True))[..., chosen, :] * (scale * np.sqrt(part / n_period))
+        for each, part in ((plain, share), (hann, 1 - share))
     ]
-    return _experiments_last(plain.mean(axis=2)), np.asarray(np.concatenate(scatter, axis=2).transpose(0, 2, 3, 4, 1))
+    mean = plain.mean(axis=2)[..., chosen, :] * scale
+    return _experiments_last(mean), np.asarray(np.concatenate(scatter, axis=2).transpose(0, 2, 3, 4, 1))
 
 
-def _around(samples: FloatArray, lines: IntArray, factor: FloatArray | None) -> ComplexArray:
-    """Amplitudes of each period at the lines, their lower and their upper neighbours (..., 3 n_freq, n_channel)."""
+def _band(samples: FloatArray, first: int, last: int, *, drifts: bool) -> ComplexArray:
+    """Amplitudes of each period from the line below the first to the one above the last (..., n_line, n_channel)."""
     n_period, n_sample = samples.shape[2:4]
-    last = n_sample // 2
-    around = np.concatenate([lines, np.abs(lines - 1), last - np.abs(last - lines - 1)])
+    end = n_sample // 2
+    lines = slice(max(first - 1, 0), min(last + 1, end) + 1)
     spectrum = rfft(samples, axis=-2, norm="forward")
-    chosen = spectrum[..., around, :]
-    if factor is None:
-        return np.asarray(chosen)
-    if n_period > 1:
+    band = spectrum[..., lines, :]
+    if drifts and n_period > 1:
         per_period = np.gradient(spectrum[..., 0, :].real, axis=2)
-        chosen -= per_period[..., None, :] * rfft(_ramp(n_sample), axis=0, norm="forward")[around]
-    return np.asarray(chosen * np.tile(factor, (3, 1)))
+        band = band - per_period[..., None, :] * rfft(_ramp(n_sample), axis=0, norm="forward")[lines]
+    beyond = [(0, 0)] * (band.ndim - 2) + [(int(first == 0), int(last == end)), (0, 0)]
+    return np.asarray(band if first > 0 and last < end else np.pad(band, beyond, mode="reflect"))

@@ -16,7 +16,7 @@ from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.frf.checks import is_finding
-from robid.frf.estimate import estimate_frf
+from robid.frf.estimate import READS_REFERENCE, estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
 from robid.frf.options import EstimateOptions
 from robid.frf.silent import LawEstimate, combine_laws, identify_laws, start_laws
@@ -98,7 +98,8 @@ def _identified(
 
 
 def _estimate_part(task: _Task) -> _Brief:
-    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index))
+    unread = () if task.options.estimator in READS_REFERENCE else ("reference",)
+    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index, leave_out=unread))
     frf = estimate_frf(record, task.options, task.laws, task.delay_s)
     frf = replace(frf, notes=(*frf.notes, *task.notes))
     task.parts.write(task.index, frf_to_artifact(frf, Provenance(stage=STAGE.name)))

@@ -121,6 +121,16 @@ def test_compact_values_keep_what_is_not_finite(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_artifact(tmp_path / "thing.h5", KIND).datasets["x"].values, values)
 
 
+def test_what_is_left_out_is_not_read(tmp_path: Path) -> None:
+    write_artifact(tmp_path / "a.h5", _thing())
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file["samples"][1, 5] = 7.0  # damage where nobody looks
+    found = read_artifact(tmp_path / "a.h5", KIND, row=1, leave_out=("samples",))
+    assert sorted(found.datasets) == ["deep/names", "response"]
+    with pytest.raises(ArtifactError, match="damaged"):
+        read_artifact(tmp_path / "a.h5", KIND, row=1)
+
+
 def test_the_hash_depends_on_content_only(tmp_path: Path) -> None:
     thing = _thing()
     digest = write_artifact(tmp_path / "a.h5", thing)
