@@ -30,7 +30,7 @@ class SymmetricNormal:
     def __init__(self, problem: Problem) -> None:
         """Sorts measured response and weights into pairs, lines without any weight left out."""
         self._problem = problem
-        used = problem.weight.any(axis=(2, 3))
+        used = np.asarray(problem.weight.any(axis=(2, 3)))
         frf = problem.frf
         self._collocated = Collocated(
             problem.model, frf.frequency_hz, frf.hold_period_s, used, problem.parameters.kinds
@@ -45,7 +45,7 @@ class SymmetricNormal:
         self._measured = self._counted(frf.response)
         self._log_measured = self._logarithm(self._measured)
         self._point: FloatArray | None = None
-        self._residual = np.empty(0)
+        self._residual: FloatArray | ComplexArray = np.empty(0)
         self._modelled = np.empty(0, complex)
         self._total = np.inf
 
@@ -59,7 +59,7 @@ class SymmetricNormal:
         """Elements (2, n_pair, n_line) of (n_conf, n_freq, n_out, n_in): upper triangle, and what mirrors it."""
         lines = values[self._used]
         both = lines[:, self._rows, self._columns].T, lines[:, self._columns, self._rows].T
-        return np.stack(both)
+        return np.asarray(np.stack(both))
 
     def _counted(self, values: ComplexArray) -> ComplexArray:
         """The same of a measured response, with ones where there is no weight."""

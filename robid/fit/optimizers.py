@@ -33,9 +33,9 @@ def optimise(
     Args:
         problem: The problem.
         start (n_param,): Internal parameters to start from.
-        optimizer: `levenberg`, ours; `scipy`, `least_squares` with the analytic Jacobian; `nlopt`, SLSQP with the analytic
-            gradient; `nlopt_global`, MLSL within the bounds, by default two deviations of what is known beforehand
-            (ten scales where nothing is), whose best point ours takes to its minimum.
+        optimizer: `levenberg`, ours; `scipy`, `least_squares` with the analytic Jacobian; `nlopt`, SLSQP with the
+            analytic gradient; `nlopt_global`, MLSL within the bounds, by default two deviations of what is known
+            beforehand (ten scales where nothing is), whose best point ours takes to its minimum.
         max_iterations: Limit on steps; of evaluations for the others, twenty times as many for the global one.
         cost_tolerance: Relative decrease of the cost at which it is good enough.
 
@@ -55,9 +55,14 @@ def optimise(
     if optimizer == "nlopt_global":
         found = _global(problem, start, max_iterations)
         start, before = found.parameters, found.evaluations
-    bounds = {"lower": lower, "upper": upper}
     end = minimise(
-        problem.cost, problem.normal, start, max_iterations=max_iterations, cost_tolerance=cost_tolerance, **bounds
+        problem.cost,
+        problem.normal,
+        start,
+        max_iterations=max_iterations,
+        cost_tolerance=cost_tolerance,
+        lower=lower,
+        upper=upper,
     )
     return Minimum(end.parameters, end.cost, end.iterations + before, end.status, end.evaluations + before)
 

@@ -77,7 +77,7 @@ class ElasticOptions:
     strategy: Literal["staged", "plain"] = field(
         default="staged",
         metadata={
-            "description": "From a start to a minimum: over heavier dampers and fewer lines, with what ran away put back;"
+            "description": "From a start to a minimum: over heavier dampers and fewer lines, what ran away put back;"
             " or straight down."
         },
     )

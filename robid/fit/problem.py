@@ -115,7 +115,7 @@ class Problem:
                 moved = moved / self.measured(internal)[..., None]
             derivative = np.concatenate([derivative, moved], axis=-1)
         if self.estimator == "llsm":
-            derivative = derivative.real + 0j
+            derivative = np.asarray(derivative.real + 0j)
         return self.residual(internal, result.sampled), derivative
 
     def normal(self, internal: FloatArray) -> Normal:

@@ -20,11 +20,10 @@ _COARSE_CONFIGURATIONS = 8
 _COARSE_LINES = 30
 _COARSE_WEIGHTS = Weights(kind="user", off_diagonal=0.5)
 _COARSE_TOLERANCE = 1e-3
-_HEAVY = np.log(10)
 _HEAVY_TOLERANCE = 1e-2
-_PUT_BACKS = 4
-_PUT_BACK_STEP = np.log(10)
-_RAN_AWAY = 1.5 * np.log(10)
+_COARSE_ITERATIONS = 60
+_DECADE = np.log(10)
+_PUT_BACKS = tuple((decades, share) for decades in (1, 2) for share in (1.0, 0.5, 0.0))
 _LOST_INFLUENCE = 1e-2  # of the cost, by a factor of two
 _BETTER = 1e-2
 
@@ -33,17 +32,13 @@ _BETTER = 1e-2
 class Strategy:
     """The way from a start to a minimum.
 
-    `plain` runs the optimizer from the start. `staged`, on all configurations up to eight and up to thirty of their
-    lines, with logarithmic residuals and rough weights: first springs alone, with dampers ten times those of the start,
-    whose broad resonances leave the cost few minima; then dampers and inertias too; then, up to four times, what
-    ran away (more than one and a half decades from its start, where a factor of two no longer changes the cost by
-    a hundredth: a damper or spring that has locked its joint, and with it most minima that are not the best) is
-    put back to its start, each time a decade further to the other side, and kept where that pays. Last,
-    everything on all lines. No stage looks at the robot file's values, but for what is known beforehand.
-
-    Measured on the simulated KR300 with all imperfections, 13 springs and 13 dampers, 15 configurations of 60
-    lines, 40 starts over one and over two decades to each side, `lls` with user weights: 100 % and 97.5 % of the
-    starts end at the best minimum in 0.16 and 0.23 s each; plain descents 83 % and 73 % in 0.31 and 0.52 s.
+    `plain` runs the optimizer from the start. `staged` first uses at most eight configurations and thirty of their
+    lines, logarithmic residuals and rough weights. It fits the springs alone, with dampers ten times those of the
+    start, whose broad resonances leave the cost few minima; then dampers and inertias too. Most minima that are not
+    the best have a spring or a damper locked or gone: a factor of two in it no longer changes the cost by a hundredth.
+    Such parameters are put back, one and then two decades from their start to the side away from where they ran,
+    the others where they are, halfway back, or at their start, until none is lost, and what pays is kept. Last
+    comes everything on all lines. No stage looks at the robot file's values, but for what is known beforehand.
 
     Attributes:
         problem: What is minimised in the end.
@@ -69,17 +64,17 @@ class Strategy:
     def _staged(self, coarse: Problem, start: FloatArray) -> Minimum:
         names = self.problem.parameters.names
         shared = [names.index(name) for name in coarse.parameters.names]
-        own, limit = start[shared], self.options.max_iterations
-        best = _heavy_to_true(coarse, own, limit)
-        for attempt in range(_PUT_BACKS):
-            lost = _ran_away(coarse, best.parameters, own)
+        own = start[shared]
+        best = _heavy_to_true(coarse, own)
+        for decades, share in _PUT_BACKS:
+            lost = _lost(coarse, best.parameters)
             if not lost.any():
                 break
-            away = np.sign(best.parameters - own)
-            point = np.where(lost, own - attempt * _PUT_BACK_STEP * away, best.parameters)
-            again = _after(best, optimise(coarse, point, max_iterations=limit, cost_tolerance=_COARSE_TOLERANCE))
+            across = own - decades * _DECADE * np.sign(best.parameters - own)
+            point = np.where(lost, across, own + share * (best.parameters - own))
+            again = _coarsely(coarse, point) if share == 1 else _heavy_to_true(coarse, point)
             pays = again.cost < best.cost * (1 - _BETTER)
-            best = again if pays else _after(again, best)
+            best = _after(best, again) if pays else _after(again, best)
         internal = start.copy()
         internal[shared] = best.parameters
         return replace(best, parameters=internal)
@@ -112,24 +107,27 @@ def without_coefficients(frf: Frf) -> Frf:
     )
 
 
-def _heavy_to_true(coarse: Problem, start: FloatArray, limit: int) -> Minimum:
+def _coarsely(coarse: Problem, point: FloatArray) -> Minimum:
+    return optimise(coarse, point, max_iterations=_COARSE_ITERATIONS, cost_tolerance=_COARSE_TOLERANCE)
+
+
+def _heavy_to_true(coarse: Problem, start: FloatArray) -> Minimum:
     kinds = np.array(coarse.parameters.kind_of)
     springs, dampers = kinds == "stiffness", kinds == "damping"
-    before = Minimum(start, np.inf, 0, "converged")
-    if springs.any() and dampers.any():
-        heavy = np.where(dampers, start + _HEAVY, start)
-        before = _restricted(coarse, heavy, springs, limit)
-    return _after(before, optimise(coarse, before.parameters, max_iterations=limit, cost_tolerance=_COARSE_TOLERANCE))
+    if not springs.any() or not dampers.any():
+        return _coarsely(coarse, start)
+    heavy = _restricted(coarse, np.where(dampers, start + _DECADE, start), springs)
+    return _after(heavy, _coarsely(coarse, heavy.parameters))
 
 
-def _ran_away(problem: Problem, point: FloatArray, start: FloatArray) -> BoolArray:
+def _lost(problem: Problem, point: FloatArray) -> BoolArray:
+    """Which parameters (n_param,) have lost their influence: a factor of two hardly changes the cost."""
     here = problem.normal(point)
     influence = np.diag(here.hessian) - 0.5 / problem.parameters.prior_std**2
-    lost = influence * np.log(2) ** 2 < _LOST_INFLUENCE * here.cost
-    return np.asarray(lost & (np.abs(point - start) > _RAN_AWAY))
+    return np.asarray(influence * np.log(2) ** 2 < _LOST_INFLUENCE * here.cost)
 
 
-def _restricted(problem: Problem, point: FloatArray, free: BoolArray, limit: int) -> Minimum:
+def _restricted(problem: Problem, point: FloatArray, free: BoolArray) -> Minimum:
     """Descends with some parameters only."""
 
     def whole(part: FloatArray) -> FloatArray:
@@ -145,7 +143,7 @@ def _restricted(problem: Problem, point: FloatArray, free: BoolArray, limit: int
         lambda part: problem.cost(whole(part)),
         normal,
         point[free],
-        max_iterations=limit,
+        max_iterations=_COARSE_ITERATIONS,
         cost_tolerance=_HEAVY_TOLERANCE,
         lower=problem.parameters.lower[free],
         upper=problem.parameters.upper[free],

@@ -81,7 +81,7 @@ def make_whitening(frf: Frf, kept: BoolArray, estimator: str, fitted: ComplexArr
     by_row = np.arange(n_out * n_in).reshape(n_in, n_out).T.ravel()
     whitening = np.zeros((n_conf, n_freq, n_out * n_in, n_out * n_in), complex)
     for configuration in range(n_conf):
-        covariance = frf.full_covariance(configuration)[:, by_row][:, :, by_row]
+        covariance: ComplexArray | FloatArray = frf.full_covariance(configuration)[:, by_row][:, :, by_row]
         if estimator != "nls":
             size = relative[configuration].reshape(n_freq, -1)
             covariance = covariance / (size[:, :, None] * size[:, None, :].conj())
@@ -91,4 +91,4 @@ def make_whitening(frf: Frf, kept: BoolArray, estimator: str, fitted: ComplexArr
             both = np.ix_(used, used)
             root = np.linalg.cholesky(covariance[line][both])
             whitening[configuration, line][both] = np.linalg.inv(root)
-    return whitening * np.sqrt((freedom - n_out) / freedom)
+    return np.asarray(whitening * np.sqrt((freedom - n_out) / freedom))

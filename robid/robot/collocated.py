@@ -35,9 +35,9 @@ class Collocated:
     """Evaluates the sampled response of one linearised robot again and again.
 
     Lines of all configurations stand last, configuration by configuration. Springs come first and are eliminated
-    without pivoting, which their dampers make safe. What is left is of the motors' size: with rotors and viscous friction
-    on its diagonal it is the inverse of the response; where those are known, the motors are swept once beforehand and it
-    is the response itself, negative (METHODS sec. 1).
+    without pivoting, which their dampers make safe. What is left is of the motors' size: with rotors and viscous
+    friction on its diagonal it is the inverse of the response; where those are known, the motors are swept once
+    beforehand and it is the response itself, negative (METHODS sec. 1).
 
     Args:
         model: Linearised robot whose outputs are its motors.
@@ -217,7 +217,7 @@ class Collocated:
 
     def _hold(self, parameters: ElasticParameters) -> None:
         """Sets up everything but what varies; anew only when it did change."""
-        held = (parameters.motor_inertia, parameters.link_inertia)
+        held: tuple[FloatArray, ...] = (parameters.motor_inertia, parameters.link_inertia)
         if self._swept:
             held = (*held, parameters.viscous)
         if self._held and all(map(np.array_equal, self._held, held)):
@@ -225,14 +225,14 @@ class Collocated:
         model, order = self._model, np.ix_(range(len(self._model.mass)), self._order, self._order)
         mass, gravity = mass_matrix(model, parameters)[order], model.gravity_stiffness[order]
         here = self._configuration
-        constant = gravity[here] - (self._omega**2)[:, None, None] * mass[here]
+        constant: FloatArray | ComplexArray = gravity[here] - (self._omega**2)[:, None, None] * mass[here]
         if self._swept:
             constant = self._sweep(constant, parameters.viscous)
         self._constant = np.ascontiguousarray(constant.transpose(1, 2, 0))
         self._fast = np.ascontiguousarray(fast_limit(model, parameters)[here][:, self._rows, self._columns].T)
         self._held = held
 
-    def _sweep(self, constant: FloatArray, viscous: FloatArray) -> ComplexArray:
+    def _sweep(self, constant: FloatArray | ComplexArray, viscous: FloatArray) -> ComplexArray:
         """Eliminates the motors: `[[S, C], [C', A]]` becomes `[[S - C A^-1 C', C A^-1], [., -A^-1]]`."""
         n_spring = constant.shape[-1] - self._model.n_motor
         motors = constant[:, n_spring:, n_spring:] + 1j * self._omega[:, None, None] * np.diag(viscous)

@@ -215,7 +215,9 @@ def test_correlated_weights_without_correlation_are_the_optimal_ones():
     frf = noisy_frf()
     weight, _ = make_weights(frf, Weights("optimal"), "lls")
     whitening = make_whitening(frf, weight > 0, "lls")
-    np.testing.assert_allclose(np.abs(np.diagonal(whitening, axis1=-2, axis2=-1)) ** 2, weight.reshape(2, 6, 4), rtol=1e-5)
+    np.testing.assert_allclose(
+        np.abs(np.diagonal(whitening, axis1=-2, axis2=-1)) ** 2, weight.reshape(2, 6, 4), rtol=1e-5
+    )
 
 
 def correlated_frf():

@@ -1,0 +1,77 @@
+"""The way from a start to a minimum: minima that lock a joint are left, other parameters keep their start."""
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from robid.fit.elastic import draw_starts, set_up
+from robid.fit.options import ElasticOptions
+from robid.fit.strategy import make_strategy
+
+CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
+FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
+
+
+def strategy_of(strategy="staged", configurations=CONFIGURATIONS, **options):
+    robot = with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9])
+    frf = exact_frf(robot, configurations, FREQUENCY_HZ, delay_s=1e-3, relative_noise=0.005, seed=1)
+    chosen = ElasticOptions(strategy=strategy, starts=21, start_decades=2.0, **options)
+    problem = set_up(two_joint_robot(), frf, chosen, 1e-3)[0]
+    return make_strategy(problem, two_joint_robot(), chosen)
+
+
+def costs_of(strategy):
+    ends = [strategy.descend(start) for start in draw_starts(strategy.problem.parameters, strategy.options)]
+    return np.array([end.cost for end in ends])
+
+
+@pytest.mark.parametrize("estimator", ["lls", "llsm", "nls"])
+def test_starts_two_decades_away_reach_the_best_minimum(estimator):
+    free = ("stiffness", "damping")
+    staged = costs_of(strategy_of(free=free, estimator=estimator))
+    plain = costs_of(strategy_of("plain", free=free, estimator=estimator))
+    best = min(staged.min(), plain.min())
+    assert np.mean(staged < 1.01 * best) >= 0.9
+    assert np.mean(plain < 1.01 * best) <= 0.7
+
+
+def test_a_locked_spring_is_put_back():
+    start = np.zeros(8)
+    start[[2, 3]] = np.log(50), np.log(20)  # a bearing so stiff that nothing is seen of it
+    free = ("stiffness", "damping")
+    staged, plain = (strategy_of(name, free=free).descend(start) for name in ("staged", "plain"))
+    assert plain.cost > 10 * staged.cost
+    assert staged.cost == pytest.approx(strategy_of(free=free).descend(np.zeros(8)).cost, rel=1e-6)
+
+
+def test_coarse_stage_leaves_nuisances_and_few_lines_alone():
+    many = np.random.default_rng(1).uniform(-1, 1, (20, 2))
+    strategy = strategy_of(configurations=many, fixed=("gear_2.damping",))
+    coarse = strategy.coarse
+    assert set(coarse.parameters.kind_of) == {"stiffness", "damping"}
+    assert "gear_2.damping" not in coarse.parameters.names
+    assert coarse.weight.any(axis=(2, 3)).sum() == 8 * 30
+    assert coarse.weight[[0, -1]].any()
+
+
+def test_without_springs_and_dampers_there_is_no_coarse_stage():
+    strategy = strategy_of(free=("viscous", "delay"))
+    assert strategy.coarse is None
+    assert strategy.descend(np.zeros(3)).status == "converged"
+
+
+def test_everything_is_counted():
+    strategy = strategy_of(free=("stiffness", "damping"))
+    calls, problem = [0], strategy.problem
+    for one in (problem, strategy.coarse):
+        cost = one._symmetric.cost
+
+        def counted(internal, cost=cost):
+            calls[0] += 1
+            return cost(internal)
+
+        one._symmetric.cost = counted
+    end = strategy.descend(np.full(8, 0.5))
+    # Each accepted step asks twice, for the cost and for the normal equations there.
+    assert end.evaluations < calls[0] < 2.2 * end.evaluations
+    assert end.iterations < end.evaluations
