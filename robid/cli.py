@@ -259,7 +259,7 @@ def run_a_study(
     for section in made.conclusion.sections:
         for table in section.tables:
             shell.say("")
-            shell.out.print(section_table(section.title, table.columns, table.rows))
+            shell.out.print(section_table(table.title or section.title, table.columns, table.rows))
     shell.say(f"\n{made.conclusion.verdict.text}\n{report}  {made.outcome}")
     return 0
 

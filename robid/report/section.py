@@ -15,6 +15,7 @@ class Table:
         title: Title above it.
         caption: What the reader has to know.
         strong: Index of the row to stress, or None.
+        prose: Whether the cells are sentences, which stand to the left and wrap.
     """
 
     columns: tuple[str, ...]
@@ -22,6 +23,7 @@ class Table:
     title: str = ""
     caption: str = ""
     strong: int | None = None
+    prose: bool = False
 
 
 @dataclass(frozen=True)

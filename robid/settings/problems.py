@@ -78,7 +78,7 @@ def _translate(model: type[BaseModel], document: Document, error: ValidationErro
     schema = model.model_json_schema(by_alias=True)
     messages: dict[FieldPath, list[str]] = {}
     choices: set[FieldPath] = set()
-    for detail in error.errors(include_url=False):
+    for detail in map(_at_tag, error.errors(include_url=False)):
         if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
             continue  # the items are wrong, not their number
         missing = detail["type"] == "missing"
@@ -92,6 +92,18 @@ def _translate(model: type[BaseModel], document: Document, error: ValidationErro
     return [
         problem_at(document, field, "; or: ".join(texts)) for field, texts in messages.items() if field not in hidden
     ]
+
+
+def _at_tag(detail: Any) -> Any:  # noqa: ANN401
+    """Moves what is wrong with the key that chooses a member of a union to that key."""
+    if detail["type"] not in ("union_tag_invalid", "union_tag_not_found"):
+        return detail
+    key = detail["ctx"]["discriminator"].strip("'")
+    moved = {**detail, "loc": (*detail["loc"], key)}
+    if detail["type"] == "union_tag_not_found":
+        return {**moved, "type": "missing"}
+    message = f"Input should be one of {detail['ctx']['expected_tags']}"
+    return {**moved, "type": "literal_error", "msg": message, "input": detail["ctx"]["tag"]}
 
 
 def _written_field(data: Any, loc: FieldPath, *, missing: bool) -> tuple[FieldPath, bool]:  # noqa: ANN401

@@ -67,7 +67,8 @@ def study_of(loaded: LoadedExperiment) -> WernholtStudy:
 
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
-    """Returns the outputs of the chain that the tasks read."""
+    """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
+    paper_figures(loaded)
     return (f"{study_of(loaded).campaign}/frf.h5",)
 
 
@@ -142,7 +143,6 @@ def best_configuration(robot: Robot, frf: Frf, options: ElasticOptions, delay: f
 def tasks(run: Run) -> list[Task]:
     """Returns the tasks: the starts of every set in chunks."""
     study = study_of(run.loaded)
-    paper_figures(run.loaded)
     robot, delay = robot_and_delay(run.loaded)
     path = run.path(needs(run.loaded)[0])
     decides = {"frf": read_header(path, FRF).content_sha256, **model_settings(run.loaded, study.campaign)}

@@ -10,7 +10,7 @@ from robid.studies.wernholt2008 import ALL
 from robid.studies.wernholt2008_figures import NEAR_BEST, Found, Models
 
 _PARAMETER_RANGE = (0.01, 100.0)
-_COST_RANGE = (0.95, 1000.0)
+_COST_RANGE = (0.95, 20.0)
 _ABOUT = {"": "by the strategy of this study", "plain": "by plain descents"}
 _SORTED = "Start, by the cost with user weights"
 
@@ -36,7 +36,10 @@ def cost_section(found: Found, group: str) -> Section:
                 y_range=_COST_RANGE,
             )
         )
-    lead = f"Models from the same starts {_ABOUT[group]}, all judged by the same two costs; sorted as in Fig. 3."
+    lead = (
+        f"Models from the same starts {_ABOUT[group]}, all judged by the same two costs, each estimator's sorted by the"
+        f" first. Costs above {_COST_RANGE[1]:g} are drawn there."
+    )
     return Section(f"Costs {_ABOUT[group]}", lead, (), tuple(figures), columns=2)
 
 
@@ -46,8 +49,8 @@ def parameter_sections(found: Found, transmission: BoolArray) -> tuple[Section, 
     members = found.as_in_paper
     logarithmic = {name: one for name, one in members.items() if name.startswith("lls") and one.configuration == ALL}
     lead = (
-        f"Divided by the best {found.reference} model's; models of plain descents where there are any, sorted as in"
-        " Fig. 3. Values beyond the axis are drawn at its end."
+        f"Divided by the best {found.reference} model's; plain descents where the study has them, sorted as in Fig. 3."
+        " Values beyond the axis are drawn at its end."
     )
     panels = (
         ("Fig. 5: springs of the gearboxes", members, spring & transmission),
@@ -115,7 +118,7 @@ def _matrix_section(found: Found, configuration: int, best: ComplexArray) -> Sec
         figures.append(Figure(title, "", "", curves, height=150, legend=False))
     lead = (
         f"Configuration {configuration + 1}: measured response (solid), best {found.reference} model (dashed) and one"
-        f" standard deviation to each side (dots), {_UNIT} over Hz."
+        f" standard deviation to each side (dots); [rad/(s² N m)] over [Hz]."
     )
     return Section("Fig. 9: measured and modelled response", lead, (), tuple(figures), columns=measured.shape[2])
 

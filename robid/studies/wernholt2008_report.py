@@ -135,12 +135,12 @@ def _optimal_table(found: Found, summary: Mapping[str, float]) -> Table:
 
 def _claims_section(held: tuple[Claim, ...]) -> Section:
     words = {True: "yes", False: "no", None: MISSING}
-    rows = tuple((claim.text, claim.figures, words[claim.reproduced]) for claim in held)
+    rows = tuple((claim.text, words[claim.reproduced], claim.figures) for claim in held)
     lead = (
         "Shares are those of plain descents where the study has them. A share counts as larger by more than two"
         " standard errors; a kind of parameter as easier when predicted deviation and true error are both smaller."
     )
-    table = Table(("The paper concludes", "Here", "Reproduced"), rows)
+    table = Table(("The paper concludes", "Reproduced", "Here"), rows, prose=True)
     return Section("The paper's seven conclusions", lead, (table,))
 
 

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import pytest
 
@@ -27,6 +28,19 @@ def study_content():
         Section("Second", figures=(straight, empty)),
     )
     return ReportContent("study", Verdict("All is known.", "ok"), "an arm", sections=sections)
+
+
+def test_sentences_wrap_and_figures_stand_beside_each_other():
+    table = Table(("Claim", "Found"), (("It is so.", "It is."),), prose=True)
+    figure = Figure("Small", "", "", (Curve("a", (1.0,), (2.0,)),), y_range=(1.0, 4.0), height=150, legend=False)
+    content = ReportContent("study", Verdict("All is known.", "ok"), "an arm")
+    html = render(replace(content, sections=(Section("One", "", (table,), (figure, figure), columns=2),)))
+    assert '<table class="prose">' in html
+    assert '<th scope="row">It is so.</th><td>It is.</td>' in html
+    assert html.count('class="beside" style="--columns: 2"') == 1
+    data = json.loads(re.search(r'id="data">(.*?)</script>', html, re.DOTALL).group(1))
+    expected = {"y_range": [1.0, 4.0], "height": 150, "legend": False}
+    assert {key: data["figures"][1][key] for key in expected} == expected
 
 
 def test_tables_and_curves_stand_on_the_page():

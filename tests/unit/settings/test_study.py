@@ -62,10 +62,36 @@ def test_only_simulated_campaigns_have_a_truth(refused):
 
 def test_unknown_keys_and_kinds_are_named(refused):
     assert "study.grup: unknown key; did you mean `group`?" in refused(("group: 2", "grup: 2"))
-    assert "study.kind" in refused(("kind: frf", "kind: frequency"))
+    wrong = refused(("kind: frf", "kind: frequency"))
+    assert "study.kind: input should be one of 'frf', 'wernholt2008' (found 'frequency')" in wrong
+    assert "study.kind: is missing" in refused(("  kind: frf\n", ""))
 
 
 def test_a_campaign_may_not_take_the_folder_of_tasks(refused):
     assert "`tasks` is a folder of every run" in refused(
         ("  bench:\n", "  tasks:\n"), ("campaign: bench", "campaign: tasks")
     )
+
+
+def test_problems_of_a_study_of_parameter_estimators_are_told_at_once(tmp_path):
+    (tmp_path / "arm.yaml").write_text((STAGES / "arm.yaml").read_text())
+    text = (STAGES / "estimators.yaml").read_text()
+    for old, new in (
+        ("wide: [lls15u]", "wide: [lls15u, lls15u, lls2]\n  reference: lls1u"),
+        ("campaign: bench", "campaign: bensch"),
+    ):
+        assert old in text
+        text = text.replace(old, new, 1)
+    (tmp_path / "study.yaml").write_text(text)
+    with pytest.raises(SettingsError) as found:
+        load_experiment(tmp_path / "study.yaml")
+    for message in (
+        "study.campaign: there is no campaign `bensch`; did you mean `bench`?",
+        "study.reference: `lls1u` does not use all configurations",
+        "study.wide[1]: `lls15u` is there twice",
+        "study.wide[2]: there is no `lls2`; did you mean `lls1u`?",
+    ):
+        assert message in str(found.value)
+    (tmp_path / "study.yaml").write_text(text.replace("estimator: lls,", "estimator: llls,", 1))
+    with pytest.raises(SettingsError, match=r"study\.estimators\.lls15u\.estimator: .*'lls'"):
+        load_experiment(tmp_path / "study.yaml")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
-from robid.fit.elastic import fit_elastic
+from robid.fit.elastic import fit_elastic, set_up
 from robid.fit.options import ElasticOptions, Weights
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -14,7 +14,7 @@ from robid.robot.response import nominal_parameters, response
 from robid.validation.fitted import fitted_model
 from robid.validation.local_model import interpolated_mode, parabola_mode, rational_mode
 from robid.validation.modes import damping_ratio, frequency_std, poles, zeros
-from robid.validation.resonances import tabulate_resonances
+from robid.validation.resonances import resonance_errors, tabulate_resonances
 
 ANTIRESONANCE_HZ = np.sqrt(546.4 / 4.752e-3) / (2 * np.pi)
 RESONANCE_HZ = np.sqrt(546.4 * (1 / 4.752e-3 + 1 / 4.780e-3)) / (2 * np.pi)
@@ -217,3 +217,16 @@ def test_interval_of_the_model_holds_its_truth_about_as_often_as_it_says():
         truth = np.array([ANTIRESONANCE_HZ, RESONANCE_HZ])
         held.append((table.mode_lower_hz <= truth) & (truth <= table.mode_upper_hz))
     assert 0.85 <= np.mean(held) <= 0.99
+
+
+def test_resonance_errors_are_those_of_the_stiffness():
+    robot, frequency = two_mass_robot(), BENCH_HZ
+    frf = exact_frf(robot, [[0.0]], frequency, sampling_period_s=4e-4, relative_noise=1e-4)
+    options = ElasticOptions(free=("stiffness",), weights=Weights(kind="user"))
+    problem, _ = set_up(robot, frf, options, 0.0)
+    factor = 1.1
+    errors = [resonance_errors(problem, np.array([x])) for x in (0.0, np.log(factor), np.log(4.0))]
+    assert errors[0].shape == (1,)
+    assert errors[0][0] < 1e-3
+    assert errors[1][0] == pytest.approx(np.sqrt(factor) - 1, rel=2e-2)
+    assert np.isinf(errors[2][0])

@@ -1,0 +1,160 @@
+"""Scores and conclusions of the study of parameter estimators, on models made to measure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from robid.fit.elastic import set_up
+from robid.fit.options import ElasticOptions, Weights
+from robid.settings.study import EstimatorChoice, WernholtStudy
+from robid.studies.wernholt2008 import ALL, best_configuration, score_options, sets
+from robid.studies.wernholt2008_conclusions import claims
+from robid.studies.wernholt2008_figures import Found, Judge, Models, model_figures, summarise
+from robid.validation.resonances import resonance_errors
+
+FREQUENCY_HZ = np.unique(np.round(np.geomspace(4, 80, 60), 1))
+CONFIGURATIONS = np.array([[0.3, 0.5], [-0.4, 1.2]])
+OPTIONS = ElasticOptions(free=("stiffness", "damping"), correct_torques=False, weights=Weights(kind="user"))
+CHOICES = {
+    "lls15u": EstimatorChoice(estimator="lls", weights="user"),
+    "lls15o": EstimatorChoice(estimator="lls", weights="optimal"),
+    "llsm15u": EstimatorChoice(estimator="llsm", weights="user"),
+    "nls15u": EstimatorChoice(estimator="nls", weights="user"),
+    "nls15o": EstimatorChoice(estimator="nls", weights="optimal"),
+    "lls1u": EstimatorChoice(estimator="lls", weights="user", configurations="best"),
+}
+N = 100
+
+
+@pytest.fixture(scope="module")
+def problem():
+    frf = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ, relative_noise=1e-3)
+    return set_up(two_joint_robot(), frf, OPTIONS, 0.0)[0]
+
+
+def models(name, good, count, n_param):
+    """`good` models at the truth, the others with every parameter three times as large and ten times the cost."""
+    right = np.arange(count) < good
+    cost = np.where(right, 1.0, 10.0)
+    internal = np.where(right, 0.0, np.log(3))[:, None] * np.ones(n_param)
+    return Models(name, internal, cost, cost, cost, np.full(count, 7), ~right, right, ALL, 6.0, 4.0)
+
+
+@pytest.fixture
+def found(problem):
+    def make(**good):
+        n_param = len(problem.parameters.names)
+        near = {name: models(name, good.get(name, 50), N, n_param) for name in CHOICES}
+        std = np.where(np.array(problem.parameters.kind_of) == "stiffness", 0.01, 0.1)
+        truth = std * np.linspace(0.5, 1.5, n_param)
+        return Found(problem, {"": near}, "lls15u", truth, std, 1.0, 1.0, 1.25, 2.0, 12, 3)
+
+    return make
+
+
+def test_shares_count_models_and_springs(found):
+    shown = found(lls15u=80)
+    figures = model_figures(shown.near["lls15u"], shown)
+    for key in ("reasonable", "springs_within_2", "springs_within_2_all", "dampers_within_2", "own_best"):
+        assert figures[key] == pytest.approx(0.8)
+    assert figures["capped"] == pytest.approx(0.2)
+    assert (figures["best_cost"], figures["median_cost"], figures["evaluations"]) == (1, 1, 7)
+
+
+def test_a_model_needs_its_cost_and_its_resonances(found):
+    one = found().near["lls15u"]
+    cost = np.array([1.0, 1.49, 1.51, 1.0])
+    meets = np.array([True, True, True, False])
+    one = replace(one, user_cost=cost, resonances=meets)
+    assert one.reasonable.tolist() == [True, True, False, False]
+
+
+def test_the_least_determined_spring_may_run_away(found):
+    shown = found()
+    least = shown.least_determined
+    assert shown.of_kind("stiffness")[least]
+    one = shown.near["lls15u"]
+    internal = np.zeros_like(one.internal)
+    internal[:30, least] = 5.0
+    figures = model_figures(replace(one, internal=internal), shown)
+    assert figures["springs_within_2"] == 1
+    assert figures["springs_within_2_all"] == pytest.approx(0.7)
+
+
+def test_time_is_that_of_two_cores_and_costs_are_relative_to_the_truth(found):
+    summary = summarise(found())
+    assert summary["fits"] == 600
+    assert summary["fits600_s"] == pytest.approx(6 * 6.0 / 2)
+    assert summary["fits600_processor_s"] == pytest.approx(6 * 4.0 / 2)
+    assert summary["best_over_truth"] == pytest.approx(0.8)
+    assert summary["evaluations_per_fit"] == 7
+
+
+def test_conclusions_follow_the_shares(found):
+    paper = {"lls15u": 80, "llsm15u": 64, "lls15o": 35, "nls15u": 3, "nls15o": 0, "lls1u": 2}
+    gears = np.char.startswith(found().problem.parameters.names, "gear")
+    borne_out = [claim.reproduced for claim in claims(found(**paper), CHOICES, gears)]
+    assert borne_out[:4] == [True] * 4
+    assert borne_out[5:] == [True, True]
+    alike = [claim.reproduced for claim in claims(found(), CHOICES, gears)]
+    assert alike[:4] == [False] * 4
+    fewer = {name: choice for name, choice in CHOICES.items() if name in ("lls15u", "llsm15u")}
+    assert [claim.reproduced for claim in claims(found(**paper), fewer, gears)][:4] == [None, None, True, None]
+
+
+def test_plain_descents_decide_where_there_are_any(found):
+    shown = found(lls15u=50, llsm15u=50)
+    plain = found(lls15u=80, llsm15u=20)
+    both = replace(shown, groups={"": shown.near, "plain": plain.near})
+    assert claims(both, CHOICES, np.zeros(len(shown.truth), bool))[2].reproduced is True
+
+
+def test_predictions_that_are_ten_times_too_small_are_no_indication(found):
+    shown = found()
+    gears = np.zeros(len(shown.truth), bool)
+    assert claims(shown, CHOICES, gears)[6].reproduced is True
+    assert claims(replace(shown, truth=10 * shown.truth), CHOICES, gears)[6].reproduced is False
+
+
+def test_a_missed_resonance_is_seen_and_one_that_does_not_count_is_not(problem):
+    n_param = len(problem.parameters.names)
+    wrong = np.where(np.array(problem.parameters.kind_of) == "stiffness", np.log(1.3), 0.0)
+    count = resonance_errors(problem, np.zeros(n_param)).size
+    assert count >= 4
+    judge = Judge(problem, np.ones(count, bool))
+    assert judge.meets(np.zeros(n_param))
+    assert not judge.meets(wrong)
+    assert Judge(problem, resonance_errors(problem, wrong) <= 0.02).meets(wrong)
+
+
+def test_scores_hold_the_data_alone(problem):
+    study = WernholtStudy(kind="wernholt2008", campaign="bench", estimators=CHOICES, fit=OPTIONS)
+    user, optimal = score_options(study)
+    assert (user.weights.kind, optimal.weights.kind) == ("user", "optimal")
+    robot = with_spring_factors(two_joint_robot(), 10.0)
+    frf = problem.frf
+    scored = set_up(robot, frf, user, 0.0)[0]
+    internal = np.full(len(scored.parameters.names), -0.5)
+    own = scored.configuration_cost(scored.model_response(internal), internal).sum()
+    assert scored.cost(internal) == pytest.approx(own, rel=1e-9)
+
+
+def test_all_estimators_start_at_the_same_points():
+    study = WernholtStudy(kind="wernholt2008", campaign="bench", estimators=CHOICES, fit=OPTIONS, wide=("lls15u",))
+    found = sets(study)
+    assert [one.group for one in found] == [""] * 6 + ["2dec"] + ["plain"] * 6
+    assert [one.name for one in found if one.alone] == ["lls1u", "lls1u"]
+    assert {(one.options.seed, one.options.starts) for one in found} == {(1, 2)}
+    assert [one.options.start_decades for one in found[5:8]] == [1, 2, 1]
+    assert {one.options.strategy for one in found if one.group == "plain"} == {"plain"}
+
+
+def test_the_best_configuration_has_the_most_information():
+    robot = two_joint_robot()
+    frf = exact_frf(robot, CONFIGURATIONS, FREQUENCY_HZ, relative_noise=1e-3)
+    covariance = frf.total_covariance * np.array([100.0, 1.0])[:, None, None, None]
+    assert best_configuration(robot, replace(frf, total_covariance=covariance), OPTIONS, 0.0) == 1
+    covariance = frf.total_covariance * np.array([1.0, 100.0])[:, None, None, None]
+    assert best_configuration(robot, replace(frf, total_covariance=covariance), OPTIONS, 0.0) == 0
