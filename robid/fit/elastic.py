@@ -65,7 +65,9 @@ def fit_elastic(
     predicted = np.sqrt(np.diag(structured_covariance(problem, expected) + doubt))
     check_influence(problem)
     strategy = make_strategy(problem, robot, options)
-    tasks = [(strategy, start) for start in draw_starts(problem.parameters, options)]
+    starts = draw_starts(problem.parameters, options)
+    # The robot file's values may be so near that stages only lead away from them.
+    tasks = [(strategy, start, index == 0) for index, start in enumerate(starts)]
     ends: list[Minimum] = parallel_map(_descend, tasks)
     best = min(ends, key=lambda end: end.cost)
     for _ in range(max(options.statics_updates, options.weights.kind == "estimated")):
@@ -110,6 +112,6 @@ def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[Float
     return [np.zeros(len(parameters.names)), *np.clip(random, parameters.lower, parameters.upper)]
 
 
-def _descend(task: tuple[Strategy, FloatArray]) -> Minimum:
-    strategy, start = task
-    return strategy.descend(start)
+def _descend(task: tuple[Strategy, FloatArray, bool]) -> Minimum:
+    strategy, start, straight_too = task
+    return strategy.descend(start, straight_too=straight_too)

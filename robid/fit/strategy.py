@@ -50,16 +50,20 @@ class Strategy:
     coarse: Problem | None
     options: ElasticOptions
 
-    def descend(self, start: FloatArray) -> Minimum:
-        """Finds the minimum that belongs to a start (n_param,)."""
+    def descend(self, start: FloatArray, *, straight_too: bool = False) -> Minimum:
+        """Finds the minimum that belongs to a start (n_param,), the better one if the straight way is tried too."""
         before = Minimum(start, np.inf, 0, "converged")
         if self.coarse is not None:
             before = self._staged(self.coarse, start)
+        end = _after(before, self._straight(before.parameters))
+        if self.coarse is None or not straight_too:
+            return end
+        straight = self._straight(start)
+        return _after(end, straight) if straight.cost < end.cost else _after(straight, end)
+
+    def _straight(self, start: FloatArray) -> Minimum:
         options = self.options
-        end = optimise(
-            self.problem, before.parameters, optimizer=options.optimizer, max_iterations=options.max_iterations
-        )
-        return _after(before, end)
+        return optimise(self.problem, start, optimizer=options.optimizer, max_iterations=options.max_iterations)
 
     def _staged(self, coarse: Problem, start: FloatArray) -> Minimum:
         names = self.problem.parameters.names
