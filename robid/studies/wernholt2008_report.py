@@ -63,7 +63,7 @@ def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[
     lead = (
         f"A model is reasonable when its logarithmic cost with user weights is within {COST_LIMIT:g} of the best of all"
         f" models and it meets all {found.resonances} resonances of the motors' own responses within 2 %"
-        f" ({found.uncounted} more peaks, which the true robot's linearisation does not have, do not count)."
+        f" (peaks that the true robot's linearisation does not have do not count: {found.uncounted})."
         f" The best cost is {significant(1 / found.truth_cost)} of the truth's. The {near} fits from common starts"
         f" took {duration(summary[f'fits{near}_s'])} on two cores, {summary['evaluations_per_fit']:.0f} evaluations of"
         f" the cost each; {percent(summary['capped'])} ended at the iteration limit."
@@ -73,12 +73,15 @@ def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[
 
 def _success_table(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any], group: str) -> Table:
     suffix, rows = group and f"_{group}", []
+    beside_ours = paper if group in _GROUP_TITLES else {}
     for name, one in found.groups[group].items():
 
         def ours(key: str, name: str = name) -> float:
             return summary[f"{name}.{key}{suffix}"]
 
-        beside = [paper.get(key, {}).get(name) for key in ("reasonable", "springs_within_2", "springs_within_2_all")]
+        beside = [
+            beside_ours.get(key, {}).get(name) for key in ("reasonable", "springs_within_2", "springs_within_2_all")
+        ]
         rows.append(
             (
                 name,
