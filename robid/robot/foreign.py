@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.errors import DataError
 
 _REMOVED = (
@@ -183,3 +184,38 @@ def _left_out(count: int, word: str, names: list[str]) -> str:
 def _listed(names: list[str]) -> str:
     shown = [name or "unnamed" for name in names]
     return ", ".join(shown) if len(shown) <= 8 else f"{', '.join(shown[:7])} and {len(shown) - 7} more"
+
+
+class Shapes:
+    """Shapes of a robot's own file without meshes, to tell where it touches itself."""
+
+    def __init__(self, path: Path, joints: Sequence[str], locked_rad: Mapping[str, float]) -> None:
+        """Reads them.
+
+        Args:
+            path: The MJCF or URDF file.
+            joints: Names of the hinges, base to flange.
+            locked_rad: Angles of other hinges [rad].
+        """
+        spec = mujoco.MjSpec.from_file(str(path))
+        for geom in list(spec.geoms):
+            if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+                spec.delete(geom)
+        for mesh in list(spec.meshes):
+            spec.delete(mesh)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        for name, angle in locked_rad.items():
+            self._data.joint(name).qpos = angle
+        self._hinges = [int(self._model.joint(name).qposadr[0]) for name in joints]
+
+    def touching(self, angles: FloatArray) -> str:
+        """Names two bodies that are in contact at joint angles (n_joint,) [rad]; empty if there are none."""
+        self._data.qpos[self._hinges] = angles
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_collision(self._model, self._data)
+        for contact in self._data.contact:
+            bodies = [self._model.body(int(self._model.geom_bodyid[geom])).name for geom in contact.geom]
+            if contact.dist < 0:
+                return f"`{bodies[0]}` and `{bodies[1]}` touch"
+        return ""

@@ -74,15 +74,21 @@ def _kinds(robot: RobotFile, kinds: Iterable[str]) -> dict[str, str]:
 
 def configuration_count(experiment: Experiment, campaign: Campaign) -> int | None:
     """Returns the number of a campaign's configurations, None where its design is unknown."""
-    chosen = campaign.configurations
+    return _count(experiment, campaign.configurations)
+
+
+def _count(experiment: Experiment, chosen: Configurations) -> int | None:
     if chosen.list_deg is not None:
         return len(chosen.list_deg)
     if chosen.grid_deg is not None:
         return int(np.prod([len(row) for row in chosen.grid_deg]))
     if chosen.random is not None:
         return chosen.random.count
-    design = experiment.designs.get(chosen.design or "")
-    return None if design is None else design.count
+    if chosen.join is not None:
+        parts = [_count(experiment, part) for part in chosen.join]
+        return None if None in parts else sum(part or 0 for part in parts)
+    designs = [experiment.designs.get(name) for name in chosen.designs]
+    return None if None in designs else sum(0 if design is None else design.count for design in designs)
 
 
 def _folders(experiment: Experiment) -> _Found:
@@ -108,24 +114,35 @@ def _designs(experiment: Experiment) -> _Found:
 
 
 def _cycles(experiment: Experiment) -> _Found:
-    """Follows each campaign to the campaign that its design reads; a cycle is told once, at its first name."""
+    """Follows each campaign to the campaigns that its designs read; a cycle is told once, at its first name."""
     for start in experiment.campaigns:
-        trail: list[str] = []
-        current: str | None = start
-        while current in experiment.campaigns and current not in trail:
-            trail.append(current)
-            design = experiment.designs.get(experiment.campaigns[current].configurations.design or "")
-            current = None if design is None else design.campaign
-        if current == start and start == min(trail):
+        trail = _way_back(experiment, start, (start,))
+        if trail is not None and start == min(trail):
             message = f"campaigns and designs go in a circle: {' -> '.join([*trail, start])}"
             yield ("campaigns", start, "configurations", "from"), message
 
 
+def _way_back(experiment: Experiment, start: str, trail: tuple[str, ...]) -> tuple[str, ...] | None:
+    """Continues a trail of campaigns until the next one is its start; None where no way leads there."""
+    campaign = experiment.campaigns.get(trail[-1])
+    designs = () if campaign is None else campaign.configurations.designs
+    for name in designs:
+        design = experiment.designs.get(name)
+        following = None if design is None else design.campaign
+        if following == start:
+            return trail
+        if following is not None and following not in trail:
+            found = _way_back(experiment, start, (*trail, following))
+            if found is not None:
+                return found
+    return None
+
+
 def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
     field = ("campaigns", name)
-    design = campaign.configurations.design
-    if design is not None and design not in experiment.designs:
-        yield (*field, "configurations", "from"), _unknown("design", design, experiment.designs)
+    for design in campaign.configurations.designs:
+        if design not in experiment.designs:
+            yield (*field, "configurations"), _unknown("design", design, experiment.designs)
     rms = campaign.excitation.rms
     if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
         yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
@@ -150,8 +167,17 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     yield from _outputs(field, campaign, robot)
     if acquire is not None:
         yield from check_channels(field, acquire, robot)
-    elif campaign.source is not None and robot.controller is None:
-        yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
+    elif campaign.source is not None and campaign.source.simulate is not None:
+        if robot.controller is None:
+            yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
+        yield from _kept((*field, "source", "simulate", "truth", "keep"), campaign.source.simulate.truth.keep, robot)
+
+
+def _kept(field: FieldPath, keep: tuple[str, ...], robot: RobotFile) -> _Found:
+    known = [spring.name for spring in robot.all_springs]
+    for index, name in enumerate(keep):
+        if name not in known:
+            yield (*field, index), f"there is no spring `{name}`; {suggest(name, known)}"
 
 
 def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
@@ -195,6 +221,8 @@ def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
 
 def _reachable(field: FieldPath, chosen: Configurations, robot: RobotFile) -> _Found:
     n_joint = len(robot.joints)
+    for index, part in enumerate(chosen.join or ()):
+        yield from _reachable((*field, "join", index), part, robot)
     for index, row in enumerate(chosen.list_deg or ()):
         if len(row) != n_joint:
             yield (*field, "list_deg", index), f"has {len(row)} angles for the {n_joint} joints of the robot"

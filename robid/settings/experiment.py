@@ -10,7 +10,6 @@ import numpy as np
 import pydantic.dataclasses
 from pydantic import ConfigDict, Field, model_validator
 
-from robid.arrays import FloatArray
 from robid.design.options import DesignOptions, ExcitationOptions
 from robid.fit.options import ElasticOptions
 from robid.frf.options import EstimateOptions
@@ -39,7 +38,7 @@ class OneKey(Section):
 
 
 class RandomConfigurations(Section):
-    """Robot configurations drawn uniformly within the joint limits."""
+    """Robot configurations drawn uniformly within the joint limits; what is out of reach is drawn again."""
 
     count: int = Field(description="Number of configurations.", ge=1)
     seed: int = Field(default=1, description="Seed of the draw.", ge=0)
@@ -54,28 +53,24 @@ class Configurations(OneKey):
     grid_deg: Rows | None = Field(
         default=None, description="Angles of each joint, one row per joint; every combination is measured [deg]."
     )
-    design: Name | None = Field(default=None, alias="from", description="Name of the design that chooses them.")
+    chosen_by: Name | Annotated[tuple[Name, ...], Field(min_length=1)] | None = Field(
+        default=None, alias="from", description="Name of the design that chooses them, or of several in a row."
+    )
+    mirror: Name | None = Field(
+        default=None,
+        description="Name of a design whose choice is mirrored at the vertical plane through the world's x axis.",
+    )
+    join: tuple[Configurations, ...] | None = Field(
+        default=None, description="Several such sections in a row.", min_length=1
+    )
 
-    def angles_rad(self, lower_rad: FloatArray, upper_rad: FloatArray) -> FloatArray | None:
-        """Returns the configurations, or None where a design chooses them.
-
-        Args:
-            lower_rad (n_joint,): Lower joint limits [rad].
-            upper_rad (n_joint,): Upper joint limits [rad].
-
-        Returns:
-            Joint angles (n_conf, n_joint) [rad].
-        """
-        if self.list_deg is not None:
-            return np.asarray(np.deg2rad(self.list_deg))
-        if self.grid_deg is not None:
-            axes = np.meshgrid(*(np.deg2rad(row) for row in self.grid_deg), indexing="ij")
-            return np.stack([axis.ravel() for axis in axes], axis=-1)
-        if self.random is not None:
-            margin = np.deg2rad(self.random.margin_deg)
-            shape = (self.random.count, len(lower_rad))
-            return np.random.default_rng(self.random.seed).uniform(lower_rad + margin, upper_rad - margin, shape)
-        return None
+    @property
+    def designs(self) -> tuple[str, ...]:
+        """Names of the designs that must be there first, each once."""
+        own = (self.chosen_by,) if isinstance(self.chosen_by, str) else self.chosen_by or ()
+        mirrored = () if self.mirror is None else (self.mirror,)
+        joined = (name for part in self.join or () for name in part.designs)
+        return tuple(dict.fromkeys((*own, *mirrored, *joined)))
 
 
 class TimeChannel(Section):

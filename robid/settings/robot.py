@@ -29,6 +29,11 @@ class RobotFile(Assumed):
     base_rpy_deg: Vector = Field(
         default=(0.0, 0.0, 0.0), description="Turns of the base about the world's x, then y, then z axis [deg]."
     )
+    floor_m: float | None = Field(
+        default=None,
+        description="Height of the floor in the world frame: configurations that take a joint, a link's or the"
+        " payload's centre of mass below it are out of reach [m].",
+    )
     rotor: Literal["spong", "on_link"] = Field(
         default="spong", description="Whether the rotors' motion with the links is neglected or not."
     )

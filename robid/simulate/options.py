@@ -81,6 +81,13 @@ class Truth:
         default=1.0,
         metadata={"description": "Springs and dampers are multiplied log-uniformly by up to this factor.", "ge": 1},
     )
+    damper_factor: float | None = field(
+        default=None,
+        metadata={"description": "Factor of the dampers where it is not that of the springs.", "ge": 1},
+    )
+    keep: tuple[str, ...] = field(
+        default=(), metadata={"description": "Names of springs that stay as the robot file has them."}
+    )
     friction_relative: float = field(
         default=0.0,
         metadata={"description": "Friction coefficients deviate uniformly by up to this share.", "ge": 0, "lt": 1},

@@ -21,7 +21,9 @@ def true_robot(robot: Robot, truth: Truth) -> Robot:
         The robot with its springs, dampers and friction multiplied by random factors.
     """
     generator = np.random.default_rng(truth.seed)
-    spring_log = np.log(truth.spring_factor) * generator.uniform(-1, 1, (len(robot.springs), 2))
+    damper_factor = truth.spring_factor if truth.damper_factor is None else truth.damper_factor
+    spring_log = np.log([truth.spring_factor, damper_factor]) * generator.uniform(-1, 1, (len(robot.springs), 2))
+    spring_log[[spring.name in truth.keep for spring in robot.springs]] = 0.0
     friction = 1 + truth.friction_relative * generator.uniform(-1, 1, (len(robot.joints), 3))
     springs = tuple(
         replace(

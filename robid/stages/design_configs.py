@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
-from robid.artifacts.store import read_artifact, write_artifact
+from robid.artifacts.design import DESIGN, design_to_artifact
+from robid.artifacts.store import write_artifact
 from robid.design.candidates import candidate_information
 from robid.design.information import ConfigurationDesign, design_configurations
 from robid.design.lines import choose_lines
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
+from robid.stages.configurations import configurations_of, design_inputs
 from robid.stages.slices import delay_s, line_settings, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted
 
@@ -31,18 +32,14 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         f"{section}.excitation": line_settings(campaign),
         **robot_settings(loaded, "mechanics", "range", "timing"),
     }
-    other = campaign.configurations.design
-    return Plan((f"designs/{owner}.h5",), settings, {} if other is None else {"design": f"designs/{other}.h5"})
+    return Plan((f"designs/{owner}.h5",), settings, design_inputs(campaign))
 
 
 def _run(job: Job) -> str:
     design = job.loaded.experiment.designs[job.owner]
     campaign = job.loaded.experiment.campaigns[design.campaign]
     robot = job.loaded.robot.to_robot(campaign.payload_kg)
-    candidates = campaign.configurations.angles_rad(robot.lower_rad, robot.upper_rad)
-    if candidates is None:
-        other = design_from_artifact(read_artifact(job.inputs["design"], DESIGN))
-        candidates = other.configurations[other.chosen]
+    candidates = configurations_of(job.loaded, campaign, job.inputs)
     period = require_controller(job.loaded).sampling_period_s
     lines, _ = choose_lines(campaign.excitation, period)
     matrices, names = candidate_information(

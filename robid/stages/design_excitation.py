@@ -8,7 +8,6 @@ import numpy as np
 from rich.console import Group
 
 from robid.arrays import FloatArray
-from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import (
     EXCITATION,
     CampaignExcitation,
@@ -26,6 +25,7 @@ from robid.robot.description import Robot
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
+from robid.stages.configurations import configurations_of, design_inputs
 from robid.stages.slices import line_settings, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
@@ -44,16 +44,12 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         settings[f"{section}.excitation"] = line_settings(campaign)
         settings[f"{section}.source.acquire.sampling_period_s"] = acquire.sampling_period_s
         settings |= robot_settings(loaded, "range")
-    design = campaign.configurations.design
-    return Plan((f"{owner}/excitation.h5",), settings, {} if design is None else {"design": f"designs/{design}.h5"})
+    return Plan((f"{owner}/excitation.h5",), settings, design_inputs(campaign))
 
 
 def _run(job: Job) -> str:
     campaign, robot = job.campaign, job.loaded.robot.to_robot(job.campaign.payload_kg)
-    configurations = campaign.configurations.angles_rad(robot.lower_rad, robot.upper_rad)
-    if configurations is None:
-        design = design_from_artifact(read_artifact(job.inputs["design"], DESIGN))
-        configurations = design.configurations[design.chosen]
+    configurations = configurations_of(job.loaded, campaign, job.inputs)
     acquire = played_by_others(campaign)
     if acquire is not None:
         excitation = _declared(campaign, acquire.sampling_period_s, len(robot.joints))

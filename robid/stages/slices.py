@@ -47,6 +47,7 @@ _ROBOT: dict[str, Part] = {
     "base": "mechanics",
     "controller": "controller",
     "sensors": "sensors",
+    "floor_m": "range",
 }
 
 _TIMING = ("sampling_period_s", "delay_samples")

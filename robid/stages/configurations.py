@@ -1,0 +1,114 @@
+"""The configurations of a campaign: listed, drawn, chosen by designs, and all of them in reach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.store import read_artifact
+from robid.errors import SettingsError
+from robid.robot.foreign import Shapes
+from robid.robot.reach import Reach, mirror
+from robid.settings.experiment import Campaign, Configurations, RandomConfigurations
+from robid.settings.load import LoadedExperiment
+from robid.stages.stage import counted
+
+_TRIES = 100
+"""Configurations that are drawn for each that is wanted before a draw gives up."""
+_SHOWN = 5
+
+
+def design_inputs(campaign: Campaign) -> dict[str, str]:
+    """Returns the designs that a campaign's configurations come from, by name of input."""
+    names = campaign.configurations.designs
+    if len(names) == 1:
+        return {"design": f"designs/{names[0]}.h5"}
+    return {f"design {name}": f"designs/{name}.h5" for name in names}
+
+
+def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapping[str, Path]) -> FloatArray:
+    """Returns a campaign's configurations.
+
+    Args:
+        loaded: The experiment.
+        campaign: The campaign.
+        inputs: Where the designs of `design_inputs` lie.
+
+    Returns:
+        Arm-side joint angles (n_conf, n_joint) [rad].
+
+    Raises:
+        SettingsError: If a listed or mirrored configuration is out of reach, or too few that are drawn or on the grid
+            are in reach; what was measured on a real robot is taken as it is.
+    """
+    robot = loaded.robot.to_robot(campaign.payload_kg)
+    measured = campaign.source is not None and campaign.source.acquire is not None
+    reach = Reach(robot) if measured else Reach(robot, loaded.robot.floor_m, _shapes(loaded))
+    paths = dict(zip(campaign.configurations.designs, design_inputs(campaign), strict=True))
+    designs = {name: _chosen(inputs[key]) for name, key in paths.items()}
+    return _resolve(campaign.configurations, reach, designs)
+
+
+def _chosen(path: Path) -> FloatArray:
+    design = design_from_artifact(read_artifact(path, DESIGN))
+    return design.configurations[design.chosen]
+
+
+def _shapes(loaded: LoadedExperiment) -> Shapes | None:
+    path = loaded.robot.model_path((loaded.path.parent / loaded.experiment.robot).parent)
+    if path is None:
+        return None
+    locked = {name: float(np.deg2rad(angle)) for name, angle in loaded.robot.locked_deg.items()}
+    return Shapes(path, [joint.name for joint in loaded.robot.joints], locked)
+
+
+def _resolve(chosen: Configurations, reach: Reach, designs: Mapping[str, FloatArray]) -> FloatArray:
+    if chosen.join is not None:
+        return np.concatenate([_resolve(part, reach, designs) for part in chosen.join])
+    if chosen.random is not None:
+        return _drawn(chosen.random, reach)
+    if chosen.grid_deg is not None:
+        axes = np.meshgrid(*(np.deg2rad(row) for row in chosen.grid_deg), indexing="ij")
+        return _checked(np.stack([axis.ravel() for axis in axes], axis=-1), reach, "grid_deg")
+    if chosen.list_deg is not None:
+        return _checked(np.asarray(np.deg2rad(chosen.list_deg)), reach, "list_deg")
+    if chosen.mirror is not None:
+        return _checked(mirror(reach.robot, designs[chosen.mirror]), reach, "mirror")
+    return np.concatenate([designs[name] for name in chosen.designs])
+
+
+def _drawn(wanted: RandomConfigurations, reach: Reach) -> FloatArray:
+    """Draws one configuration after the other and keeps those in reach."""
+    margin = np.deg2rad(wanted.margin_deg)
+    generator = np.random.default_rng(wanted.seed)
+    found = np.zeros((0, len(reach.robot.joints)))
+    for _ in range(_TRIES):
+        shape = (wanted.count, found.shape[1])
+        rows = generator.uniform(reach.robot.lower_rad + margin, reach.robot.upper_rad - margin, shape)
+        good = [not problem for problem in reach.problems(rows)]
+        found = np.concatenate([found, rows[good]])[: wanted.count]
+        if len(found) == wanted.count:
+            return found
+    what = f"only {len(found)} of {_TRIES * wanted.count} drawn configurations are in reach, {wanted.count} are wanted"
+    raise SettingsError(
+        what,
+        where="configurations.random",
+        remedy="lower `count`, or check `floor_m` and the joint limits of the robot",
+    )
+
+
+def _checked(angles: FloatArray, reach: Reach, key: str) -> FloatArray:
+    found = [(index, text) for index, text in enumerate(reach.problems(angles)) if text]
+    if not found:
+        return angles
+    listed = "\n".join(f"  [{index}]: {text}" for index, text in found[:_SHOWN])
+    more = f"\n  and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+    raise SettingsError(
+        f"{len(found)} of {counted(len(angles), 'configuration')} are out of reach\n{listed}{more}",
+        where=f"configurations.{key}",
+        remedy="leave them out, or correct the robot file's `floor_m` and limits",
+    )
