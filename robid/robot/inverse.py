@@ -11,10 +11,12 @@ from scipy.interpolate import make_interp_spline
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.linearize import Equilibrium
-from robid.robot.model import ElasticModel
+from robid.robot.model import ElasticModel, site_name
 
 _STEPS = 30
 _TOLERANCE_RAD = 1e-11
+_SINGULAR = 0.05  # no arm turns from directions that move the tool less than this share of the best one
+_LEVER_M = 0.5  # turns of the tool count by what they do at this distance
 _SMOOTH = 5  # degree of the splines that are differentiated twice
 
 
@@ -34,16 +36,16 @@ class MotorMotion:
 def inverse_motion(
     model: ElasticModel, rest: Equilibrium, motion: FloatArray, period_s: float, stride: int = 1
 ) -> MotorMotion:
-    """Finds the motor motion and torque of a given arm motion.
+    """Finds the motor motion and torque that move the tool as a rigid robot would.
 
-    The torque that the arm needs deflects the transmissions, with their dampers; the motors turn by arm angle
-    and deflection, so that the arm's acceleration enters with two further derivatives. All other springs deflect
-    quasi-statically: their rates are neglected, which keeps the inverse stable where the arm is non-minimum phase.
+    The springs beyond the transmissions deflect quasi-statically under the torques of the rigid motion, and the arm
+    angles make good what they do to the tool. The torque that the arm then needs deflects the transmissions, with
+    their dampers; the motors turn by arm angle and deflection.
 
     Args:
-        model: The elastic model.
+        model: The elastic model of a robot with its tool point as its first sensor.
         rest: Where it rests before the motion; one configuration.
-        motion (3, n_time, n_joint): Arm angles from rest, speeds and accelerations [rad, rad/s, rad/s^2].
+        motion (3, n_time, n_joint): Angles of the rigid robot from rest, speeds, accelerations [rad, rad/s, rad/s^2].
         period_s: Time between samples [s].
         stride: Samples from one evaluation of the rigid dynamics to the next; splines fill in.
 
@@ -56,60 +58,100 @@ def inverse_motion(
     Source:
         METHODS sec. 10; Zimmermann et al. (2023), eq. 1 and sec. V-E.
     """
-    n_time = motion.shape[1]
-    to_motor, to_arm = model.robot.motor_per_arm, model.robot.arm_per_motor
-    inertia = model.robot.motor_inertia_kgm2
-    time, coarse = period_s * np.arange(n_time), np.arange(0, n_time, stride)
-    if coarse[-1] != n_time - 1:
-        coarse = np.append(coarse, n_time - 1)
-    whole = rest.position[0, model.motor] + motion[0] @ to_motor.T, *(motion[1:] @ to_motor.T)
+    n_time, n_joint = motion.shape[1:]
+    to_motor = model.robot.motor_per_arm
+    time = period_s * np.arange(n_time)
+    coarse = np.unique(np.append(np.arange(0, n_time, stride), n_time - 1))
+    busy = np.flatnonzero(motion[1:, coarse].any(axis=(0, 2)))
+    # Nothing changes before and after the move.
+    held = np.clip(np.arange(coarse.size), max(busy[0] - 1, 0), min(busy[-1] + 2, coarse.size - 1))
+    moving, held = coarse[held[0] : held[-1] + 1], held - held[0]
+    dynamics = _Dynamics(model, rest)
+    elastic = dynamics.settle(dynamics.whole(motion[:, moving], motion[:, moving] @ to_motor.T))
+    bent = make_interp_spline(time[coarse], (elastic - elastic[0])[held], k=_SMOOTH)
+    bend = np.array([bent(time, nu=order) for order in range(3)])
+    arm = motion - bend @ _tool_effect(model, rest).T
+    motor = arm @ to_motor.T
     # Rotors that ride on the links feel their motion and the links theirs; one more round settles that.
     for _ in range(2 if model.robot.rotor == "on_link" else 1):
-        needed = _rigid_torques(model, rest, motion[:, coarse], np.array(whole)[:, coarse])
-        spline = make_interp_spline(time[coarse], needed, k=_SMOOTH)
-        torque = np.asarray(spline(time))
-        n_joint = len(model.arm)
+        needed = dynamics.torques(dynamics.whole(arm[:, moving], motor[:, moving], bend[:, moving]))[held]
+        torque = np.asarray(make_interp_spline(time[coarse], needed, k=_SMOOTH)(time))
         gear = _gear_deflection(model, torque[:, n_joint:], period_s)
-        bend = make_interp_spline(time, gear - gear[0], k=_SMOOTH)
-        before = whole
-        angle = rest.position[0, model.motor] + (motion[0] + bend(time)) @ to_motor.T
-        rates = [(motion[order] + bend(time, nu=order)) @ to_motor.T for order in (1, 2)]
-        whole = angle, *rates
+        turned = make_interp_spline(time, gear - gear[0], k=_SMOOTH)
+        before, motor = motor, (arm + np.array([turned(time, nu=order) for order in range(3)])) @ to_motor.T
     viscous = np.array([joint.motor.friction.viscous_nms_rad for joint in model.robot.joints])
-    drive = torque[:, :n_joint] + inertia * (whole[2] - before[2]) + viscous * whole[1]
-    return MotorMotion(np.asarray(whole[0]), np.asarray(drive + torque[:, n_joint:] @ to_arm))
+    drive = torque[:, :n_joint] + model.robot.motor_inertia_kgm2 * (motor[2] - before[2]) + viscous * motor[1]
+    angle = rest.position[0, model.motor] + motor[0]
+    return MotorMotion(angle, np.asarray(drive + torque[:, n_joint:] @ model.robot.arm_per_motor))
 
 
-def _rigid_torques(model: ElasticModel, rest: Equilibrium, arm: FloatArray, motor: FloatArray) -> FloatArray:
-    """Torques (n_time, 2 n_joint) on motors and arm angles besides springs, further springs quasi-static [N m]."""
-    data = mujoco.MjData(model.mujoco)
+class _Dynamics:
+    """Rigid-body torques around one rest position."""
+
+    def __init__(self, model: ElasticModel, rest: Equilibrium) -> None:
+        self._model, self._data, self._rest = model.mujoco, mujoco.MjData(model.mujoco), rest.position[0]
+        self._motor, self._arm = model.motor, model.arm
+        self._elastic = np.setdiff1d(model.passive, model.arm)
+        rows = [int(np.flatnonzero(model.deflection[:, index])[0]) for index in self._elastic]
+        springs = [model.robot.springs[row] for row in rows]
+        self._linear = np.array([spring.stiffness_nm_rad for spring in springs])
+        self._cubic = np.array([spring.cubic_nm_rad3 for spring in springs])
+        self._name = model.robot.name
+
+    def whole(self, arm: FloatArray, motor: FloatArray, elastic: FloatArray | None = None) -> FloatArray:
+        """Puts coordinates, rates and accelerations (3, n_time, n_dof) together; positions count from rest."""
+        result = np.zeros((*arm.shape[:2], self._rest.size))
+        result[..., self._arm], result[..., self._motor] = arm, motor
+        if elastic is not None:
+            result[..., self._elastic] = elastic
+        result[0] += self._rest
+        return result
+
+    def torques(self, states: FloatArray) -> FloatArray:
+        """Torques (n_time, 2 n_joint) that motors and arm angles need besides those of the springs [N m]."""
+        wanted = np.concatenate([self._motor, self._arm])
+        return np.array([self._torque(*state)[wanted] for state in states.swapaxes(0, 1)])
+
+    def settle(self, states: FloatArray) -> FloatArray:
+        """Deflections (n_time, n_elastic) at which the further springs carry what the rigid motion asks [rad]."""
+        found = np.empty((states.shape[1], self._elastic.size))
+        deflection = self._rest[self._elastic].copy()
+        for sample, (position, rate, acceleration) in enumerate(states.swapaxes(0, 1)):
+            for _ in range(_STEPS):
+                position[self._elastic] = deflection
+                step = self._torque(position, rate, acceleration)[self._elastic]
+                step += self._linear * deflection + self._cubic * deflection**3
+                step /= self._linear + 3 * self._cubic * deflection**2
+                deflection -= step
+                if not step.size or np.abs(step).max() < _TOLERANCE_RAD:
+                    break
+            else:
+                remedy = "check stiffness values and payload of the robot"
+                raise DataError("its springs give way in the inverse dynamics", where=self._name, remedy=remedy)
+            found[sample] = deflection
+        return found
+
+    def _torque(self, position: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+        data, torque = self._data, np.empty(self._rest.size)
+        data.qpos[:], data.qvel[:], data.qacc[:] = position, rate, acceleration
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_comPos(self._model, data)
+        mujoco.mj_comVel(self._model, data)
+        mujoco.mj_rne(self._model, data, 1, torque)
+        return torque
+
+
+def _tool_effect(model: ElasticModel, rest: Equilibrium) -> FloatArray:
+    """Smallest arm turns (n_joint, n_elastic) that move the tool as deflections of the further springs do."""
+    data, moving = mujoco.MjData(model.mujoco), np.zeros((6, model.mujoco.nv))
+    data.qpos[:] = rest.position[0]
+    mujoco.mj_kinematics(model.mujoco, data)
+    mujoco.mj_comPos(model.mujoco, data)
+    site = model.mujoco.site(site_name(model.robot.sensors[0])).id
+    mujoco.mj_jacSite(model.mujoco, data, moving[:3], moving[3:], site)
+    moving[3:] *= _LEVER_M
     elastic = np.setdiff1d(model.passive, model.arm)
-    rows = [int(np.flatnonzero(model.deflection[:, index])[0]) for index in elastic]
-    springs = [model.robot.springs[row] for row in rows]
-    linear = np.array([spring.stiffness_nm_rad for spring in springs])
-    cubic = np.array([spring.cubic_nm_rad3 for spring in springs])
-    deflection = rest.position[0, elastic].copy()
-    torque, found = np.zeros(model.mujoco.nv), np.empty((arm.shape[1], 2 * len(model.arm)))
-    for sample in range(arm.shape[1]):
-        for values, which in ((data.qpos, 0), (data.qvel, 1), (data.qacc, 2)):
-            values[model.motor], values[model.arm] = motor[which, sample], arm[which, sample]
-        data.qpos[model.arm] += rest.position[0, model.arm]
-        for _ in range(_STEPS):
-            data.qpos[elastic] = deflection
-            mujoco.mj_kinematics(model.mujoco, data)
-            mujoco.mj_comPos(model.mujoco, data)
-            mujoco.mj_comVel(model.mujoco, data)
-            mujoco.mj_rne(model.mujoco, data, 1, torque)
-            step = torque[elastic] + linear * deflection + cubic * deflection**3
-            step /= linear + 3 * cubic * deflection**2
-            deflection -= step
-            if not step.size or np.abs(step).max() < _TOLERANCE_RAD:
-                break
-        else:
-            message = "the inverse dynamics find no deflections; the springs give way"
-            raise DataError(message, where=model.robot.name, remedy="check stiffness values and payload of the robot")
-        found[sample] = np.concatenate([torque[model.motor], torque[model.arm]])
-    return found
+    return np.asarray(np.linalg.pinv(moving[:, model.arm], rcond=_SINGULAR) @ moving[:, elastic])
 
 
 def _gear_deflection(model: ElasticModel, torque: FloatArray, period_s: float) -> FloatArray:
@@ -131,6 +173,8 @@ def _gear_deflection(model: ElasticModel, torque: FloatArray, period_s: float) -
 
 def _bend(torque: FloatArray, linear: FloatArray, cubic: FloatArray, start: FloatArray) -> FloatArray:
     """Solves `linear d + cubic d^3 = torque` by Newton steps."""
+    if not cubic.any():
+        return np.asarray(torque / linear)
     deflection = start
     for _ in range(_STEPS):
         step = (linear * deflection + cubic * deflection**3 - torque) / (linear + 3 * cubic * deflection**2)

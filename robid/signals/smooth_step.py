@@ -1,4 +1,4 @@
-"""A smooth step: a ramp of bounded speed whose acceleration, jerk and snap are continuous."""
+"""A smooth step: a ramp of bounded speed whose first six derivatives are continuous."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import numpy as np
 
 from robid.arrays import FloatArray
 
-PEAK_ACCELERATION = 8 / 3
+PEAK_ACCELERATION = 3.3
 """Largest acceleration over `speed / ramp_s`."""
 
-PEAK_SNAP = 128.0
+PEAK_SNAP = 216.0
 """Largest second derivative of the acceleration over `speed / ramp_s^3`."""
 
-_BOXES = 4
+_BOXES = 6
 
 
 def smooth_step(time_s: FloatArray, size: float, speed: float, ramp_s: float) -> FloatArray:
     """Samples a step that moves at a constant speed between two ramps.
 
-    The speed is a rectangle of the step's size smoothed by four equal boxes, so that an inverse that
-    differentiates the acceleration twice stays continuous.
+    The speed is a rectangle of the step's size smoothed by six equal boxes, so that an inverse that
+    differentiates the acceleration four times stays continuous.
 
     Args:
         time_s (n_time,): Times; the step begins at 0 [s].
@@ -49,6 +49,6 @@ def _ramp(time_s: FloatArray, ramp_s: float) -> FloatArray:
     result = np.zeros((3, within.size))
     for box in range(_BOXES + 1):
         part, sign = np.maximum(within - box, 0.0), (-1) ** box * comb(_BOXES, box)
-        result += sign * np.array([width * part**5 / 120, part**4 / 24, part**3 / (6 * width)])
+        result += sign * np.array([width * part**7 / 5040, part**6 / 720, part**5 / (120 * width)])
     result[0] += late
     return result

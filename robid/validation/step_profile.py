@@ -38,7 +38,7 @@ class StepOptions:
         metadata={"description": "Share of the torque limits that a step may need; feedback has the rest.", "gt": 0},
     )
     shortest_ramp_s: float = field(
-        default=0.02, metadata={"description": "Shortest time in which a step reaches its speed [s].", "gt": 0}
+        default=0.1, metadata={"description": "Shortest time in which a step reaches its speed [s].", "gt": 0}
     )
     duration_s: float = field(
         default=1.0, metadata={"description": "Time that is compared, from the beginning of a step [s].", "gt": 0}

@@ -31,7 +31,7 @@ class StepResponses:
         axes: Name of each stepped axis.
         configurations (n_conf, n_joint): Arm-side angles at rest [rad].
         move_s (n_conf, n_axis): How long the commanded move lasts [s].
-        path (n_conf, n_axis, n_time, 3): Displacement of the tool point if the arm followed the command [m].
+        path (n_conf, n_axis, n_time, 3): Displacement of the tool point of a rigid robot [m].
         tool_true (..., n_time, 3): Displacement of the true robot's tool point [m].
         tool_model (..., n_time, 3): Displacement that the model predicts [m].
         torque_true (..., n_time): Torque command of the stepped axis, true robot [N m].
@@ -77,7 +77,7 @@ class StepResponses:
             after = self.time_s >= self.move_s[configuration, axis]
             shown = self.tool_true[:, configuration, axis, after]
             basis = np.linalg.qr(np.vander(self.time_s[after], _TREND + 1))[0]
-            left = shown - np.einsum("ti,si,msc->mtc", basis, basis, shown)
+            left = shown - basis @ (basis.T @ shown)
             result[:, configuration, axis] = np.sqrt((left**2).sum(axis=-1).mean(axis=-1))
         return result
 
@@ -130,9 +130,9 @@ def step_responses(
 ) -> StepResponses:
     """Steps every axis in turn in every configuration, on the true robot and on the models.
 
-    Each model turns the commanded arm motion, the same for all, into motor motion and feed-forward torque by
-    inverting its flexible joints: gravity, inertia, viscous and, where the simulated robot has it, Coulomb
-    friction. The true robot and the model itself then run under this feed-forward and the same feedback.
+    Each model turns the commanded motion, the same for all, into motor motion and feed-forward torque by inverting
+    its flexible joints: gravity, inertia, viscous and, where the simulated robot has it, Coulomb friction. The true
+    robot and the model itself then run under this feed-forward and the same feedback.
 
     Args:
         true: The true robot, without the imperfections.
