@@ -17,6 +17,7 @@ _STEPS = 30
 _TOLERANCE_RAD = 1e-11
 _SINGULAR = 0.05  # no arm turns from directions that move the tool less than this share of the best one
 _LEVER_M = 0.5  # turns of the tool count by what they do at this distance
+_SETTLED = 30  # time constants
 _SMOOTH = 5  # degree of the splines that are differentiated twice
 
 
@@ -63,8 +64,10 @@ def inverse_motion(
     time = period_s * np.arange(n_time)
     coarse = np.unique(np.append(np.arange(0, n_time, stride), n_time - 1))
     busy = np.flatnonzero(motion[1:, coarse].any(axis=(0, 2)))
-    # Nothing changes before and after the move.
-    held = np.clip(np.arange(coarse.size), max(busy[0] - 1, 0), min(busy[-1] + 2, coarse.size - 1))
+    # Nothing changes before the move, nor after it once the dampers have let go.
+    lag = max(spring.damping_nms_rad / spring.stiffness_nm_rad for spring in model.robot.springs)
+    late = busy[-1] + 2 + round(_SETTLED * lag / (stride * period_s))
+    held = np.clip(np.arange(coarse.size), max(busy[0] - 1, 0), min(late, coarse.size - 1))
     moving, held = coarse[held[0] : held[-1] + 1], held - held[0]
     dynamics = _Dynamics(model, rest)
     elastic = dynamics.settle(dynamics.whole(motion[:, moving], motion[:, moving] @ to_motor.T))
