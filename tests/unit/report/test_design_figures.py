@@ -106,7 +106,8 @@ def test_names_and_points_must_agree():
 def test_arms_and_bars_are_drawn_in_a_browser(tmp_path):
     page = tmp_path / "report.html"
     write_report(page, page_of(Section("Design", figures=figures(), columns=2)))
-    flags = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync")
+    drawing = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+    flags = ("--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync", *drawing)
     quiet = ("--disable-background-networking", "--disable-component-update", "--enable-logging=stderr")
     command = [CHROMIUM, *flags, *quiet, "--virtual-time-budget=8000", f"--user-data-dir={tmp_path / 'profile'}"]
     done = subprocess.run(
