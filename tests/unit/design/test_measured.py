@@ -102,6 +102,7 @@ def test_weights_scale_the_information(frf):
     np.testing.assert_allclose(halved, 0.5 * measured_information(ROBOT, frf, DELAY_S)[0], rtol=1e-6)
     weights = np.random.default_rng(3).uniform(0.1, 1, frf.response.shape)
     plain = replace(frf, input_factor=np.eye(2) + 0 * frf.input_factor, total_covariance=np.eye(2) + 0 * frf.covariance)
+    plain = replace(plain, element_scale=np.ones(frf.element_scale.shape))
     less = replace(plain, element_scale=1 / weights.mean(axis=1))
     even = np.broadcast_to(weights.mean(axis=1)[:, None], weights.shape)
     expected = measured_information(ROBOT, less, DELAY_S)[0]
