@@ -97,9 +97,10 @@ def test_exchange_never_loses_to_greedy_and_sometimes_wins():
 
 
 @pytest.mark.parametrize("criterion", ["d", "a", "e"])
-def test_screening_by_slopes_leaves_no_gaining_move(criterion):
-    problem = make_exchange(random_parts(25, 2, 4, seed=7), 6, criterion=criterion)
-    counts = problem.improved(problem.greedy(np.zeros(25, int)))
+@pytest.mark.parametrize("seed", range(6))
+def test_screening_by_slopes_leaves_no_gaining_move(criterion, seed):
+    problem = make_exchange(random_parts(25, 2, 4, seed), 6, criterion=criterion)
+    counts = problem.improved(as_counts(range(6), 25))
     reached = problem.worth(counts)
     for taken in np.flatnonzero(counts):
         for other in np.flatnonzero(counts == 0):

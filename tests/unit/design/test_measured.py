@@ -71,8 +71,8 @@ def test_no_weights_of_a_fit_beat_the_optimal_ones(frf):
 
 
 def test_independent_relative_errors_are_the_assumed_noise(frf):
-    matrices, names = measured_information(ROBOT, frf, DELAY_S, model_error=1.0)
-    assumed, known = candidate_information(ROBOT, CONFIGURATIONS, frf.frequency_hz, 1e-3, DELAY_S, 1.0)
+    matrices, names = measured_information(ROBOT, frf, DELAY_S, model_error=2.0)
+    assumed, known = candidate_information(ROBOT, CONFIGURATIONS, frf.frequency_hz, 1e-3, DELAY_S, 2.0)
     assert names == known
     np.testing.assert_allclose(matrices, assumed, rtol=1e-3)
 
