@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 from robid.design.options import DesignOptions
 from robid.design.plan import Plan, checked_plan, choose_counts
-from robid.design.seen import check_candidates, checked_scale, is_regular
+from robid.design.seen import check_different, check_finite, checked_scale, is_regular
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
 
@@ -153,9 +153,10 @@ def design_configurations(
     price = np.ones(n_conf) if cost is None else cost
     known = np.zeros((n_param, n_param)) if prior is None else prior
     experiments, budget = checked_plan(options, price)
-    check_candidates(draws)
+    check_finite(draws)
     for draw in draws:
         scale = checked_scale(known + draw.mean(axis=0), parameter_names, "the candidates", _FIX)
+    check_different(draws)
     if options.criterion != "d":
         # The other criteria depend on the parameters' scale: that of the log-parameters stays.
         scale = np.full(n_param, scale.mean())
@@ -204,7 +205,7 @@ def next_configuration(matrices: FloatArray, prior: FloatArray, parameter_names:
         DataError: If the information is not finite, or what is known leaves a combination of parameters unseen.
     """
     draws = matrices if matrices.ndim == 4 else matrices[None]
-    check_candidates(draws)
+    check_finite(draws)
     remedy = "Choose configurations without prior first, or fix one of the named parameters in each combination."
     scale = checked_scale(prior, parameter_names, "the earlier experiments", remedy)
     unit = scale[:, None] * scale
