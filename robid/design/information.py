@@ -39,6 +39,8 @@ class ConfigurationDesign:
             numbers promise together.
         parameter_names: Names of the parameters.
         configurations (n_conf, n_joint): The candidates' arm-side joint angles [rad].
+        cost_s (n_conf,): Cost of one experiment in each candidate [s]; None where they cost the same.
+        stability: Whether the choice would come out the same; None without other information to choose by.
     """
 
     weights: FloatArray
@@ -55,6 +57,26 @@ class ConfigurationDesign:
     predicted_relative_std: FloatArray
     parameter_names: tuple[str, ...]
     configurations: FloatArray
+    cost_s: FloatArray | None = None
+    stability: Stability | None = None
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Choices by other information than the one that was used, see `robid.design.stability`.
+
+    Attributes:
+        source: Where that comes from: `realizations` (each half of them) or `draws` (each one alone).
+        kept (n_trial,): Share of the chosen configurations that each trial chooses too.
+        efficiency (n_trial,): Efficiency of each trial's choice by information that it did not use: the other half, or
+            the mean over all draws.
+        chosen_often (n_conf,): Share of the trials that choose each candidate.
+    """
+
+    source: str
+    kept: FloatArray
+    efficiency: FloatArray
+    chosen_often: FloatArray
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,14 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, check_shape
 from robid.design.information import FittedInformation
-from robid.errors import DataError, SettingsError
+from robid.design.wanted import NUISANCE, choose_parameters, eliminated
+from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import ElasticModel, build_model
-from robid.robot.names import element_names
-from robid.robot.response import ElasticParameters, nominal_parameters, response
-
-LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
-"""Kinds whose log-parameters a design can be about."""
-_NUISANCE = ("viscous", "delay")
+from robid.robot.response import nominal_parameters, response
 
 
 class _Derivatives:
@@ -35,20 +31,14 @@ class _Derivatives:
         fixed: Sequence[str],
         model_error: float,
     ) -> None:
-        _check(robot, frf, kinds, nuisance)
+        _check_inputs(robot, frf)
+        self.wanted = choose_parameters(robot, kinds, nuisance, fixed)
+        self.names = self.wanted.names
         self.model: ElasticModel = build_model(robot)
         self.frf, self.delay_s, self.model_error = frf, delay_s, model_error
-        self.kinds = (*dict.fromkeys(kinds), *dict.fromkeys(nuisance))
-        every = [(kind, name) for kind in self.kinds for name in element_names(robot, kind) if name is not None]
-        unknown = [name for name in fixed if name not in {known for _, known in every}]
-        if unknown:
-            message = f"`fixed` names {', '.join(unknown)}, which nothing estimates"
-            raise SettingsError(message, where="design.fixed", remedy="correct `fixed`, or the kinds of parameters")
-        self.columns = np.array([name not in fixed for _, name in every])
-        self.names = tuple(name for kind, name in every if kind in kinds and name not in fixed)
         with np.errstate(divide="ignore"):
             known = 1 / frf.coefficient_relative_std**2
-        free = int(self.columns.sum())
+        free = int(self.wanted.columns.sum())
         self.precision = np.concatenate([np.zeros(free), np.where(np.isfinite(known), known, 0.0)])
 
     def at(self, index: int) -> tuple[ComplexArray, ComplexArray]:
@@ -61,8 +51,8 @@ class _Derivatives:
         linear = linearize(self.model, position, frf.output_names)
         nominal = nominal_parameters(self.model.robot, linear, self.delay_s)
         result = response(linear, nominal, frf.frequency_hz, frf.hold_period_s)
-        plain = jacobian(linear, nominal, result, self.kinds, frf.hold_period_s)[0]
-        plain = (plain * _scales(nominal, self.kinds, frf.sampling_period_s))[..., self.columns]
+        plain = jacobian(linear, nominal, result, self.wanted.kinds, frf.hold_period_s)[0]
+        plain = plain[..., self.wanted.columns] * self.wanted.scales(nominal, frf.sampling_period_s)
         friction = np.moveaxis(frf.sensitivity[index], 0, -1)
         own = np.concatenate([plain, friction], axis=-1) / result.sampled[0][..., None]
         size = _stacked(result.sampled[0])
@@ -78,7 +68,7 @@ def measured_information(
     delay_s: float,
     *,
     kinds: Sequence[str] = ("stiffness", "damping"),
-    nuisance: Sequence[str] = _NUISANCE,
+    nuisance: Sequence[str] = NUISANCE,
     fixed: Sequence[str] = (),
     weights: FloatArray | None = None,
     model_error: float = 0.0,
@@ -123,7 +113,7 @@ def measured_information(
         root = np.linalg.cholesky(np.where(both, covariance, np.eye(used.shape[1])))
         rows = np.linalg.solve(root, np.sqrt(weight)[..., None] * own).reshape(-1, own.shape[-1])
         found = 2 * np.real(rows.conj().T @ rows) * ((freedom - n_out) / freedom if corrected else 1.0)
-        matrices.append(_eliminated([found], derivatives.precision, len(derivatives.names))[0])
+        matrices.append(eliminated([found], derivatives.precision, len(derivatives.names))[0])
     return np.array(matrices), derivatives.names
 
 
@@ -134,7 +124,7 @@ def fitted_information(
     weights: FloatArray,
     *,
     kinds: Sequence[str] = ("stiffness", "damping"),
-    nuisance: Sequence[str] = _NUISANCE,
+    nuisance: Sequence[str] = NUISANCE,
     fixed: Sequence[str] = (),
     model_error: float = 0.0,
 ) -> tuple[FittedInformation, tuple[str, ...]]:
@@ -171,21 +161,10 @@ def fitted_information(
         n_all = own.shape[-1]
         bread = 2 * np.real(own.reshape(-1, n_all).conj().T @ weighted.reshape(-1, n_all))
         meat = 2 * np.real(weighted.reshape(-1, n_all).conj().T @ (covariance @ weighted).reshape(-1, n_all))
-        both = _eliminated([bread, meat], derivatives.precision, len(derivatives.names))
+        both = eliminated([bread, meat], derivatives.precision, len(derivatives.names))
         breads.append(both[0])
         meats.append(both[1])
     return FittedInformation(np.array(breads), np.array(meats)), derivatives.names
-
-
-def _eliminated(matrices: list[FloatArray], precision: FloatArray, count: int) -> list[FloatArray]:
-    """Matrices (count, count) with the nuisances at their best for the first matrix, prior precision included."""
-    whole = [matrix + np.diag(precision) for matrix in matrices]
-    nuisance, mixed = whole[0][count:, count:], whole[0][count:, :count]
-    # In units of each nuisance's own effect: seconds and newton metres differ by many decades.
-    scale = np.sqrt(np.where(np.diag(nuisance) > 0, np.diag(nuisance), 1.0))
-    inverse = np.linalg.pinv(nuisance / (scale[:, None] * scale), rcond=1e-13, hermitian=True)
-    follow = np.vstack([np.eye(count), -(inverse @ (mixed / scale[:, None])) / scale[:, None]])
-    return [follow.T @ matrix @ follow for matrix in whole]
 
 
 def _importance(frf: Frf, weights: FloatArray | None) -> FloatArray:
@@ -202,21 +181,7 @@ def _stacked(values: FloatArray) -> FloatArray:
     return values.swapaxes(-1, -2).reshape(*values.shape[:-2], -1)
 
 
-def _scales(nominal: ElasticParameters, kinds: Sequence[str], period_s: float) -> FloatArray:
-    """Scale (n_all,) of each parameter: its value, or of a linear nuisance what is natural to it."""
-    natural = {"viscous": 2 * np.pi * nominal.motor_inertia, "delay": np.array([period_s])}
-    return np.concatenate([natural[kind] if kind in natural else getattr(nominal, kind) for kind in kinds])
-
-
-def _check(robot: Robot, frf: Frf, kinds: Sequence[str], nuisance: Sequence[str]) -> None:
-    wrong = [kind for kind in kinds if kind not in LOGARITHMIC]
-    wrong += [kind for kind in nuisance if kind not in (*LOGARITHMIC, *_NUISANCE)]
-    if wrong:
-        message = f"configurations cannot be designed for {', '.join(wrong)}"
-        raise SettingsError(message, where="design", remedy=f"choose among {', '.join((*LOGARITHMIC, *_NUISANCE))}")
-    if twice := set(kinds) & set(nuisance):
-        message = f"{', '.join(sorted(twice))} cannot be both wanted and a nuisance"
-        raise SettingsError(message, where="design", remedy="name each kind once")
+def _check_inputs(robot: Robot, frf: Frf) -> None:
     motors = tuple(joint.name for joint in robot.joints)
     if frf.input_names != motors:
         message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
