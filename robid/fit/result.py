@@ -61,7 +61,7 @@ def make_solution(
     covariance = structured_covariance(problem, found) * max(1.0, excess)
     covariance += load_doubt(problem, internal, found.inverse, found.weighted)
     error = estimate_model_error(problem, internal, found)
-    if error is not None and error.share_above > _MANY_ABOVE:
+    if error is not None and max(error.share_above, error.share_correlated) > _MANY_ABOVE:
         covariance = _widened(problem, internal, covariance, options.confidence)
     values, relative = parameters.values(internal), _relative(parameters, internal)
     deviation = np.sqrt(np.diag(covariance))
