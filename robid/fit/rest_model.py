@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.fft
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.options import ElasticOptions
+from robid.fit.shape import Swinging, line_frequencies, spring_compliance, swing_shape
 from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
@@ -17,7 +17,7 @@ from robid.robot.expand import expand, with_springs_at
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.names import element_names
-from robid.robot.response import ElasticParameters, hold_factor, nominal_parameters, response
+from robid.robot.response import ElasticParameters, hold_factor, motion_matrices, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
 
 _PASSES = 3
@@ -49,11 +49,11 @@ def rest_model(
         nominal = nominal_parameters(placed, model, delay_s) if values is None else values
         load = spring_load(robot, frf, model, nominal)
         for _ in range(_PASSES if springs.cubic.any() else 0):
-            rest = _loaded(model, frf, load).rest
+            rest = replace(model.rest, power=load.power, omega=2 * np.pi * frf.frequency_hz)
             swing = swing_of(rest, springs, settle_springs(rest, springs).stiffness)
             equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic, swing.variance)
             model = linearize(elastic, equilibrium, names)
-        model = _loaded(model, frf, load)
+        model = _loaded(model, frf, load, nominal)
     movable = element_names(robot, "location") if "location" in options.free else []
     located = np.array([index for index, name in enumerate(movable) if name is not None], int)
     if options.statics == "updates" and located.size == 0:
@@ -67,11 +67,15 @@ class SpringLoad:
 
     Attributes:
         power (n_conf, n_freq, n_spring): Mean square torque per excited line [(N m)^2].
-        shape (n_conf, n_spring): See `Rest.shape`.
+        through (n_conf, n_freq, n_gear, n_block): Torque through each transmission, DFT sums over samples [N m].
+        gears (n_gear,): Indices of the transmissions.
+        told (n_conf, n_freq, n_gear): How much each line of the response says of each of them.
     """
 
     power: FloatArray
-    shape: FloatArray
+    through: ComplexArray
+    gears: IntArray
+    told: FloatArray
 
 
 def spring_load(robot: Robot, frf: Frf, model: LinearModel, values: ElasticParameters) -> SpringLoad:
@@ -103,12 +107,9 @@ def spring_load(robot: Robot, frf: Frf, model: LinearModel, values: ElasticParam
     through = np.linalg.inv(robot.arm_per_motor.T) @ left @ frf.torque_amplitude
     gears = [index for index, spring in enumerate(robot.springs) if spring.place == "transmission"]
     through = through[:, :, [robot.springs[index].joint for index in gears]]
-    load = SpringLoad(np.zeros((*through.shape[:2], len(robot.springs))), np.ones(model.rest.deflection.shape))
-    load.power[:, :, gears] = np.nanmean(2 * np.abs(through) ** 2, axis=-1)
-    dynamic = values.stiffness[gears] + 1j * omega[:, None] * values.damping[gears]
-    told = _sensitivity(frf, model, values)[:, :, gears]
-    load.shape[:, gears] = [_shape(x, frf.lines, w) for x, w in zip(through / dynamic[..., None], told, strict=True)]
-    return load
+    power = np.zeros((*through.shape[:2], len(robot.springs)))
+    power[:, :, gears] = np.nanmean(2 * np.abs(through) ** 2, axis=-1)
+    return SpringLoad(power, through, np.array(gears), _sensitivity(frf, model, values)[:, :, gears])
 
 
 def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters) -> FloatArray:
@@ -118,24 +119,30 @@ def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters) -> Flo
     return np.asarray((np.abs(slopes / found.sampled[..., None]) ** 2).sum(axis=(2, 3)))
 
 
-def _shape(amplitude: ComplexArray, lines: IntArray, weight: FloatArray) -> FloatArray:
-    """Shape (n_spring,) of deflections (n_freq, n_spring, n_block), a mean over the lines with weights.
-
-    At one line, the cube of a deflection regressed on the deflection, over three times its mean square.
-    """
-    known = amplitude[:, :, np.isfinite(amplitude).all(axis=(0, 1))]
-    count = scipy.fft.next_fast_len(4 * int(lines.max()) + 1, real=True)
-    spectrum = np.zeros((count // 2 + 1, *known.shape[1:]), complex)
-    spectrum[lines] = known
-    signal = scipy.fft.irfft(spectrum, count, axis=0) * count
-    cube = scipy.fft.rfft(signal**3, axis=0)[lines] / count
-    slope = np.real(cube * known.conj()).sum(axis=-1) / (np.abs(known) ** 2).sum(axis=-1)
-    return np.asarray((weight * slope).sum(axis=0) / weight.sum(axis=0) / (3 * (signal**2).mean(axis=(0, 2))))
-
-
-def _loaded(model: LinearModel, frf: Frf, load: SpringLoad) -> LinearModel:
-    rest = replace(model.rest, power=load.power, shape=load.shape, omega=2 * np.pi * frf.frequency_hz)
-    return replace(model, rest=rest)
+def _loaded(model: LinearModel, frf: Frf, load: SpringLoad, values: ElasticParameters) -> LinearModel:
+    """The model with what the excitation does to its springs."""
+    omega = 2 * np.pi * frf.frequency_hz
+    bare = replace(model, rest=replace(model.rest, power=load.power, omega=omega))
+    springs = settle_springs(bare.rest, values.springs)
+    every = line_frequencies(frf.frequency_hz, frf.lines)
+    shape = np.ones(springs.stiffness.shape)
+    for c in range(len(shape)):
+        own = motion_matrices(bare, values, c)
+        compliance = spring_compliance(own, model.n_motor + load.gears, every)
+        for gear, spring in enumerate(load.gears.tolist()):
+            dynamic = springs.stiffness[c, spring] + 1j * omega * values.damping[spring]
+            amplitude = load.through[c, :, gear] / dynamic[:, None]
+            swinging = Swinging(
+                rest=springs.deflection[c, spring],
+                cubic=values.cubic[spring],
+                amplitude=amplitude[:, np.isfinite(amplitude).all(axis=0)],
+                lines=frf.lines,
+                compliance=compliance[:, gear],
+            )
+            shape[c, spring] = swing_shape(swinging, load.told[c, :, gear])
+    # Where a softening spring gives way, later iterates may hold.
+    shape = np.where(np.isfinite(shape), shape, 1.0)
+    return replace(bare, rest=replace(bare.rest, shape=shape))
 
 
 def _nominal_springs(robot: Robot) -> SpringValues:

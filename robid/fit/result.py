@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.stats import norm
+from scipy.stats import t as student
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.bootstrap import Map, bootstrap
@@ -16,6 +17,7 @@ from robid.fit.problem import Problem
 from robid.fit.solution import Solution
 from robid.fit.uncertainty import (
     Influence,
+    configuration_covariance,
     influence,
     realization_covariance,
     realization_shifts,
@@ -28,6 +30,7 @@ _NEEDLESS_FACTOR = 1e3
 _LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
+_FEW_CONFIGURATIONS = 4
 _MANY_ABOVE = 0.25  # of the elements, where 0.05 are expected
 
 
@@ -57,11 +60,13 @@ def make_solution(
     found = influence(problem, internal)
     covariance = structured_covariance(problem, found) * max(1.0, excess)
     covariance += load_doubt(problem, internal, found.inverse, found.weighted)
+    error = estimate_model_error(problem, internal, found)
+    if error is not None and max(error.share_above, error.share_correlated) > _MANY_ABOVE:
+        covariance = _widened(problem, internal, covariance, options.confidence)
     values, relative = parameters.values(internal), _relative(parameters, internal)
     deviation = np.sqrt(np.diag(covariance))
     reach = norm.ppf(0.5 + 0.5 * options.confidence) * deviation
     predicted_relative = predicted * _predicted_relative(parameters)
-    error = estimate_model_error(problem, internal, found)
     structural = np.minimum(relative, 1.0) * (np.array(parameters.kind_of) != "friction")
     limit = options.identifiable_relative_std
     scaled = problem.normal(internal).hessian
@@ -105,6 +110,21 @@ def make_solution(
         model_error=error,
         **_from_realizations(problem, options, internal, found, parallel_map),
     )
+
+
+def _widened(problem: Problem, internal: FloatArray, covariance: FloatArray, confidence: float) -> FloatArray:
+    """The covariance of a model that lacks something: no deviation is below what single configurations change.
+
+    Deviations are taken apart by the ratio of Student's and the normal quantile, as the intervals use the latter.
+    """
+    n_conf = len(problem.weight)
+    if n_conf < _FEW_CONFIGURATIONS:
+        return covariance
+    tail = 0.5 + 0.5 * confidence
+    apart = student.ppf(tail, n_conf - 1) / norm.ppf(tail)
+    least = apart * np.sqrt(np.diag(configuration_covariance(problem, internal)))
+    factor = np.maximum(1.0, least / np.sqrt(np.diag(covariance)))
+    return np.asarray(covariance * np.outer(factor, factor))
 
 
 def _from_realizations(
@@ -207,7 +227,7 @@ def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error:
     if excess > _POOR_MODEL:
         advice.append(
             f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "
-            "something; intervals are widened by that factor"
+            "something; intervals are widened by that factor, or to what leaving out one configuration changes"
         )
     level = 0.0 if error is None or error.share_above <= _MANY_ABOVE else float(np.median(error.level[error.level > 0]))
     if error is not None and level > float(np.median(problem.model_error)):

@@ -9,6 +9,8 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.problem import Problem
 
+_LONGEST_STEP = 1.0  # of an internal parameter; beyond, nothing is linear
+
 
 @dataclass(frozen=True)
 class Influence:
@@ -87,6 +89,31 @@ def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
     moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
     meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + error.conj().T @ error)
     return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
+
+
+def configuration_covariance(problem: Problem, internal: FloatArray) -> FloatArray:
+    """Covariance (n_param, n_param) that leaving out one configuration after the other gives, to first order.
+
+    It needs no model of the errors, only that those of different configurations are independent: what a model lacks
+    in the same way at many lines moves the parameters differently in each configuration. Few configurations make it
+    uncertain: it has one degree of freedom less than their number.
+
+    Args:
+        problem: The problem, at its minimum.
+        internal (n_param,): The minimum.
+
+    Source:
+        Jackknife over clusters, the CR3 of MacKinnon, Nielsen and Webb (2023).
+    """
+    error, derivative = problem.linear(internal)
+    n_conf, n_param = len(error), derivative.shape[-1]
+    rows = derivative.reshape(n_conf, -1, n_param)
+    weighted = problem.fully_weighted(derivative).reshape(rows.shape).conj()
+    each = np.real(np.swapaxes(weighted, 1, 2) @ rows)
+    pull = np.real(np.swapaxes(weighted, 1, 2) @ error.reshape(n_conf, -1, 1))
+    whole = each.sum(axis=0) + np.diag(0.5 / problem.parameters.prior_std**2)
+    moved = np.clip(np.linalg.solve(whole - each, pull)[..., 0], -_LONGEST_STEP, _LONGEST_STEP)
+    return np.asarray((n_conf - 1) / n_conf * moved.T @ moved)
 
 
 def realization_shifts(problem: Problem, found: Influence) -> FloatArray | None:

@@ -44,8 +44,8 @@ class Rest:
         location (3 n_spring,): Locations of the springs, in their joints' frames [m].
         power (n_conf, n_line, n_spring): Mean square torque that the excitation sends through each spring [(N m)^2].
         omega (n_line,): Angular frequencies of these [rad/s].
-        shape (n_conf, n_spring): The swing's effect on the slope over that of a normal signal: for all of it
-            `E[x^4] / (3 E[x^2]^2)`.
+        shape (n_conf, n_spring): The swing's effect on the slope over that of a normal signal: `E[x^4] / (3 E[x^2]^2)`,
+            less what mixes back from lines that are not excited.
         moves: How the linearised matrices move; None where they are taken as constant.
     """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
 from statistics import fmean, median
 
@@ -28,7 +29,25 @@ def summarize(gathered: Gathered) -> dict[str, float]:
     for name, validation in gathered.validations.items():
         for key in _VALIDATION:
             found[f"fits.{name}.validation.{key}"] = float(getattr(validation, key))
-    return found
+    return found | _cubic(content.fits, found)
+
+
+def _cubic(fits: Sequence[FitContent], found: dict[str, float]) -> dict[str, float]:
+    """What cubic springs are worth: excess cost over that of a linear fit in the same campaign, and the worst of all.
+
+    A ratio below zero says that the cubic model costs less than noise alone gives.
+    """
+    excess = {fit.name: sum(row.excess or 0.0 for row in fit.validation_costs) for fit in fits if fit.validation_costs}
+    cubic = {fit.name for fit in fits if any(row.kind == "cubic" for row in fit.parameters)}
+    campaign = {fit.name: fit.validation_campaign for fit in fits}
+    ratios: dict[str, float] = {}
+    for name in sorted(cubic & excess.keys()):
+        linear = [excess[other] for other in excess.keys() - cubic if campaign[other] == campaign[name]]
+        if linear and min(linear) > 0:
+            ratios[f"fits.{name}.cubic.cost_ratio"] = excess[name] / min(linear)
+    errors = [value for key, value in found.items() if key.endswith(".cubic.max_relative_error")]
+    worst = {"cubic.max_relative_error": errors, "cubic.cost_ratio": list(ratios.values())}
+    return ratios | {key: max(values) for key, values in worst.items() if values}
 
 
 def _fit(fit: FitContent) -> dict[str, float]:

@@ -104,7 +104,8 @@ def validate_elastic(
     motors' own responses are off by at most 1 dB in the median. The reference is the largest of the fit's own
     average cost, the cost that noise alone gives there, and 1, what noise and the model error that the weights
     declare cost together. So a model is not blamed for noise nor for errors within its declaration; one that
-    fits its own data badly is caught by the second condition.
+    fits its own data badly is caught by the second condition. Below it, such a model still predicts responses, but
+    its parameters may be off by more than their intervals, which the verdict then says.
 
     Args:
         robot: The robot file that the fit started from.
@@ -131,7 +132,8 @@ def validate_elastic(
     per_element = cost / elements
     worst = int(np.argmax(per_element))
     estimation = _estimation_cost(solution, options)
-    ratio = float(per_element[worst] / max(estimation, expected[worst] / elements[worst], 1.0))
+    allowed = max(expected[worst] / elements[worst], 1.0)
+    ratio = float(per_element[worst] / max(estimation, allowed))
     error = _errors_db(problem, fitted.measured, modelled)
     median_db = float(np.nanmedian(error))
     recovery = recover(solution, truth or {})
@@ -164,7 +166,7 @@ def validate_elastic(
         springs_within=recovery.springs_within,
         springs_known=recovery.springs_known,
         ok=ok,
-        verdict=_verdict(ratio, worst, cost.size, median_db, ok=ok),
+        verdict=_verdict(ratio, worst, cost.size, median_db, estimation / allowed, ok=ok),
     )
 
 
@@ -207,11 +209,19 @@ def _median(error: FloatArray) -> FloatArray:
     return np.asarray(np.where(empty, np.nan, np.nanmedian(filled, axis=1)))
 
 
-def _verdict(ratio: float, worst: int, count: int, median_db: float, *, ok: bool) -> str:
+def _verdict(ratio: float, worst: int, count: int, median_db: float, own: float, *, ok: bool) -> str:
+    """Says what `ok` says; `own` is the fit's own average cost over what is allowed in the worst configuration."""
     where = f"{count} new configurations" if count > 1 else "a new configuration"
     place = f" (configuration {worst + 1})" if count > 1 else ""
+    allowed = "what noise and the assumed model error allow"
+    said = (
+        f"{'holds' if ok else 'does not hold'} in {where}: worst cost {ratio:.2g} of "
+        f"{allowed if own <= 1 else 'the average where it was fitted'}{place}, limit {_COST_RATIO_LIMIT:g}; "
+        f"motors' own responses off by {median_db:.2g} dB in the median, limit {_MEDIAN_LIMIT_DB:g} dB"
+    )
+    if own <= _COST_RATIO_LIMIT:
+        return said
     return (
-        f"{'holds' if ok else 'does not hold'} in {where}: worst cost {ratio:.2g} of what noise and the assumed model "
-        f"error allow{place}, limit {_COST_RATIO_LIMIT:g}; motors' own responses off by {median_db:.2g} dB in the "
-        f"median, limit {_MEDIAN_LIMIT_DB:g} dB"
+        f"{said}. Where it was fitted, it costs {own:.2g} of {allowed}: it lacks something, and its parameters may be "
+        "off by more than their intervals say"
     )

@@ -33,6 +33,7 @@ def reseeded(name, seed, folder):
         simulate = plain["campaigns"][campaign]["source"]["simulate"]
         simulate["seed"] = 10 * seed + number
         simulate["truth"]["seed"] = seed
+    plain["fits"]["elastic"]["bootstrap"] = 100
     path = folder / f"{seed}.yaml"
     with path.open("w") as stream:
         yaml.dump(plain, stream)
@@ -51,7 +52,7 @@ def parameters(folder):
 
 
 def test_ten_seeds_recover_springs_and_intervals_hold(tmp_path):
-    within, covered, half_width, starts = [], {}, [], []
+    within, covered, repeated, half_width, starts = [], {}, [], [], []
     for seed in SEEDS:
         folder = tmp_path / f"run{seed}"
         assert run_command(["run", str(reseeded("kr300.yaml", seed, tmp_path)), "--run-dir", str(folder)]) == 0
@@ -63,16 +64,19 @@ def test_ten_seeds_recover_springs_and_intervals_hold(tmp_path):
         for name, row in rows.items():
             if row["identifiable"] and row.get("truth") is not None:
                 covered.setdefault(name, []).append(row["lower"] <= row["truth"] <= row["upper"])
+                repeated.append(row["bootstrap_lower"] <= row["truth"] <= row["bootstrap_upper"])
         summary = json.loads((folder / "summary.json").read_text())
         starts.append(summary["fits.elastic.starts_at_best"])
         print(f"seed {seed}: {within[-1]} springs within 2 %, worst {max(errors.values()):.2%}, {starts[-1]} starts")
     shares = {name: float(np.mean(hits)) for name, hits in covered.items()}
     for name, share in sorted(shares.items(), key=lambda item: item[1]):
         print(f"{name}: interval holds the truth in {share:.0%} of {len(covered[name])} seeds")
-    print(f"springs within 2 %, median seed: {np.median(within)}; coverage: {np.mean(list(shares.values())):.3f}")
+    coverage = np.mean(list(shares.values()))
+    print(f"springs within 2 %, median seed: {np.median(within)}")
+    print(f"all imperfections: coverage_95 {coverage:.3f}, bootstrap {np.mean(repeated):.3f} ({len(SEEDS)} seeds)")
     print(f"median spring half-width: {np.median(half_width):.3%}; starts at the best minimum: {starts}")
     assert np.median(within) >= 12
-    assert np.mean(list(shares.values())) >= 0.8
+    assert coverage >= 0.8
     assert np.median(half_width) <= 0.03
     assert min(starts) >= 19
 

@@ -73,8 +73,11 @@ def test_power_through_a_gear_is_that_of_its_own_spring():
     # What differs are the aliases of the held response, at the highest lines.
     np.testing.assert_allclose(found.power[:, :20, :2], wanted[:, :20], rtol=1e-3)
     assert not found.power[..., 2:].any()
-    assert (found.shape[:, 2:] == 1).all()
-    assert (np.abs(found.shape[:, :2] - 0.9) < 0.3).all()
+    assert (model.rest.shape == 1).all(), "nothing swings where no spring is cubic or free to be"
+    shape = rest_model(robot, frf, ElasticOptions(free=CUBIC), DELAY_S).rest.shape
+    assert (shape[:, 2:] == 1).all()
+    # Lines that are not odd only let the square of the swing mix in, by chance with either sign.
+    assert (np.abs(shape[:, :2] - 0.9) < 0.4).all()
 
 
 def frf_hold():

@@ -10,11 +10,20 @@ from realizations import averaged
 from robid.errors import DataError
 from robid.fit.elastic import fit_elastic
 from robid.fit.model_error import estimate_model_error
+from robid.fit.optimizers import optimise
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import map_parameters
 from robid.fit.problem import make_problem
-from robid.fit.uncertainty import influence, realization_covariance, realization_freedom, realization_shifts, sandwich
+from robid.fit.uncertainty import (
+    configuration_covariance,
+    influence,
+    realization_covariance,
+    realization_freedom,
+    realization_shifts,
+    sandwich,
+)
 from robid.fit.undetermined import undetermined_combinations
+from robid.frf.joined import join
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
@@ -192,3 +201,40 @@ def test_estimated_model_error_weighs_the_wrong_element_down(exact):
     assert np.median(errors["estimated"]) < 0.2 * np.median(errors["optimal"])
     assert solution.model_error.level[:, 1, 0] == pytest.approx(0.1, rel=0.2)
     assert np.median(solution.model_error.level[:, [0, 1], [0, 1]]) < 0.01
+
+
+def scattered_fit(scatter, seed):
+    """A fit of ten configurations whose springs all differ, which the model does not know."""
+    generator = np.random.default_rng(seed)
+    configurations = generator.uniform(-1.4, 1.4, (10, 2))
+    factors = np.exp(scatter * generator.standard_normal((10, 4)))
+    frfs = [
+        averaged(exact_frf(with_spring_factors(two_joint_robot(), each), place, FREQUENCY_HZ), 0.003, seed=seed + index)
+        for index, (each, place) in enumerate(zip(factors, configurations, strict=True))
+    ]
+    options = replace(OPTIONS, strategy="plain", statics_updates=1)
+    return fit_elastic(two_joint_robot(), join(frfs, [str(index) for index in range(10)]), options, 0.0)
+
+
+def test_what_differs_between_configurations_widens_the_intervals():
+    held, alone = [], []
+    for seed in range(0, 300, 30):
+        solution = scattered_fit(0.02, seed)
+        springs = np.array(solution.kinds) == "stiffness"
+        held.append(((solution.lower <= solution.nominal) & (solution.nominal <= solution.upper))[springs])
+        alone.append(solution.realization_relative_std[springs] / solution.relative_std[springs])
+    assert np.mean(held) > 0.85
+    assert np.median(alone) < 0.5, "noise alone must say far less, or there is nothing to widen"
+
+
+def test_leaving_out_configurations_says_the_same_as_noise_where_there_is_only_noise():
+    configurations = np.random.default_rng(1).uniform(-1.4, 1.4, (16, 2))
+    exact = exact_frf(two_joint_robot(), configurations, FREQUENCY_HZ)
+    variance = []
+    for seed in range(20):
+        problem, internal = problem_at_truth(averaged(exact, 0.003, seed=seed))
+        variance.append(np.diag(configuration_covariance(problem, optimise(problem, internal).parameters)))
+    ratio = np.mean(variance, axis=0) / np.diag(sandwich(problem, internal))
+    # It errs upward where one configuration tells more of a parameter than the others.
+    assert (ratio > 0.9).all()
+    assert (ratio < 1.8).all()

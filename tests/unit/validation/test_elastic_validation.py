@@ -90,6 +90,15 @@ def test_wrong_payload_fails(nominal, true_arm, solution):
     assert found.cost_ratio > 1.5
 
 
+def test_a_model_that_misses_its_own_data_is_told_from_a_good_one(nominal, solution, fresh, validation):
+    poor = replace(solution, configuration_cost=8 * solution.configuration_cost / solution.misfit)
+    found = validate_elastic(nominal, poor, fresh, OPTIONS, DELAY_S, None)
+    assert found.ok
+    assert "of the average where it was fitted" in found.verdict
+    assert "it lacks something" in found.verdict
+    assert "lacks" not in validation.verdict
+
+
 def test_truth_is_counted(nominal, true_arm, solution, fresh, validation):
     index = [solution.names.index(name) for name in validation.truth_names]
     np.testing.assert_allclose(validation.truth * (1 + validation.relative_error), solution.estimate[index], rtol=1e-9)
