@@ -8,8 +8,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.design.information import ConfigurationDesign, Stability
+from robid.report.design_figures import information_figure, skeleton_figure, weight_figure
 from robid.report.numbers import MINUS, duration, number_of, percent, significant
-from robid.report.section import Table
+from robid.report.section import Section, Table
 
 _CRITERIA = {"d": "volume (D)", "a": "mean variance (A)", "e": "worst combination (E)"}
 _OTHER = {"realizations": "half of the realizations", "draws": "single draws of the parameters"}
@@ -39,7 +40,7 @@ def design_numbers(design: ConfigurationDesign) -> dict[str, Any]:
         "gap": design.gap,
         "efficiency": design.efficiency,
         "choice_efficiency": design.choice_efficiency,
-        "rounding_loss": design.rounding_loss,
+        "rounding_loss": design.rounding_loss if np.isfinite(design.rounding_loss) else None,
         "chosen": [
             {
                 "candidate": int(index),
@@ -73,6 +74,32 @@ def design_tables(design: ConfigurationDesign) -> tuple[Table, ...]:
     return (_chosen(design), _quality(design), _promised(design), _next(design))
 
 
+def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -> Section:
+    """Lays out a choice for the page.
+
+    Args:
+        name: Name of the design.
+        design: The choice.
+        arms_m (n_conf, n_point, 3): Points of the arm in each candidate, the tool last [m].
+    """
+    every = tuple(number_of(index) for index in range(len(arms_m)))
+    names = tuple(every[index] for index in design.chosen)
+    diagonal = np.diagonal(design.information, axis1=1, axis2=2)[design.chosen]
+    visits = design.counts[design.chosen]
+    figures = (
+        skeleton_figure(
+            arms_m[design.chosen], visits / visits.sum(), names, np.delete(arms_m[:, -1], design.chosen, axis=0)
+        ),
+        weight_figure(design.weights, every),
+        information_figure(visits[:, None] * diagonal, design.parameter_names, names),
+    )
+    lead = (
+        f"{len(names)} of {len(every)} candidates, made to keep the parameters'"
+        f" {_CRITERIA[design.criterion]} small; worth {percent(design.efficiency)} of the best that weights could be."
+    )
+    return Section(f"Design {name}", lead, design_tables(design), figures)
+
+
 def _chosen(design: ConfigurationDesign) -> Table:
     costly = design.cost_s is not None
     columns = ("Candidate", *_joints(design), "Visits", "\u03bb", *(("Cost",) * costly))
@@ -99,7 +126,7 @@ def _quality(design: ConfigurationDesign) -> Table:
         ("Candidates with weight", str(int((design.weights > 0).sum()))),
         ("Efficiency against any weights", percent(design.efficiency)),
         ("Efficiency against as many configurations", percent(design.choice_efficiency)),
-        ("Lost by whole numbers", percent(design.rounding_loss)),
+        *((("Lost by whole numbers", percent(design.rounding_loss)),) if np.isfinite(design.rounding_loss) else ()),
     ]
     if design.stability is not None:
         rows += [

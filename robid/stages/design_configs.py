@@ -92,6 +92,9 @@ def _run(job: Job) -> str:
     if trials and found.fitted is None:
         source = "realizations" if len(found.halves) else "draws"
         repeated = stability(source, trials, choice, options, found.prior, cost)
+    if found.fitted is not None:
+        # What optimal weights of the chosen ones would be worth is no measure of a fit that has others.
+        choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
     choice = replace(choice, cost_s=cost, stability=repeated)
     write_artifact(job.output, design_to_artifact(choice, job.provenance(STAGE.name)))
     return figures(choice)
