@@ -26,7 +26,12 @@ _LIMIT_TOLERANCE_DEG = 1e-9
 
 def check_experiment(document: Document, experiment: Experiment, robot: RobotFile | None) -> list[Problem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
-    found = [_folders(experiment), _designs(experiment), _cycles(experiment), check_study(experiment)]
+    found = [
+        _folders(experiment),
+        _designs(experiment),
+        _cycles(experiment),
+        check_study(experiment, configuration_count),
+    ]
     for name, campaign in experiment.campaigns.items():
         found.append(_campaign(experiment, name, campaign))
         if robot is not None:

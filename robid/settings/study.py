@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
-from robid.fit.options import ElasticOptions, EstimatorKind, WeightsKind
+from robid.fit.options import ElasticOptions, EstimatorKind, ParameterKind, WeightsKind
 from robid.frf.options import EstimateOptions
 from robid.settings.base import Name, Section
 
@@ -70,7 +70,42 @@ class WernholtStudy(Section):
     )
 
 
-Study: TypeAlias = Annotated[FrfStudy | WernholtStudy, Field(discriminator="kind")]
+class ModelChoice(Section):
+    """The data of one model of a design study, and what it frees beyond the others."""
+
+    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
+        default=None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
+    )
+    count: int | None = Field(default=None, description="How many of these are taken; all when not given.", ge=1)
+    seed: int = Field(default=1, description="Seed of the draw that takes them.", ge=0)
+    low_torque: Name | None = Field(
+        default=None,
+        description="Name of the joint with whose smallest gravity torques they are taken, not drawn.",
+    )
+    free: tuple[ParameterKind, ...] = Field(default=(), description="Kinds that it frees beside those of `fit`.")
+    fixed: tuple[str, ...] = Field(default=(), description="Parameters that it fixes beside those of `fit`.")
+
+
+class ZimmermannStudy(Section):
+    """Models from few configurations, chosen in different ways, against the model from all of them."""
+
+    kind: Literal["zimmermann2023"] = Field(description="What is studied.")
+    estimation: tuple[Name, ...] = Field(
+        description="Names of simulated campaigns, one for each individual of the robot, in the same configurations.",
+        min_length=1,
+    )
+    validation: tuple[Name, ...] = Field(
+        description="Names of the campaigns that validate: the same individuals and configurations, in this order.",
+        min_length=1,
+    )
+    fit: ElasticOptions = Field(
+        default_factory=lambda: ElasticOptions(free=("stiffness", "viscous"), estimator="lls"),
+        description="Options that all fits share.",
+    )
+    models: dict[Name, ModelChoice] = Field(description="The models, by name.", min_length=1)
+
+
+Study: TypeAlias = Annotated[FrfStudy | WernholtStudy | ZimmermannStudy, Field(discriminator="kind")]
 
 
 def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:
