@@ -2,6 +2,7 @@
 
 Schema history:
     1.0: first version.
+    1.1: criterion, slopes, counts, gain, rounding loss; the gap is relative. Files of 1.0 lack them and are refused.
 """
 
 from __future__ import annotations
@@ -10,11 +11,14 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.design.information import ConfigurationDesign
 
-DESIGN = Kind("design", "1.0", "robid design-configs")
+DESIGN = Kind("design", "1.1", "robid design-configs")
 
 _TABLE = {
-    "weights": Column("1", ("candidate",), "Relaxed D-optimal weights"),
+    "weights": Column("1", ("candidate",), "Optimal weights: shares of the experiments, or of the cost"),
+    "slopes": Column("1", ("candidate",), "What more weight brings; 1 for candidates that have weight"),
     "chosen": Column("1", ("configuration",), "Indices of the chosen candidates"),
+    "counts": Column("1", ("candidate",), "Experiments in each candidate"),
+    "gain": Column("1", ("candidate",), "What one experiment more adds to log det of the information"),
     "information": Column("1", ("candidate", "parameter", "parameter"), "Information about the log-parameters"),
     "predicted_relative_std": Column("1", ("parameter",), "Relative standard deviation that the choice promises"),
     "parameter_names": Column("1", ("parameter",)),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.design.wanted import NUISANCE, choose_parameters, eliminated
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
@@ -22,8 +25,13 @@ def candidate_information(
     sampling_period_s: float,
     delay_s: float,
     relative_error: float,
+    *,
+    kinds: Sequence[str] = KINDS[:2],
+    nuisance: Sequence[str] = NUISANCE,
+    fixed: Sequence[str] = (),
+    weights: FloatArray | None = None,
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Information matrices about springs and dampers, viscous friction and delay as nuisance.
+    """Information matrices about log-parameters, the nuisance parameters eliminated in each configuration.
 
     Args:
         robot: Nominal robot.
@@ -32,25 +40,34 @@ def candidate_information(
         sampling_period_s: Sampling period [s].
         delay_s: Delay from recorded to applied torque [s].
         relative_error: Assumed relative standard deviation of each response element.
+        kinds: Kinds of parameters that the design is about.
+        nuisance: Kinds that are estimated along.
+        fixed: Names of single parameters that are known.
+        weights (n_freq, n_out, n_in): Design weights, 1 for full importance.
 
     Returns:
-        Matrices (n_conf, n_param, n_param) for log-parameters, the nuisance parameters eliminated in each
-        configuration, and the parameters' names.
+        Matrices (n_conf, n_param, n_param) and the parameters' names.
+
+    Raises:
+        SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
 
     Source:
         Zimmermann et al. (2023), eq. 4-5 with `Lambda = relative_error^2` of the log response.
     """
+    wanted = choose_parameters(robot, kinds, nuisance, fixed)
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, configurations))
     nominal = nominal_parameters(robot, linear, delay_s)
     result = response(linear, nominal, frequency_hz, sampling_period_s)
-    plain = jacobian(linear, nominal, result, KINDS, sampling_period_s) / result.sampled[..., None]
-    slopes = log_slopes(nominal, sampling_period_s)
-    rows = (plain * slopes).reshape(len(configurations), -1, slopes.size) / relative_error
+    plain = jacobian(linear, nominal, result, wanted.kinds, sampling_period_s)[..., wanted.columns]
+    relative = plain * wanted.scales(nominal, sampling_period_s) / result.sampled[..., None]
+    if weights is not None:
+        relative = relative * np.sqrt(weights)[..., None]
+    rows = relative.reshape(len(configurations), -1, relative.shape[-1]) / relative_error
     information = 2 * np.real(rows.conj().swapaxes(1, 2) @ rows)
-    count = 2 * len(robot.springs)
-    names = tuple(f"{spring.name}.{kind}" for kind in KINDS[:2] for spring in robot.springs)
-    return _eliminate(information, count), names
+    unknown = np.zeros(information.shape[-1])
+    matrices = [eliminated([each], unknown, len(wanted.names))[0] for each in information]
+    return np.array(matrices), wanted.names
 
 
 def log_slopes(nominal: ElasticParameters, sampling_period_s: float) -> FloatArray:
@@ -58,8 +75,3 @@ def log_slopes(nominal: ElasticParameters, sampling_period_s: float) -> FloatArr
     return np.concatenate(
         [nominal.stiffness, nominal.damping, 2 * np.pi * nominal.motor_inertia, np.array([sampling_period_s])]
     )
-
-
-def _eliminate(information: FloatArray, count: int) -> FloatArray:
-    kept, mixed, other = information[:, :count, :count], information[:, :count, count:], information[:, count:, count:]
-    return np.asarray(kept - mixed @ np.linalg.solve(other, mixed.swapaxes(1, 2)))

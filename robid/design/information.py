@@ -1,4 +1,4 @@
-"""D-optimal choice of configurations from their information matrices, with a certificate."""
+"""The choice of configurations from their information matrices, with a certificate."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 from robid.design.options import DesignOptions
-from robid.errors import DataError, SettingsError
+from robid.design.plan import Plan, checked_plan, choose_counts
+from robid.design.seen import check_candidates, checked_scale, is_regular
 
-_UNSEEN = 1e-12
-"""Smallest eigenvalue of the scaled total information, relative to the largest, that counts as seen."""
+_FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
 
 
 @dataclass(frozen=True)
@@ -19,25 +19,55 @@ class ConfigurationDesign:
     """The chosen configurations with what they promise.
 
     Attributes:
-        weights (n_conf,): Relaxed D-optimal weights of the candidates, sum 1.
-        chosen (count,): Indices of the chosen candidates, rising; equal effort each.
-        gap: Certificate of the weights, `max_i tr(M^-1 H_i) - n`, 0 at the optimum.
-        efficiency: D-efficiency of the chosen candidates against the certified bound on the optimum, 0 to 1; what
-            is missing is also the price of few configurations with equal effort.
-        information (n_conf, n_param, n_param): Information of each candidate about the log-parameters.
-        predicted_relative_std (n_param,): Relative standard deviations that the chosen candidates promise together.
+        weights (n_conf,): Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost.
+        gap: Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
+            `(max tr(M^-1 H_i) - n) / n`.
+        criterion: `d`, `a` or `e`.
+        slopes (n_conf,): What more weight of each candidate brings at the optimum; 1 for those that have weight.
+        chosen (n_chosen,): Indices of the chosen candidates, rising.
+        counts (n_conf,): Experiments (visits) in each candidate.
+        efficiency: Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is
+            also the price of few configurations and whole numbers.
+        choice_efficiency: The same over the certified bound on choices of as many different candidates with equal
+            effort; equal to `efficiency` where repeats or costs make no tighter bound.
+        rounding_loss: Share of the worth that whole numbers cost, against optimal weights of the chosen ones.
+        gain (n_conf,): What one experiment more of each candidate adds to `log det` of the information known
+            beforehand; where that alone does not determine all parameters, of it and the chosen ones together.
+        information (n_conf, n_param, n_param): Information of each candidate about the log-parameters, mean over the
+            draws.
+        predicted_relative_std (n_param,): Relative standard deviations that what is known beforehand and the chosen
+            numbers promise together.
         parameter_names: Names of the parameters.
         configurations (n_conf, n_joint): The candidates' arm-side joint angles [rad].
     """
 
     weights: FloatArray
-    chosen: IntArray
     gap: float
+    criterion: str
+    slopes: FloatArray
+    chosen: IntArray
+    counts: IntArray
     efficiency: float
+    choice_efficiency: float
+    rounding_loss: float
+    gain: FloatArray
     information: FloatArray
     predicted_relative_std: FloatArray
     parameter_names: tuple[str, ...]
     configurations: FloatArray
+
+
+@dataclass(frozen=True)
+class FittedInformation:
+    """Information that a fit with weights of its own makes of the candidates, see `design_configurations`.
+
+    Attributes:
+        bread (n_conf, n_param, n_param): `2 Re J^H W J`.
+        meat (n_conf, n_param, n_param): `2 Re J^H W Lambda W J`; the fit's covariance is `B^-1 S B^-1` of the sums.
+    """
+
+    bread: FloatArray
+    meat: FloatArray
 
 
 def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> FloatArray:
@@ -61,163 +91,125 @@ def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> Fl
 
 
 def design_configurations(
-    matrices: FloatArray, configurations: FloatArray, parameter_names: tuple[str, ...], options: DesignOptions
+    matrices: FloatArray,
+    configurations: FloatArray,
+    parameter_names: tuple[str, ...],
+    options: DesignOptions,
+    *,
+    prior: FloatArray | None = None,
+    cost: FloatArray | None = None,
+    fitted: FittedInformation | None = None,
 ) -> ConfigurationDesign:
-    """Chooses configurations by D-optimality.
+    """Chooses configurations by what they tell about the parameters.
+
+    The planned number of experiments N (or the budget, where candidates have costs) decides how much the prior
+    counts: the weights are those of `H_0 / N + sum w_i H_i`.
 
     Args:
-        matrices (n_conf, n_param, n_param): Information of each candidate about the log-parameters.
+        matrices (n_conf, n_param, n_param): Information of one experiment in each candidate about the log-parameters,
+            or (n_draw, n_conf, n_param, n_param) under draws of the parameters.
         configurations (n_conf, n_joint): The candidates' arm-side joint angles [rad].
         parameter_names: Names of the parameters.
-        options: Number of configurations, iteration limit and gap.
+        options: Criterion, number of configurations and experiments, limits.
+        prior (n_param, n_param): Information known beforehand, such as the inverse covariance of an earlier fit.
+        cost (n_conf,): Cost of one experiment in each candidate.
+        fitted: The choice is made for a fit with its own weights. Such information does not add over candidates:
+            exchange maximises it, and its efficiency is against the bound of optimal weights, from `matrices`.
 
     Raises:
-        SettingsError: If there are fewer candidates than configurations to choose.
-        DataError: If all candidates together, or the best `count` of them, leave a combination of parameters unseen.
+        SettingsError: If there are fewer candidates than configurations to choose, or more of these than experiments,
+            or the budget does not pay them.
+        DataError: If the information is not finite, all candidates are alike, or they together, or the chosen ones,
+            leave a combination of parameters unseen.
 
     Source:
-        METHODS sec. 6; Zimmermann et al. (2023), eq. 5-6.
+        METHODS sec. 6; Zimmermann et al. (2023), eq. 4-6.
     """
     n_conf, n_param = len(configurations), len(parameter_names)
-    check_shape("matrices", matrices, "n_conf n_param n_param", n_conf=n_conf, n_param=n_param)
-    if options.count > n_conf:
-        raise SettingsError(
-            f"{options.count} configurations cannot be chosen from {n_conf} candidates.",
-            where="design.count",
-            remedy="Lower count, or give the campaign more candidates.",
-        )
-    scale = _checked_scale(matrices.mean(axis=0), parameter_names)
-    scaled = matrices / (scale[:, None] * scale)
-    weights, gap = relaxed_design(scaled, iterations=options.iterations, gap=options.gap)
-    chosen = choose(scaled, options.count, weights)
-    total = scaled[chosen].sum(axis=0)
-    _checked_scale(total, parameter_names, count=options.count)
-    relaxed = np.einsum("i,ijk->jk", weights, scaled)
-    ratio = np.exp((np.linalg.slogdet(total / options.count)[1] - np.linalg.slogdet(relaxed)[1]) / n_param)
+    draws = matrices if matrices.ndim == 4 else matrices[None]
+    check_shape("matrices", draws, "n_draw n_conf n_param n_param", n_conf=n_conf, n_param=n_param)
+    price = np.ones(n_conf) if cost is None else cost
+    known = np.zeros((n_param, n_param)) if prior is None else prior
+    experiments, budget = checked_plan(options, price)
+    check_candidates(draws)
+    for draw in draws:
+        scale = checked_scale(known + draw.mean(axis=0), parameter_names, "the candidates", _FIX)
+    if options.criterion != "d":
+        # The other criteria depend on the parameters' scale: that of the log-parameters stays.
+        scale = np.full(n_param, scale.mean())
+    unit = scale[:, None] * scale
+    parts = draws[:, :, None] if fitted is None else np.stack([fitted.bread, fitted.meat], axis=1)[None]
+    plan = Plan(options, draws / unit, parts / unit, known / unit, price, experiments, budget)
+    relaxed = plan.relaxed()
+    counts = choose_counts(plan, relaxed)
+    chosen = np.flatnonzero(counts)
+    _check_chosen(plan, counts, parameter_names)
+    found, own = plan.worth(counts), plan.relaxed(chosen)
+    totals = plan.totals(counts)
+    base = plan.prior + np.zeros_like(totals)
+    deviation = np.diagonal(np.linalg.inv(totals), axis1=1, axis2=2).mean(axis=0)
     return ConfigurationDesign(
-        weights=weights,
+        weights=relaxed.weights,
+        gap=relaxed.gap,
+        criterion=options.criterion,
+        slopes=relaxed.slopes,
         chosen=chosen,
-        gap=gap,
-        efficiency=float(ratio * n_param / (n_param + gap)),
-        information=matrices,
-        predicted_relative_std=np.sqrt(np.diag(np.linalg.inv(total))) / scale,
+        counts=counts,
+        efficiency=found / plan.bound(relaxed),
+        choice_efficiency=_choice_efficiency(plan, found, found / plan.bound(relaxed)),
+        rounding_loss=1 - found / plan.bound(own),
+        gain=_gain(plan.matrices, base if is_regular(plan.prior) else totals),
+        information=draws.mean(axis=0),
+        predicted_relative_std=np.sqrt(deviation) / scale,
         parameter_names=parameter_names,
         configurations=configurations,
     )
 
 
-def relaxed_design(matrices: FloatArray, *, iterations: int, gap: float) -> tuple[FloatArray, float]:
-    """Maximises `log det(sum_i w_i H_i)` over weights on the simplex by multiplicative updates.
+def next_configuration(matrices: FloatArray, prior: FloatArray, parameter_names: tuple[str, ...]) -> FloatArray:
+    """What each candidate would add to what is known: measure the one that adds most.
 
     Args:
-        matrices (n_conf, n_param, n_param): Information of each candidate; their sum is regular.
-        iterations: Limit on the updates.
-        gap: Relative gap `max_i tr(M^-1 H_i)/n - 1` at which they stop.
+        matrices (n_conf, n_param, n_param): Information of each candidate about the log-parameters, or
+            (n_draw, n_conf, n_param, n_param) under draws of the parameters.
+        prior (n_param, n_param): Information known beforehand.
+        parameter_names: Names of the parameters.
 
     Returns:
-        Weights (n_conf,) and the certificate `max_i tr(M^-1 H_i) - n`: by the equivalence theorem it is 0 at the
-        optimum, and the D-efficiency of the weights is at least `n / (n + certificate)`.
+        Gain of `log det` (n_conf,), its mean over the draws.
 
-    Source:
-        Multiplicative algorithm: Silvey, Titterington and Torsney (1978); bound: Atwood (1969).
+    Raises:
+        DataError: If the information is not finite, or what is known leaves a combination of parameters unseen.
     """
-    n_conf, n_param = matrices.shape[:2]
-    flat = matrices.reshape(n_conf, -1)
-    weights = np.full(n_conf, 1 / n_conf)
-    for iteration in range(iterations + 1):
-        inverse = np.linalg.inv((weights @ flat).reshape(n_param, n_param))
-        traces = flat @ inverse.ravel()
-        certificate = float(traces.max()) - n_param
-        if certificate <= gap * n_param or iteration == iterations:
-            break
-        weights = weights * traces / n_param
-        weights /= weights.sum()
-    return weights, max(certificate, 0.0)
+    draws = matrices if matrices.ndim == 4 else matrices[None]
+    check_candidates(draws)
+    remedy = "Choose configurations without prior first, or fix one of the named parameters in each combination."
+    scale = checked_scale(prior, parameter_names, "the earlier experiments", remedy)
+    unit = scale[:, None] * scale
+    return _gain(draws / unit, np.repeat(prior[None] / unit, len(draws), axis=0))
 
 
-def choose(matrices: FloatArray, count: int, weights: FloatArray) -> IntArray:
-    """Chooses distinct candidates of equal effort: greedily, then by exchange while the determinant grows.
-
-    Exchange starts from the greedy choice and from the largest relaxed weights; the better end wins.
-
-    Args:
-        matrices (n_conf, n_param, n_param): Information of each candidate.
-        count: Number of candidates to choose.
-        weights (n_conf,): Relaxed weights.
-
-    Returns:
-        Indices (count,), rising.
-    """
-    # A trace of the relaxed information keeps the determinant of few candidates finite.
-    floor = 1e-9 * np.einsum("i,ijk->jk", weights, matrices)
-    starts = [_greedy(matrices, count, floor), np.argsort(-weights, kind="stable")[:count]]
-    ends = [_exchange(matrices, start, floor) for start in starts]
-    values = [_log_determinant(matrices[end].sum(axis=0) + floor) for end in ends]
-    return np.sort(ends[int(np.argmax(values))])
+def _gain(matrices: FloatArray, base: FloatArray) -> FloatArray:
+    before = np.linalg.slogdet(base)[1]
+    return np.asarray((np.linalg.slogdet(base[:, None] + matrices)[1] - before[:, None]).mean(axis=0))
 
 
-def _greedy(matrices: FloatArray, count: int, floor: FloatArray) -> IntArray:
-    chosen: list[int] = []
-    total = floor
-    for _ in range(count):
-        values = _log_determinant(total + matrices)
-        values[chosen] = -np.inf
-        chosen.append(int(np.argmax(values)))
-        total = total + matrices[chosen[-1]]
-    return np.array(chosen)
+def _check_chosen(plan: Plan, counts: IntArray, names: tuple[str, ...]) -> None:
+    options = plan.options
+    by, remedy = f"the best {options.count} configurations", "Raise count."
+    if options.experiments is not None:
+        by = f"the best {options.experiments} experiments in at most {options.count} configurations"
+        remedy = "Raise experiments or count."
+    for total in plan.prior + np.tensordot(plan.parts[:, :, 0], counts, (1, 0)):
+        checked_scale(total, names, by, remedy)
 
 
-def _exchange(matrices: FloatArray, start: IntArray, floor: FloatArray) -> IntArray:
-    """Replaces one candidate at a time by the best other one until nothing gains."""
-    chosen = start.copy()
-    total = matrices[chosen].sum(axis=0) + floor
-    current = float(_log_determinant(total))
-    improved = True
-    while improved:
-        improved = False
-        for position in range(len(chosen)):
-            without = total - matrices[chosen[position]]
-            values = _log_determinant(without + matrices)
-            values[chosen] = -np.inf
-            best = int(np.argmax(values))
-            if values[best] > current + 1e-10:
-                chosen[position] = best
-                total = matrices[chosen].sum(axis=0) + floor
-                current = float(_log_determinant(total))
-                improved = True
-    return chosen
-
-
-def _log_determinant(matrices: FloatArray) -> FloatArray:
-    sign, value = np.linalg.slogdet(matrices)
-    return np.asarray(np.where(sign > 0, value, -np.inf))
-
-
-def _checked_scale(total: FloatArray, names: tuple[str, ...], count: int | None = None) -> FloatArray:
-    """Returns the root of the diagonal, or names the combinations of parameters that a total does not see."""
-    by = "the candidates" if count is None else f"the best {count} configurations"
-    diagonal = np.diag(total)
-    finite = bool(np.all(np.isfinite(total)))
-    unseen = [name for name, value in zip(names, diagonal, strict=True) if not value > 0] if finite else []
-    if finite and not unseen:
-        scale = np.sqrt(diagonal)
-        values, vectors = np.linalg.eigh(total / (scale[:, None] * scale))
-        unseen = [_combination(vector / scale, names) for vector in vectors.T[values <= _UNSEEN * values[-1]]]
-        if not unseen:
-            return np.asarray(scale)
-    raise DataError(
-        f"The responses of {by} do not depend on: {'; '.join(unseen)}."
-        if finite
-        else f"The information of {by} is not finite.",
-        where="design",
-        remedy="Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
-        if count is None
-        else "Raise count.",
-    )
-
-
-def _combination(vector: FloatArray, names: tuple[str, ...]) -> str:
-    """Writes a direction in log-parameters with its larger terms."""
-    scaled = vector / vector[np.argmax(np.abs(vector))]
-    order = [index for index in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[index]) > 0.05]
-    return " ".join(f"{scaled[index]:+.2g} log({names[index]})" for index in order)
+def _choice_efficiency(plan: Plan, found: float, efficiency: float) -> float:
+    """Efficiency against the bound on different candidates with equal effort, where it is tighter."""
+    options = plan.options
+    if options.experiments is not None or np.ptp(plan.cost) > 0 or options.count == 1:
+        return efficiency
+    if options.count == plan.cost.size:
+        everything = np.ones(plan.cost.size, int)
+        return found / plan.worth(everything)
+    return max(found / plan.bound(plan.relaxed(limit=1 / options.count)), efficiency)

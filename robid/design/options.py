@@ -118,13 +118,43 @@ class ExcitationOptions:
 
 @dataclass(frozen=True)
 class DesignOptions:
-    """Choice of configurations by D-optimality under assumed noise."""
+    """Choice of the configurations that tell most about the parameters."""
 
-    count: int = field(default=8, metadata={"description": "Number of configurations to choose.", "ge": 1})
+    count: int = field(
+        default=8, metadata={"description": "Number of different configurations to choose, at most.", "ge": 1}
+    )
+    criterion: Literal["d", "a", "e"] = field(
+        default="d",
+        metadata={
+            "description": "What is made small: the volume of the parameters' confidence region (`d`), the sum of"
+            " their relative variances (`a`), or the largest variance of any combination (`e`)."
+        },
+    )
+    experiments: int | None = field(
+        default=None,
+        metadata={
+            "description": "Visits to share out among the chosen configurations, repeats allowed; one each when not"
+            " given.",
+            "ge": 1,
+        },
+    )
+    budget: float | None = field(
+        default=None,
+        metadata={
+            "description": "What all visits may cost together, in the unit of the candidates' costs; as many times"
+            " their mean as there are visits when not given.",
+            "gt": 0,
+        },
+    )
     assumed_relative_error: float = field(
         default=0.03, metadata={"description": "Assumed relative standard deviation of each response element.", "gt": 0}
     )
-    iterations: int = field(default=2000, metadata={"description": "Limit on multiplicative updates.", "ge": 1})
+    restarts: int = field(default=4, metadata={"description": "Random starts of the exchange.", "ge": 0})
+    seed: int = field(default=1, metadata={"description": "Seed of these starts.", "ge": 0})
+    iterations: int = field(
+        default=1000, metadata={"description": "Limit on steps towards the optimal weights.", "ge": 1}
+    )
     gap: float = field(
-        default=1e-3, metadata={"description": "Relative duality gap at which the updates stop.", "gt": 0}
+        default=1e-8,
+        metadata={"description": "Certified relative gap at which they stop; 1e-4 at best for `e`.", "gt": 0},
     )

@@ -9,9 +9,10 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
-from robid.fit.names import LOGARITHMIC, check_names, element_names
+from robid.fit.names import LOGARITHMIC, check_names
 from robid.fit.options import ElasticOptions
 from robid.robot.description import Robot
+from robid.robot.names import element_names
 from robid.robot.response import ElasticParameters, with_values
 
 _UNITS = {

@@ -9,7 +9,6 @@ import scipy.fft
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.fit.names import element_names
 from robid.fit.options import ElasticOptions
 from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
@@ -17,6 +16,7 @@ from robid.robot.description import Robot
 from robid.robot.expand import expand, with_springs_at
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
+from robid.robot.names import element_names
 from robid.robot.response import ElasticParameters, hold_factor, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
 

@@ -10,7 +10,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.frf.frf import Frf
 from robid.report.content import CostRow, FitContent, ParameterRow, ReportContent, StartRow
 from robid.report.numbers import MINUS, engineering, number_of, percent, pretty_unit
-from robid.report.section import Figure
+from robid.report.section import Bars, Figure, Skeletons
 from robid.report.tables import campaign_title
 
 RATIO_PANELS = (
@@ -27,8 +27,13 @@ def page_data(content: ReportContent) -> dict[str, Any]:
     return {"fits": [_fit_data(fit) for fit in content.fits], "figures": figures}
 
 
-def _figure_data(figure: Figure) -> dict[str, Any]:
+def _figure_data(figure: Figure | Bars | Skeletons) -> dict[str, Any]:
+    if isinstance(figure, Skeletons):
+        return _skeleton_data(figure)
+    if isinstance(figure, Bars):
+        return _bar_data(figure)
     return {
+        "kind": "curves",
         "x_title": figure.x_title,
         "y_title": figure.y_title,
         "log_x": figure.log_x,
@@ -40,6 +45,31 @@ def _figure_data(figure: Figure) -> dict[str, Any]:
             {"name": curve.name, "x": [_rounded(x) for x in curve.x], "y": [_rounded(y) for y in curve.y]}
             for curve in figure.curves
         ],
+    }
+
+
+def _bar_data(bars: Bars) -> dict[str, Any]:
+    return {
+        "kind": "bars",
+        "value_title": bars.value_title,
+        "label_title": bars.label_title,
+        "labels": list(bars.labels),
+        "flat": bars.flat,
+        "parts": [{"name": name, "values": [_rounded(value) for value in values]} for name, values in bars.parts],
+    }
+
+
+def _skeleton_data(arms: Skeletons) -> dict[str, Any]:
+    def columns(points: tuple[tuple[float, float, float], ...]) -> list[list[float | None]]:
+        return [[_rounded(value, 4) for value in column] for column in zip(*points, strict=True)]
+
+    return {
+        "kind": "skeletons",
+        "arms": [
+            {"name": name, "weight": _rounded(weight, 3), "points": columns(points)}
+            for name, points, weight in zip(arms.names, arms.points, arms.weights, strict=True)
+        ],
+        "others": columns(arms.others),
     }
 
 

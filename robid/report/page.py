@@ -16,7 +16,7 @@ from robid.report import numbers, summary, tables
 from robid.report.content import ReportContent
 from robid.report.figures import page_data
 
-_SCRIPTS = ("page.js", "quality.js", "bode.js", "charts.js", "curves.js")
+_SCRIPTS = ("page.js", "quality.js", "bode.js", "charts.js", "curves.js", "bars.js", "skeletons.js")
 
 
 def write_report(path: Path, content: ReportContent) -> None:

@@ -1,4 +1,4 @@
-"""Sections of a report that a study fills: tables of text and figures of curves."""
+"""Sections of a report that a study fills: tables of text, figures of curves, bars and skeletons of arms."""
 
 from __future__ import annotations
 
@@ -65,6 +65,50 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Bars:
+    """Stacked bars.
+
+    Attributes:
+        title: Title above it.
+        value_title: Quantity and unit along the bars.
+        labels: What each bar stands for.
+        parts: Name and values (one for each label) of each part of the bars.
+        flat: Whether the bars lie, their labels at the left.
+        label_title: What the labels are.
+        caption: What the reader has to know.
+    """
+
+    title: str
+    value_title: str
+    labels: tuple[str, ...]
+    parts: tuple[tuple[str, tuple[float, ...]], ...]
+    flat: bool = False
+    label_title: str = ""
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Skeletons:
+    """Arms in space that the reader can turn, on the floor z = 0.
+
+    Attributes:
+        title: Title above it.
+        names: Name of each arm.
+        points: Points of each arm from base to tool, (x, y, z) in the base frame [m].
+        weights: Weight of each arm, which its line shows.
+        others: Tool points of arms that are not drawn [m].
+        caption: What the reader has to know.
+    """
+
+    title: str
+    names: tuple[str, ...]
+    points: tuple[tuple[tuple[float, float, float], ...], ...]
+    weights: tuple[float, ...]
+    others: tuple[tuple[float, float, float], ...] = ()
+    caption: str = ""
+
+
+@dataclass(frozen=True)
 class Section:
     """A titled part of the page.
 
@@ -79,5 +123,5 @@ class Section:
     title: str
     lead: str = ""
     tables: tuple[Table, ...] = ()
-    figures: tuple[Figure, ...] = ()
+    figures: tuple[Figure | Bars | Skeletons, ...] = ()
     columns: int = 1

@@ -6,13 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
 
-import numpy as np
-
 from robid.design.signal import check_signal
 from robid.errors import SettingsError
 from robid.fit.names import name_problems
 from robid.robot.expand import LOCATED
-from robid.settings.experiment import Campaign, Configurations, Experiment, Fit
+from robid.settings.configuration_checks import check_cycles, check_reachable, configuration_count, named_designs
+from robid.settings.experiment import Campaign, Experiment, Fit
 from robid.settings.log_checks import check_channels, check_logs
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile
@@ -21,7 +20,6 @@ from robid.settings.yaml import Document, FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
 _FOLDERS = ("designs", "fits", "tasks")
-_LIMIT_TOLERANCE_DEG = 1e-9
 
 
 def check_experiment(document: Document, experiment: Experiment, robot: RobotFile | None) -> list[Problem]:
@@ -29,7 +27,7 @@ def check_experiment(document: Document, experiment: Experiment, robot: RobotFil
     found = [
         _folders(experiment),
         _designs(experiment),
-        _cycles(experiment),
+        check_cycles(experiment),
         check_study(experiment, configuration_count),
     ]
     for name, campaign in experiment.campaigns.items():
@@ -77,25 +75,6 @@ def _kinds(robot: RobotFile, kinds: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def configuration_count(experiment: Experiment, campaign: Campaign) -> int | None:
-    """Returns the number of a campaign's configurations, None where its design is unknown."""
-    return _count(experiment, campaign.configurations)
-
-
-def _count(experiment: Experiment, chosen: Configurations) -> int | None:
-    if chosen.list_deg is not None:
-        return len(chosen.list_deg)
-    if chosen.grid_deg is not None:
-        return int(np.prod([len(row) for row in chosen.grid_deg]))
-    if chosen.random is not None:
-        return chosen.random.count
-    if chosen.join is not None:
-        parts = [_count(experiment, part) for part in chosen.join]
-        return None if None in parts else sum(part or 0 for part in parts)
-    designs = [experiment.designs.get(name) for name in chosen.designs]
-    return None if None in designs else sum(0 if design is None else design.count for design in designs)
-
-
 def _folders(experiment: Experiment) -> _Found:
     for name in experiment.campaigns:
         if name in _FOLDERS:
@@ -118,36 +97,11 @@ def _designs(experiment: Experiment) -> _Found:
             yield ("designs", name, "count"), message
 
 
-def _cycles(experiment: Experiment) -> _Found:
-    """Follows each campaign to the campaigns that its designs read; a cycle is told once, at its first name."""
-    for start in experiment.campaigns:
-        trail = _way_back(experiment, start, (start,))
-        if trail is not None and start == min(trail):
-            message = f"campaigns and designs go in a circle: {' -> '.join([*trail, start])}"
-            yield ("campaigns", start, "configurations", "from"), message
-
-
-def _way_back(experiment: Experiment, start: str, trail: tuple[str, ...]) -> tuple[str, ...] | None:
-    """Continues a trail of campaigns until the next one is its start; None where no way leads there."""
-    campaign = experiment.campaigns.get(trail[-1])
-    designs = () if campaign is None else campaign.configurations.designs
-    for name in designs:
-        design = experiment.designs.get(name)
-        following = None if design is None else design.campaign
-        if following == start:
-            return trail
-        if following is not None and following not in trail:
-            found = _way_back(experiment, start, (*trail, following))
-            if found is not None:
-                return found
-    return None
-
-
 def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
     field = ("campaigns", name)
-    for design in campaign.configurations.designs:
+    for place, design in named_designs((*field, "configurations"), campaign.configurations):
         if design not in experiment.designs:
-            yield (*field, "configurations"), _unknown("design", design, experiment.designs)
+            yield place, _unknown("design", design, experiment.designs)
     rms = campaign.excitation.rms
     if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
         yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
@@ -159,7 +113,7 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
 def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
     field = ("campaigns", name)
     n_joint = len(robot.joints)
-    yield from _reachable((*field, "configurations"), campaign.configurations, robot)
+    yield from check_reachable((*field, "configurations"), campaign.configurations, robot)
     rms = campaign.excitation.rms
     if isinstance(rms, tuple) and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
@@ -222,42 +176,6 @@ def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
         check_signal(campaign.excitation, period_s)
     except SettingsError as error:
         yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
-
-
-def _reachable(field: FieldPath, chosen: Configurations, robot: RobotFile) -> _Found:
-    n_joint = len(robot.joints)
-    for index, part in enumerate(chosen.join or ()):
-        yield from _reachable((*field, "join", index), part, robot)
-    for index, row in enumerate(chosen.list_deg or ()):
-        if len(row) != n_joint:
-            yield (*field, "list_deg", index), f"has {len(row)} angles for the {n_joint} joints of the robot"
-            continue
-        for joint, angle in enumerate(row):
-            yield from _within((*field, "list_deg", index, joint), robot, joint, angle)
-    if chosen.grid_deg is not None and len(chosen.grid_deg) != n_joint:
-        yield (*field, "grid_deg"), f"has {len(chosen.grid_deg)} rows for the {n_joint} joints of the robot"
-    elif chosen.grid_deg is not None:
-        for joint, row in enumerate(chosen.grid_deg):
-            for index, angle in enumerate(row):
-                yield from _within((*field, "grid_deg", joint, index), robot, joint, angle)
-    if chosen.random is not None:
-        for section in robot.joints:
-            if section.limits_deg is None:
-                continue
-            lower, upper = section.limits_deg
-            if upper - lower < 2 * chosen.random.margin_deg:
-                message = f"leaves nothing of the range of joint `{section.name}`, {lower:g} to {upper:g} deg"
-                yield (*field, "random", "margin_deg"), message
-
-
-def _within(field: FieldPath, robot: RobotFile, joint: int, angle: float) -> _Found:
-    section = robot.joints[joint]
-    if section.limits_deg is None:
-        return
-    lower, upper = section.limits_deg
-    if not lower - _LIMIT_TOLERANCE_DEG <= angle <= upper + _LIMIT_TOLERANCE_DEG:
-        message = f"{angle:g} deg is unreachable: joint `{section.name}` moves from {lower:g} to {upper:g} deg"
-        yield field, message
 
 
 def _fit(experiment: Experiment, name: str, fit: Fit) -> _Found:

@@ -48,7 +48,7 @@ class Cascade:
         motor_inertia_kgm2 (n_motor,): Rotor inertias [kg m^2].
         max_torque_nm (n_motor,): Torque limits [N m].
         angle_rad (n_sim, n_motor): Motor angles at rest [rad].
-        torque_nm (n_motor,): Torque at rest [N m].
+        torque_nm (n_motor,) or (n_sim, n_motor): Torque of the integrators at rest [N m].
     """
 
     def __init__(

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
 from robid.arrays import FloatArray, IntArray
-from robid.errors import DataError
 from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
-from robid.robot.model import ElasticModel, build_model
+from robid.robot.model import ElasticModel
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
+from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.outputs import FurtherOutputs
-from robid.simulate.truth import with_imperfections
 
 
 @dataclass(frozen=True)
@@ -64,7 +60,7 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
     Raises:
         DataError: If the simulation blows up, naming the configuration.
     """
-    model = _true_model(experiment)
+    model = true_model(experiment.robot, experiment.controller, experiment.options, sensors=bool(experiment.outputs))
     rest = solve_statics(model, configuration[None])
     n_real, n_exp, n_sample, n_motor = experiment.reference.shape
     n_sim = n_real * n_exp
@@ -76,11 +72,11 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
     n_out = n_motor + len(experiment.outputs)
     angle = np.empty((*torque.shape[:3], n_out))
     scrap = np.empty_like(torque[0]), np.empty_like(angle[0])
-    with _quiet_mujoco():
+    with quiet_mujoco():
         for period in range(total):
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
-            _refuse_explosion(batch, configuration, index, period)
+            refuse_explosion(batch, configuration, index, f"period {period + 1}")
     offset = np.concatenate([model.robot.motor_per_arm @ configuration, run.rest_outputs])
     shape = (experiment.periods, n_sample, n_real, n_exp)
     names = tuple(joint.name for joint in experiment.robot.joints)
@@ -177,38 +173,3 @@ def measure(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> Float
     if flaws.encoder_resolution_rad:
         shown = np.round(shown / flaws.encoder_resolution_rad) * flaws.encoder_resolution_rad
     return shown
-
-
-def _true_model(experiment: Experiment) -> ElasticModel:
-    flaws = experiment.options.imperfections
-    return build_model(
-        with_imperfections(experiment.robot, flaws),
-        friction=flaws.friction == "lugre",
-        ripple=flaws.ripple,
-        backlash_rad=flaws.backlash_rad,
-        hysteresis_nm=flaws.hysteresis_nm,
-        timestep_s=experiment.controller.sampling_period_s / experiment.options.steps_per_sample,
-        sensors=bool(experiment.outputs),
-    )
-
-
-def _refuse_explosion(batch: Batch, configuration: FloatArray, index: int, period: int) -> None:
-    if not batch.warning.any() and np.isfinite(batch.qpos).all():
-        return
-    shown = np.array2string(np.rad2deg(configuration), precision=1)
-    raise DataError(
-        f"the simulation blew up in period {period + 1}",
-        where=f"configuration {index + 1} at {shown} deg",
-        remedy="lower the speed loop's bandwidth or the excitation, raise steps_per_sample, check springs and inertias",
-    )
-
-
-@contextlib.contextmanager
-def _quiet_mujoco() -> Iterator[None]:
-    """Keeps MuJoCo's warnings off the screen and out of a log file; the batch counts them."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _message: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)

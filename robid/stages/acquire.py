@@ -11,7 +11,7 @@ from robid.artifacts.excitation import CampaignExcitation
 from robid.logs.importing import import_log, join_experiments
 from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, ReferenceChannel, TimeChannel
 from robid.logs.match import Played
-from robid.settings.checks import configuration_count
+from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.signals.record import Record

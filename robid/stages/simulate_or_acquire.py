@@ -17,7 +17,7 @@ from robid.artifacts.store import read_artifact
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.settings.checks import configuration_count
+from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain

@@ -1,7 +1,7 @@
 "use strict";
 // Figures of a study's sections: named curves over one axis, with a legend.
 (() => {
-  const { data, colour, axis, layout, title, logTicks, hover, onDraw } = robid;
+  const { colour, axis, layout, title, logTicks, hover, onFigures } = robid;
   const DASHES = ["solid", "dash", "dot", "dashdot"];
 
   function scale(values, isLog, text, given) {
@@ -31,5 +31,5 @@
     }), hover);
   }
 
-  document.querySelectorAll("[data-figure]").forEach((host) => onDraw(() => draw(host, data.figures[Number(host.dataset.figure)])));
+  onFigures("curves", draw);
 })();

@@ -56,6 +56,20 @@ const robid = (() => {
     draw();
   }
 
+  function onFigures(kind, draw) {
+    document.querySelectorAll("[data-figure]").forEach((host) => {
+      const figure = data.figures[Number(host.dataset.figure)];
+      if (figure.kind === kind) onDraw(() => draw(host, figure));
+    });
+  }
+
+  function palette(count) {
+    const names = ["measured", "model", "ok", "warn", "other", "bad", "ink"];
+    if (count <= names.length) return names.slice(0, count).map(colour);
+    // Golden-angle hues: neighbours in the legend are far apart.
+    return Array.from({ length: count }, (_, index) => `hsl(${(210 + 137.5 * index) % 360}, 60%, ${index % 2 ? 58 : 44}%)`);
+  }
+
   const redraw = () => drawings.forEach((draw) => draw());
   let waiting = 0;
   let width = window.innerWidth;
@@ -68,5 +82,5 @@ const robid = (() => {
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   window.matchMedia("print").addEventListener("change", redraw);
 
-  return { data, colour, still, hover, zoomable, axis, layout, title, logTicks, element, onDraw };
+  return { data, colour, still, hover, zoomable, axis, layout, title, logTicks, element, onDraw, onFigures, palette };
 })();

@@ -7,11 +7,12 @@ import pytest
 
 from exact_systems import springs_everywhere, two_joint_robot
 from robid.errors import SettingsError
-from robid.fit.names import element_names, restricted
+from robid.fit.names import restricted
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import map_parameters
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
+from robid.robot.names import element_names
 from robid.robot.response import nominal_parameters
 
 CONFIGURATIONS = np.array([[-0.3, 0.5]])

@@ -12,6 +12,7 @@ from robid.design.information import design_configurations
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.settings.load import load_experiment
+from robid.stages.configurations import configurations_of
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -26,12 +27,12 @@ def default_configurations(loaded):
     robot, experiment = loaded.robot.to_robot(), loaded.experiment
     design = experiment.designs["optimal"]
     campaign = experiment.campaigns[design.campaign]
-    candidates = campaign.configurations.angles_rad(robot.lower_rad, robot.upper_rad)
+    candidates = configurations_of(loaded, campaign, {})
     period_s = loaded.robot.controller.sampling_period_s
     frequency_hz = design_excitation(campaign.excitation, 6, 1, period_s).frequency_hz
     matrices, names = candidate_information(robot, candidates, frequency_hz, period_s, period_s, 0.03)
     chosen = design_configurations(matrices, candidates, names, design.options()).chosen
-    validation = experiment.campaigns["validation"].configurations.angles_rad(robot.lower_rad, robot.upper_rad)
+    validation = configurations_of(loaded, experiment.campaigns["validation"], {})
     return robot, np.concatenate([candidates[chosen], validation])
 
 

@@ -1,6 +1,5 @@
 from pathlib import Path
 
-import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
@@ -9,10 +8,8 @@ from robid.fit.options import ElasticOptions, Weights
 from robid.settings.experiment import Acquire, Configurations, Design, ElasticFit, Execution
 from robid.settings.load import load_experiment
 from robid.settings.slices import settings_hash, settings_slice, to_plain
-from tolerances import IDENTITY
 
 CONFIGS = Path(__file__).parents[3] / "configs"
-LOWER, UPPER = np.array([-1.0, -0.5]), np.array([1.0, 0.8])
 
 
 def _log(file: str) -> Acquire:
@@ -32,25 +29,11 @@ def test_fits_and_designs_give_the_plain_options_they_were_written_with():
     assert type(design.options()) is DesignOptions
 
 
-def test_configurations_listed_and_on_a_grid():
-    listed = Configurations.model_validate({"list_deg": [[0, 90], [45, -90]]}).angles_rad(LOWER, UPPER)
-    np.testing.assert_allclose(listed, [[0, np.pi / 2], [np.pi / 4, -np.pi / 2]], rtol=IDENTITY)
-    grid = Configurations.model_validate({"grid_deg": [[0, 10], [20, 30, 40]]}).angles_rad(LOWER, UPPER)
-    assert grid.shape == (6, 2)
-    assert {tuple(row) for row in np.round(np.rad2deg(grid)).astype(int)} == {
-        (a, b) for a in (0, 10) for b in (20, 30, 40)
-    }
-    assert Configurations.model_validate({"from": "best"}).angles_rad(LOWER, UPPER) is None
-
-
-def test_random_configurations_keep_their_margin_and_repeat_with_their_seed():
-    settings = Configurations.model_validate({"random": {"count": 500, "seed": 3, "margin_deg": 5}})
-    drawn, margin = settings.angles_rad(LOWER, UPPER), np.deg2rad(5)
-    assert drawn.shape == (500, 2)
-    assert ((drawn >= LOWER + margin) & (drawn <= UPPER - margin)).all()
-    np.testing.assert_allclose(drawn.min(axis=0), LOWER + margin, atol=0.03)
-    np.testing.assert_allclose(drawn.max(axis=0), UPPER - margin, atol=0.03)
-    np.testing.assert_array_equal(drawn, settings.angles_rad(LOWER, UPPER))
+def test_configurations_name_the_designs_that_they_wait_for():
+    sections = {"join": [{"from": ["b", "a"]}, {"list_deg": [[0, 1]]}, {"mirror": "c"}, {"join": [{"from": "a"}]}]}
+    assert Configurations.model_validate(sections).designs == ("b", "a", "c")
+    assert Configurations.model_validate({"from": "a"}).designs == ("a",)
+    assert Configurations.model_validate({"list_deg": [[0, 1]]}).designs == ()
 
 
 def test_the_data_folder_is_looked_up_when_asked_for(monkeypatch):

@@ -36,5 +36,5 @@ def test_constraints_and_file_names_of_fields_reach_the_schema():
     assert schema["ExcitationOptions"]["properties"]["period_s"]["exclusiveMinimum"] == 0
     assert schema["ElasticFit"]["properties"]["confidence"]["exclusiveMaximum"] == 1
     assert "from" in schema["ElasticFit"]["required"]
-    assert {"from", "list_deg", "random", "grid_deg"} == set(schema["Configurations"]["properties"])
+    assert {"from", "list_deg", "random", "grid_deg", "mirror", "join"} == set(schema["Configurations"]["properties"])
     assert schema["Configurations"]["maxProperties"] == 1

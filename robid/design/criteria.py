@@ -1,0 +1,142 @@
+"""Criteria of a design: what a total information is worth, its slopes and curvature, and a bound on every other one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from robid.arrays import FloatArray
+
+_SHIFT_STEPS = 50
+
+Criterion = Literal["d", "a", "e"]
+
+
+def worth(criterion: Criterion, totals: FloatArray) -> FloatArray:
+    """What total informations are worth, homogeneous of degree one.
+
+    Args:
+        criterion: `d`, `a` or `e`.
+        totals (n_draw, ..., n_param, n_param): Total information under each draw of the parameters.
+
+    Returns:
+        (...): `det^(1/n)`, its geometric mean over the draws; `1 / tr M^-1`, by the mean of the traces; the smallest
+        eigenvalue, in the worst draw. 0 where a total is singular.
+    """
+    size = totals.shape[-1]
+    if criterion == "d":
+        sign, value = np.linalg.slogdet(totals)
+        return np.asarray(np.exp(np.where(sign > 0, value, -np.inf).mean(axis=0) / size))
+    if criterion == "a":
+        return np.asarray(1 / _inverse_trace(totals).mean(axis=0))
+    return np.asarray(np.maximum(np.linalg.eigvalsh(totals)[..., 0], 0).min(axis=0))
+
+
+def _inverse_trace(totals: FloatArray) -> FloatArray:
+    try:
+        return np.asarray((np.linalg.inv(np.linalg.cholesky(totals)) ** 2).sum(axis=(-2, -1)))
+    except np.linalg.LinAlgError:
+        values = np.linalg.eigvalsh(totals)
+        inverse = (1 / np.where(values > 0, values, 1.0)).sum(axis=-1)
+        return np.asarray(np.where(values[..., 0] > 0, inverse, np.inf))
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A tangent of a criterion.
+
+    Attributes:
+        factors (n_draw, n_param, n_param): `G` of the slopes `tr(G H_i)`.
+        scale: What a difference of slopes is relative to.
+        excess: What the slopes times the weights, and the prior's own, exceed `scale` by; 0 but for `e` smoothed.
+    """
+
+    factors: FloatArray
+    scale: float
+    excess: float
+
+
+def tangent(criterion: Criterion, totals: FloatArray, smoothing: float) -> Bound:
+    """Tangent at totals (n_draw, n_param, n_param).
+
+    For every other total `M*`: `worth(M*) / worth(M) <= 1 + (sum tr(G (M* - M)) + excess) / scale`, see METHODS
+    sec. 6: arithmetic over geometric mean for `d`, Cauchy and Schwarz for `a`, `lambda_min(M*) <= tr(Z M*)` for `e`.
+    """
+    if criterion == "e":
+        factors = smooth_dual(totals, smoothing)
+        lowest = float(np.linalg.eigvalsh(totals)[..., 0].min())
+        return Bound(factors, lowest, float((factors * totals).sum()) - lowest)
+    inverse = np.linalg.inv(totals)
+    inverse = 0.5 * (inverse + inverse.swapaxes(1, 2))
+    if criterion == "d":
+        return Bound(inverse / len(totals), float(totals.shape[-1]), 0.0)
+    return Bound(inverse @ inverse / len(totals), float(np.trace(inverse, axis1=1, axis2=2).mean()), 0.0)
+
+
+def loss(criterion: Criterion, totals: FloatArray, smoothing: float) -> float:
+    """What the relaxed problem minimises: `-mean log det M`, `mean tr M^-1`, the smoothed `-lambda_min`."""
+    values = np.linalg.eigvalsh(totals)
+    if not values.min() > 0:
+        return np.inf
+    if criterion == "d":
+        return -float(np.log(values).sum() / len(totals))
+    if criterion == "a":
+        return float((1 / values).sum() / len(totals))
+    shift = _shift(values, smoothing)
+    return -shift - smoothing * float(np.log(values - shift).sum())
+
+
+def derivatives(
+    criterion: Criterion, totals: FloatArray, matrices: FloatArray, smoothing: float
+) -> tuple[FloatArray, FloatArray]:
+    """Slopes of `-loss` by the weights of matrices (n_draw, n, n_param, n_param), and root of the curvature of `loss`.
+
+    Returns:
+        Slopes (n,) and root (n, ...): the curvature is root times its transpose.
+    """
+    shift = _shift(np.linalg.eigvalsh(totals), smoothing) if criterion == "e" else 0.0
+    n_draw, count, size = matrices.shape[:3]
+    factor = smoothing if criterion == "e" else 1 / n_draw
+    rows = np.empty((count, n_draw, size * size))
+    units, shifts = np.empty((2, n_draw, size * size))
+    for draw, (total, own) in enumerate(zip(totals, matrices, strict=True)):
+        whitening = np.linalg.inv(np.linalg.cholesky(total - shift * np.eye(size)))
+        half = (own.reshape(-1, size) @ whitening.T).reshape(count, size, size)
+        white = half.swapaxes(1, 2).reshape(-1, size) @ whitening.T
+        rows[:, draw] = (white @ whitening if criterion == "a" else white).reshape(count, -1)
+        units[draw] = (whitening if criterion == "a" else np.eye(size)).ravel()
+        if criterion == "e":
+            shifts[draw] = (whitening @ whitening.T).ravel()
+    flat = rows.reshape(count, -1)
+    slopes = factor * (flat @ units.ravel())
+    if criterion == "e":
+        # The shift follows the weights, which takes its direction out of the curvature.
+        along = shifts.ravel() / np.linalg.norm(shifts)
+        flat = flat - np.outer(flat @ along, along)
+    return slopes, np.sqrt((2 if criterion == "a" else 1) * factor) * flat
+
+
+def smooth_dual(totals: FloatArray, smoothing: float) -> FloatArray:
+    """Matrices `Z` (n_draw, n_param, n_param), positive with traces that sum to 1, near the lowest eigenspace."""
+    values, vectors = np.linalg.eigh(totals)
+    share = smoothing / (values - _shift(values, smoothing))
+    share /= share.sum()
+    return np.asarray((vectors * share[:, None]) @ vectors.swapaxes(1, 2))
+
+
+def _shift(values: FloatArray, smoothing: float) -> float:
+    """The `t` below all eigenvalues at which `sum smoothing / (values - t) = 1`, best for `t + smoothing log det`."""
+    lowest = float(values.min())
+    relative = (values - lowest).ravel() / smoothing
+    # The distance from the lowest eigenvalue, over the smoothing; the reciprocal of the sum is nearly straight.
+    distance = 1.0
+    for _ in range(_SHIFT_STEPS):
+        inverse = 1 / (relative + distance)
+        whole = float(inverse.sum())
+        change = whole * (whole - 1) / float((inverse**2).sum())
+        distance += change
+        if abs(change) <= 1e-15 * distance:
+            break
+    return lowest - smoothing * distance

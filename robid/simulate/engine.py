@@ -1,0 +1,54 @@
+"""What every closed-loop simulation does with the engine: build the true robot, stay quiet, refuse explosions."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.robot.description import Robot
+from robid.robot.model import ElasticModel, build_model
+from robid.simulate.options import Controller, SimulateOptions
+from robid.simulate.truth import with_imperfections
+
+
+def true_model(robot: Robot, controller: Controller, options: SimulateOptions, *, sensors: bool) -> ElasticModel:
+    """Builds the robot with the imperfections that act inside the integrator."""
+    flaws = options.imperfections
+    return build_model(
+        with_imperfections(robot, flaws),
+        friction=flaws.friction == "lugre",
+        ripple=flaws.ripple,
+        backlash_rad=flaws.backlash_rad,
+        hysteresis_nm=flaws.hysteresis_nm,
+        timestep_s=controller.sampling_period_s / options.steps_per_sample,
+        sensors=sensors,
+    )
+
+
+def refuse_explosion(batch: Batch, configuration: FloatArray, index: int, when: str) -> None:
+    """Raises a DataError that names the configuration if any simulation of it is no longer sound."""
+    if not batch.warning.any() and np.isfinite(batch.qpos).all():
+        return
+    shown = np.array2string(np.rad2deg(configuration), precision=1)
+    raise DataError(
+        f"the simulation blew up in {when}",
+        where=f"configuration {index + 1} at {shown} deg",
+        remedy="lower the speed loop's bandwidth or the excitation, raise steps_per_sample, check springs and inertias",
+    )
+
+
+@contextlib.contextmanager
+def quiet_mujoco() -> Iterator[None]:
+    """Keeps MuJoCo's warnings off the screen and out of a log file; the batch counts them."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

@@ -1,0 +1,134 @@
+"""Given motor motions with feed-forward, played by the closed loop; the tool point is watched."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from robid.arrays import FloatArray
+from robid.robot.description import Robot, Sensor
+from robid.robot.linearize import Equilibrium, solve_statics
+from robid.robot.model import ElasticModel, site_name
+from robid.simulate.controller import Cascade
+from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.experiment import measure
+from robid.simulate.options import Controller, SimulateOptions
+
+_TOOL = "tool_point"
+
+
+@dataclass(frozen=True)
+class Playback:
+    """What the controller is told to do.
+
+    Attributes:
+        angle (n_time, n_sim, n_motor): Motor angles, the first at rest [rad].
+        torque (n_time, n_sim, n_motor): Feed-forward torques of the commands of each sample [N m].
+    """
+
+    angle: FloatArray
+    torque: FloatArray
+
+
+@dataclass(frozen=True)
+class Played:
+    """What the robot did.
+
+    Attributes:
+        tool (n_time, n_sim, 3): Position of the tool point in the world [m].
+        torque (n_time, n_sim, n_motor): Torque commands within the limits [N m].
+    """
+
+    tool: FloatArray
+    torque: FloatArray
+
+
+def with_tool_point(robot: Robot, point_m: FloatArray) -> Robot:
+    """Returns the robot with a tracker on its payload, or on its last link, as its only sensor."""
+    tool = Sensor(_TOOL, "tracker", None, point_m, np.array([0.0, 0.0, 1.0]))
+    return replace(robot, sensors=(tool,))
+
+
+def play(
+    robot: Robot,
+    controller: Controller,
+    options: SimulateOptions,
+    configuration: FloatArray,
+    index: int,
+    motion: Playback,
+    threads: int = 1,
+) -> Played:
+    """Plays motor motions from rest, feedback around the feed-forward, one simulation each.
+
+    Args:
+        robot: The robot that moves, with its tool point.
+        controller: Its controller; feed-forward is added to its output.
+        options: Imperfections, steps and seed; the tracker's noise is on the tool point.
+        configuration (n_joint,): Arm-side angles that the encoders show at rest [rad].
+        index: The configuration's index, which seeds its noise.
+        motion: What the controller is told to do.
+        threads: Simulation threads; the result does not depend on them.
+
+    Returns:
+        Tool positions and torques at the controller's samples.
+
+    Raises:
+        DataError: If the simulation blows up, naming the configuration.
+    """
+    model, flaws = true_model(robot, controller, options, sensors=True), options.imperfections
+    rest = solve_statics(model, configuration[None])
+    n_time, n_sim, n_motor = motion.angle.shape
+    batch = Batch(model.mujoco, n_sim, nthread=threads)
+    batch.qpos[:] = rest.position
+    limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])
+    shown = measure(batch.qpos[:, model.motor], np.zeros((n_sim, n_motor)), flaws)
+    reference = motion.angle - motion.angle[0] + shown
+    # At rest the feedback has learnt what the feed-forward lacks to hold the robot.
+    lacking = rest.motor_torque - motion.torque[0]
+    cascade = Cascade(controller, robot.motor_inertia_kgm2, limit, shown, lacking)
+    pending = [np.broadcast_to(rest.motor_torque, (n_sim, n_motor))] * controller.delay_samples
+    generator = np.random.default_rng([options.seed, index])
+    angle_noise, torque_noise = generator.standard_normal((2, *motion.angle.shape))
+    tool = flaws.tracker_noise_m * generator.standard_normal((n_time, n_sim, 3))
+    torque = np.empty_like(motion.angle)
+    speed = np.diff(motion.angle, axis=0, prepend=motion.angle[:1]) / controller.sampling_period_s
+    watched = batch.sensordata  # bound before the first step, or that one is missed
+    start = int(model.mujoco.sensor(model.robot.sensors[0].name).adr[0])
+    with quiet_mujoco():
+        for sample in range(n_time):
+            measured = measure(batch.qpos[:, model.motor], flaws.encoder_noise_rad * angle_noise[sample], flaws)
+            feedback = cascade.command(measured, reference[sample], speed[sample])
+            torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
+            pending.append(torque[sample])
+            batch.ctrl[:] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
+            batch.step(nstep=1)  # sensors show the state at its beginning
+            tool[sample] += watched[:, start : start + 3]
+            if options.steps_per_sample > 1:
+                batch.step(nstep=options.steps_per_sample - 1)
+        refuse_explosion(batch, configuration, index, "a step")
+    return Played(tool, torque)
+
+
+def turned_tool(model: ElasticModel, rest: Equilibrium, axis: int, angle: FloatArray) -> FloatArray:
+    """Where the tool point goes when one arm angle turns from rest and all else stays as it is.
+
+    Args:
+        model: The elastic model of a robot with its tool point.
+        rest: Where it rests; one configuration.
+        axis: Which joint turns.
+        angle (n_time,): By how much [rad].
+
+    Returns:
+        Displacement from rest (n_time, 3) [m].
+    """
+    data = mujoco.MjData(model.mujoco)
+    data.qpos[:] = rest.position[0]
+    mujoco.mj_kinematics(model.mujoco, data)
+    joint = int(model.mujoco.dof_jntid[model.arm[axis]])
+    lever = data.site(site_name(model.robot.sensors[0])).xpos - data.xanchor[joint]
+    across = np.cross(data.xaxis[joint], lever)
+    outward = np.cross(data.xaxis[joint], across)
+    return np.asarray(np.sin(angle)[:, None] * across + (1 - np.cos(angle))[:, None] * outward)

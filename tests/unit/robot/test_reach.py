@@ -1,0 +1,72 @@
+"""What keeps a robot from a configuration, against kinematics written down by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robid.errors import DataError
+from robid.robot.foreign import Shapes
+from robid.robot.reach import Reach, mirror, points
+from robid.settings.load import load_robot
+from tolerances import IDENTITY
+
+TESTS, CONFIGS = Path(__file__).parents[2], Path(__file__).parents[3] / "configs"
+FOLDING = """<mujoco><worldbody><body name="base"><geom size="0.1"/>
+ <body name="upper" pos="0 0 0.2"><joint name="lift" axis="0 1 0"/>
+  <geom type="capsule" fromto="0 0 0.2 0 0 0.9" size="0.05"/>
+  <body name="fore" pos="0 0 1"><joint name="bend" axis="0 1 0"/>
+   <geom type="capsule" fromto="0 0 0.2 0 0 1.15" size="0.05"/>
+  </body></body></body></worldbody></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_robot(TESTS / "stages" / "arm.yaml").to_robot()
+
+
+def test_the_points_are_those_of_the_arm(arm):
+    turn, lift = 0.3, 0.4
+    found = points(arm, np.array([[turn, lift]]))[0]
+    out = np.array([np.cos(turn), np.sin(turn)])
+    tip = 0.1 + 0.8 * np.cos(lift)
+    np.testing.assert_allclose(found[-1], [*(out * tip), 0.4 + 0.8 * np.sin(lift)], rtol=IDENTITY)
+    np.testing.assert_allclose(found[1], [*(out * 0.1), 0.4], rtol=IDENTITY)
+
+
+def test_the_floor_is_told_with_how_far_below_it_the_arm_goes(arm):
+    down, level = [0.0, np.deg2rad(-60)], [0.0, 0.0]
+    problems = Reach(arm, floor_m=0.0).problems(np.array([down, level]))
+    assert problems == ["it reaches 293 mm below the floor", ""]
+    assert 1e3 * (0.8 * np.sin(np.deg2rad(60)) - 0.4) == pytest.approx(293, abs=0.5)
+    assert Reach(arm).problems(np.array([down, level])) == ["", ""]
+
+
+def test_joint_limits_are_part_of_the_reach(arm):
+    problems = Reach(arm).problems(np.deg2rad([[151, 0], [0, 99]]))
+    assert problems == ["joint `turn` at 151 deg moves from -150 to 150 deg", ""]
+
+
+def test_an_arm_that_folds_into_itself_is_named(tmp_path):
+    path = tmp_path / "folding.xml"
+    path.write_text(FOLDING)
+    shapes = Shapes(path, ["lift", "bend"], {})
+    assert shapes.touching(np.array([0.0, 1.0])) == ""
+    assert shapes.touching(np.array([0.0, np.pi - 0.05])) == "`base` and `fore` touch"
+
+
+def test_mirrored_configurations_take_the_payload_to_the_other_side():
+    robot = load_robot(CONFIGS / "robots" / "kr300.yaml").to_robot()
+    angles = np.deg2rad([[30, -70, 50, 40, -60, 80], [-100, -20, 10, 170, 30, -5]])
+    mirrored = mirror(robot, angles)
+    payload, image = points(robot, angles)[:, -1], points(robot, mirrored)[:, -1]
+    np.testing.assert_allclose(image, payload * [1, -1, 1], atol=1e-12)
+    assert np.abs(payload[:, 1]).min() > 0.1
+    np.testing.assert_allclose(mirror(robot, mirrored), angles, rtol=IDENTITY)
+
+
+def test_a_robot_with_a_slanted_axis_has_no_mirror_image():
+    robot = load_robot(CONFIGS / "robots" / "kr300.yaml")
+    slanted = robot.model_copy(update={"base_rpy_deg": (150.0, 0.0, 0.0)}).to_robot()
+    with pytest.raises(DataError, match=r"`axis_1`.*no mirror image"):
+        mirror(slanted, np.zeros((1, 6)))
