@@ -9,6 +9,7 @@ from pydantic import Field
 from robid.fit.options import ElasticOptions, EstimatorKind, ParameterKind, WeightsKind
 from robid.frf.options import EstimateOptions
 from robid.settings.base import Name, Section
+from robid.validation.step_profile import StepOptions
 
 
 class FrfStudy(Section):
@@ -103,6 +104,25 @@ class ZimmermannStudy(Section):
         description="Options that all fits share.",
     )
     models: dict[Name, ModelChoice] = Field(description="The models, by name.", min_length=1)
+    axes: tuple[Name, ...] = Field(
+        default=("axis_2", "axis_3"),
+        description="Joints by whose first resonance, of the motor's own response, the models are judged.",
+        min_length=1,
+    )
+    reference: Name = Field(default="m49", description="The model that has all configurations.")
+    optimal: Name = Field(default="opt2", description="The model that has those of `design`.")
+    guess: Name = Field(default="guess", description="The model that has those an engineer would choose.")
+    nonlinear: Name | None = Field(
+        default=None, description="The model whose gears stiffen, which explains the others' springs."
+    )
+    design: Name = Field(description="The design of the study.")
+    steps: StepOptions = Field(
+        default_factory=StepOptions, description="Steps that compare the models in the time domain."
+    )
+    stepped: tuple[Name, ...] = Field(default=(), description="Models that control the steps, the robot file beside.")
+    paper: str | None = Field(
+        default=None, description="File with the paper's figures, relative to this one.", min_length=1
+    )
 
 
 Study: TypeAlias = Annotated[FrfStudy | WernholtStudy | ZimmermannStudy, Field(discriminator="kind")]

@@ -24,7 +24,15 @@ from robid.settings.slices import to_plain
 from robid.settings.study import FrfStudy
 from robid.stages.report import read_stamp, write_page
 from robid.stages.stage import Progress, counted
-from robid.studies import frf, frf_report, wernholt2008, wernholt2008_report, zimmermann2023, zimmermann2023_report
+from robid.studies import (
+    frf,
+    frf_report,
+    wernholt2008,
+    wernholt2008_report,
+    zimmermann2023,
+    zimmermann2023_models,
+    zimmermann2023_report,
+)
 from robid.studies.conclusion import Conclusion
 from robid.studies.tasks import Function, Results, Task, run_tasks
 
@@ -87,7 +95,10 @@ STUDIES = {
     ),
     "zimmermann2023": Study(
         zimmermann2023.needs,
-        (Step("responses", zimmermann2023.response_tasks, zimmermann2023.measure),),
+        (
+            Step("responses", zimmermann2023.response_tasks, zimmermann2023.measure),
+            Step("models", zimmermann2023_models.model_tasks, zimmermann2023_models.fit_model),
+        ),
         zimmermann2023_report.conclude,
     ),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeAlias
 
 from robid.arrays import FloatArray
@@ -51,6 +52,29 @@ def campaigns(study: ZimmermannStudy) -> tuple[str, ...]:
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read."""
     return tuple(f"{name}/excitation.h5" for name in campaigns(study_of(loaded)))
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One individual: its two campaigns, and where the responses of all configurations lie."""
+
+    estimation: str
+    validation: str
+    configurations: FloatArray
+    estimation_paths: tuple[Path, ...]
+    validation_paths: tuple[Path, ...]
+
+
+def pairs(run: Run, earlier: Earlier) -> list[Pair]:
+    """Returns the pairs of campaigns with the results of the first step."""
+    study = study_of(run.loaded)
+    found, left = [], list(earlier[0].paths)
+    for names in zip(study.estimation, study.validation, strict=True):
+        content = excitation_from_artifact(read_artifact(run.path(f"{names[0]}/excitation.h5"), EXCITATION))
+        count = len(content.configurations)
+        found.append(Pair(*names, content.configurations, tuple(left[:count]), tuple(left[count : 2 * count])))
+        left = left[2 * count :]
+    return found
 
 
 def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
