@@ -170,7 +170,7 @@ def _run_stage(run: Run, node: Node, named: list[Path], output: Path | None, *, 
         outcome, text = "made", f"{figures} ({duration(time.monotonic() - begun)})"
     problem = node.stage.problem(target)
     if as_json:
-        told = {"outcome": outcome, "text": text, "problem": problem}
+        told = {"outcome": outcome, "text": text, "problem": problem, **node.stage.told(target)}
         _print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
     else:
         shell.say(f"{target}  {outcome}: {text}")

@@ -3,6 +3,7 @@
 Schema history:
     1.0: first version.
     1.1: criterion, slopes, counts, gain, rounding loss; the gap is relative. Files of 1.0 lack them and are refused.
+    1.2: `cost_s`, `stability`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.design.information import ConfigurationDesign
 
-DESIGN = Kind("design", "1.1", "robid design-configs")
+DESIGN = Kind("design", "1.2", "robid design-configs")
 
 _TABLE = {
     "weights": Column("1", ("candidate",), "Optimal weights: shares of the experiments, or of the cost"),
@@ -22,6 +23,10 @@ _TABLE = {
     "information": Column("1", ("candidate", "parameter", "parameter"), "Information about the log-parameters"),
     "predicted_relative_std": Column("1", ("parameter",), "Relative standard deviation that the choice promises"),
     "parameter_names": Column("1", ("parameter",)),
+    "cost_s": Column("s", ("candidate",), "Time of one visit: experiments and way"),
+    "stability/kept": Column("1", ("trial",), "Share of the choice that other data or parameters choose too"),
+    "stability/efficiency": Column("1", ("trial",), "Efficiency of that choice by what it did not use"),
+    "stability/chosen_often": Column("1", ("candidate",), "Share of the trials that choose each candidate"),
     "configurations": Column("rad", ("candidate", "joint"), "Arm-side joint angles of the candidates"),
 }
 

@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 from robid.design.options import DesignOptions
 from robid.design.plan import Plan, checked_plan, choose_counts
-from robid.design.seen import check_candidates, checked_scale, is_regular
+from robid.design.seen import check_different, check_finite, checked_scale, is_regular
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
 
@@ -39,6 +39,8 @@ class ConfigurationDesign:
             numbers promise together.
         parameter_names: Names of the parameters.
         configurations (n_conf, n_joint): The candidates' arm-side joint angles [rad].
+        cost_s (n_conf,): Cost of one experiment in each candidate [s]; None where they cost the same.
+        stability: Whether the choice would come out the same; None without other information to choose by.
     """
 
     weights: FloatArray
@@ -55,6 +57,26 @@ class ConfigurationDesign:
     predicted_relative_std: FloatArray
     parameter_names: tuple[str, ...]
     configurations: FloatArray
+    cost_s: FloatArray | None = None
+    stability: Stability | None = None
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Choices by other information than the one that was used, see `robid.design.stability`.
+
+    Attributes:
+        source: Where that comes from: `realizations` (each half of them) or `draws` (each one alone).
+        kept (n_trial,): Share of the chosen configurations that each trial chooses too.
+        efficiency (n_trial,): Efficiency of each trial's choice by information that it did not use: the other half, or
+            the mean over all draws.
+        chosen_often (n_conf,): Share of the trials that choose each candidate.
+    """
+
+    source: str
+    kept: FloatArray
+    efficiency: FloatArray
+    chosen_often: FloatArray
 
 
 @dataclass(frozen=True)
@@ -131,9 +153,10 @@ def design_configurations(
     price = np.ones(n_conf) if cost is None else cost
     known = np.zeros((n_param, n_param)) if prior is None else prior
     experiments, budget = checked_plan(options, price)
-    check_candidates(draws)
+    check_finite(draws)
     for draw in draws:
         scale = checked_scale(known + draw.mean(axis=0), parameter_names, "the candidates", _FIX)
+    check_different(draws)
     if options.criterion != "d":
         # The other criteria depend on the parameters' scale: that of the log-parameters stays.
         scale = np.full(n_param, scale.mean())
@@ -182,7 +205,7 @@ def next_configuration(matrices: FloatArray, prior: FloatArray, parameter_names:
         DataError: If the information is not finite, or what is known leaves a combination of parameters unseen.
     """
     draws = matrices if matrices.ndim == 4 else matrices[None]
-    check_candidates(draws)
+    check_finite(draws)
     remedy = "Choose configurations without prior first, or fix one of the named parameters in each combination."
     scale = checked_scale(prior, parameter_names, "the earlier experiments", remedy)
     unit = scale[:, None] * scale

@@ -116,6 +116,10 @@ class ExcitationOptions:
     )
 
 
+WantedKind = Literal["stiffness", "damping", "motor_inertia", "link_inertia"]
+NuisanceKind = Literal["stiffness", "damping", "motor_inertia", "link_inertia", "viscous", "delay"]
+
+
 @dataclass(frozen=True)
 class DesignOptions:
     """Choice of the configurations that tell most about the parameters."""
@@ -146,9 +150,6 @@ class DesignOptions:
             "gt": 0,
         },
     )
-    assumed_relative_error: float = field(
-        default=0.03, metadata={"description": "Assumed relative standard deviation of each response element.", "gt": 0}
-    )
     restarts: int = field(default=4, metadata={"description": "Random starts of the exchange.", "ge": 0})
     seed: int = field(default=1, metadata={"description": "Seed of these starts.", "ge": 0})
     iterations: int = field(
@@ -157,4 +158,82 @@ class DesignOptions:
     gap: float = field(
         default=1e-8,
         metadata={"description": "Certified relative gap at which they stop; 1e-4 at best for `e`.", "gt": 0},
+    )
+
+
+@dataclass(frozen=True)
+class DesignWeights:
+    """Weights of the response's elements in a design."""
+
+    off_diagonal: float = field(
+        default=1.0, metadata={"description": "Weight of off-diagonal elements, diagonal is 1.", "ge": 0}
+    )
+    low_cut_hz: float = field(default=0.0, metadata={"description": "Lines below get no weight [Hz].", "ge": 0})
+    mean: Literal["importance", "fit"] = field(
+        default="importance",
+        metadata={
+            "description": "They multiply the inverse covariance, or they are the weights that a fit will use: the"
+            " choice is then made for the covariance of that fit."
+        },
+    )
+
+
+@dataclass(frozen=True)
+class InformationOptions:
+    """What configurations tell, and about which parameters."""
+
+    information: Literal["assumed", "measured"] = field(
+        default="assumed",
+        metadata={
+            "description": "By the same relative error of every response element, or by the responses of the campaign"
+            " and their covariance; the campaign is measured or simulated first."
+        },
+    )
+    assumed_relative_error: float = field(
+        default=0.03, metadata={"description": "Assumed relative standard deviation of each response element.", "gt": 0}
+    )
+    model_error: float = field(
+        default=0.0,
+        metadata={"description": "Relative model error that measured information allows for, besides.", "ge": 0},
+    )
+    free: tuple[WantedKind, ...] = field(
+        default=("stiffness", "damping"), metadata={"description": "Kinds of parameters that are wanted."}
+    )
+    nuisance: tuple[NuisanceKind, ...] = field(
+        default=("viscous", "delay"), metadata={"description": "Kinds that are estimated along, in each configuration."}
+    )
+    fixed: tuple[str, ...] = field(
+        default=(), metadata={"description": "Names of single parameters that are known, as in a fit."}
+    )
+    weights: DesignWeights = field(
+        default_factory=DesignWeights, metadata={"description": "Weights of the response's elements."}
+    )
+    draws: int = field(
+        default=1,
+        metadata={
+            "description": "Draws of the unknown springs and dampers that the criterion is averaged over; 1 takes the"
+            " robot file's values.",
+            "ge": 1,
+        },
+    )
+    draw_factor: float = field(
+        default=1.5, metadata={"description": "The draws are log-uniform within this factor.", "gt": 1}
+    )
+    draw_seed: int = field(default=1, metadata={"description": "Seed of the draws.", "ge": 0})
+
+
+@dataclass(frozen=True)
+class CostOptions:
+    """What a visit to a configuration costs."""
+
+    cost: Literal["equal", "travel"] = field(
+        default="equal",
+        metadata={
+            "description": "Every visit the same, or the seconds of its experiments and of the way from the campaign's"
+            " first configuration."
+        },
+    )
+    joint_speed_share: float = field(
+        default=0.3,
+        metadata={"description": "Share of the joints' largest speed at which the robot travels.", "gt": 0, "le": 1},
     )

@@ -11,6 +11,7 @@ from robid.design.criteria import worth
 from robid.design.exchange import Exchange, best_exchange, efficient_rounding, merged
 from robid.design.options import DesignOptions
 from robid.design.relaxed import Relaxed, relaxed_design
+from robid.design.seen import is_regular
 from robid.errors import SettingsError
 
 _POOL = 400
@@ -101,15 +102,16 @@ def choose_counts(plan: Plan, relaxed: Relaxed) -> IntArray:
     distinct = min(problem.distinct, problem.experiments)
     once = replace(problem, experiments=distinct, distinct=distinct, repeats=False)
     counts = best_exchange(once, visits[pool], plan.options.restarts, plan.options.seed)
-    if problem.repeats:
-        used = pool[np.flatnonzero(counts)]
+    whole = np.zeros(plan.cost.size, int)
+    whole[pool] = counts
+    seen = plan.prior + np.tensordot(plan.matrices, whole, (1, 0))
+    if problem.repeats and all(is_regular(total) for total in seen):
+        used = np.flatnonzero(whole)
         own = np.zeros(plan.cost.size)
         own[used] = plan.relaxed(used).weights / plan.cost[used]
         starts = [counts, *(_rounded(problem, each[pool]) for each in (own, visits))]
         ends = [problem.improved(start) for start in starts]
-        counts = ends[int(np.argmax([problem.worth(end) for end in ends]))]
-    whole = np.zeros(plan.cost.size, int)
-    whole[pool] = counts
+        whole[pool] = ends[int(np.argmax([problem.worth(end) for end in ends]))]
     return whole
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.design.criteria import Criterion, tangent, worth
-from robid.design.interior import STEPS, Problem, descend, level, most
+from robid.design.interior import Problem, descend, level, most
 from robid.design.packed import Packed, pack
 
 _UPDATES = 8
@@ -87,7 +87,7 @@ def relaxed_design(
         stalled = 0 if best is None or found.gap < best.gap else stalled + 1
         best = found if best is None or found.gap < best.gap else best
         if best.gap <= gap or steps >= iterations or stalled == _PATIENCE:
-            return _pruned(problem, best, smoothing, gap)
+            return _pruned(problem, best, smoothing, gap, iterations - steps)
         wanted = max(min(0.1 * found.gap, 0.1 * wanted), 0.3 * gap)
         working, weights = _enlarged(problem, working, weights, slopes)
         # Newcomers are far from the path that ends where the weights are: it is joined where it is wider.
@@ -149,7 +149,7 @@ def _enlarged(
     return np.concatenate([working, new]), extended
 
 
-def _pruned(problem: Problem, found: Relaxed, smoothing: float, gap: float) -> Relaxed:
+def _pruned(problem: Problem, found: Relaxed, smoothing: float, gap: float, most_steps: int) -> Relaxed:
     """Leaves out what the optimum does not need: weights that are smaller than their candidates' lack of slope."""
     lack = level(found.slopes, problem.limit) - found.slopes
     kept = np.flatnonzero(found.weights > np.maximum(lack, 0))
@@ -158,7 +158,7 @@ def _pruned(problem: Problem, found: Relaxed, smoothing: float, gap: float) -> R
         return found
     if (np.linalg.eigvalsh(_part_totals(problem, kept, weights))[..., 0] <= 0).any():
         return found
-    weights, smoothing, used = descend(problem, kept, weights, smoothing, 0.3 * gap, STEPS)
+    weights, smoothing, used = descend(problem, kept, weights, smoothing, 0.3 * gap, most_steps)
     full = np.zeros(found.weights.size)
     full[kept] = weights
     pruned, _ = _priced(problem, full, smoothing, found.steps + used)

@@ -13,27 +13,36 @@ _ALIKE = 1e-9
 """Largest difference of matrices, relative to them, at which candidates count as alike."""
 
 
-def check_candidates(matrices: FloatArray) -> None:
-    """Refuses information (n_draw, n_cand, n_param, n_param) that is not finite, or alike but for a factor.
+def check_finite(matrices: FloatArray) -> None:
+    """Refuses information (n_draw, n_cand, n_param, n_param) that is not finite.
 
     Raises:
-        DataError: With the first candidate that is not finite, or because there is nothing to choose.
+        DataError: With the first candidate that is not.
     """
     wrong = np.flatnonzero(~np.isfinite(matrices).all(axis=(0, 2, 3)))
     if wrong.size:
         raise DataError(
-            f"The information of {wrong.size} candidates is not finite, first that of candidate {wrong[0]}.",
+            f"The information of {wrong.size} of {matrices.shape[1]} candidates is not finite, first that of"
+            f" candidate {wrong[0]}.",
             where="design",
-            remedy="Check the campaign's responses and its covariance, or leave these candidates out.",
+            remedy="Check the campaign's responses and their covariance, or leave these candidates out.",
         )
+
+
+def check_different(matrices: FloatArray) -> None:
+    """Refuses candidates of which each has the same information (n_draw, n_cand, n_param, n_param) but for a factor.
+
+    Raises:
+        DataError: If there is nothing to choose.
+    """
     if matrices.shape[1] < 2:
         return
     first = matrices[:, :1]
     factor = (matrices * first).sum(axis=(0, 2, 3)) / (first**2).sum() if first.any() else np.zeros(matrices.shape[1])
     if matrices.shape[-1] == 1:
+        # A single parameter leaves the factor to choose by.
         factor = np.ones_like(factor)
-    size = np.abs(matrices).max()
-    if size > 0 and np.abs(matrices - factor[:, None, None] * first).max() <= _ALIKE * size:
+    if np.abs(matrices - factor[:, None, None] * first).max() <= _ALIKE * np.abs(matrices).max():
         raise DataError(
             "The candidates are all alike: each tells the same about the parameters, so there is nothing to choose.",
             where="design",

@@ -46,7 +46,8 @@ def inverse_motion(
     Args:
         model: The elastic model of a robot with its tool point as its first sensor.
         rest: Where it rests before the motion; one configuration.
-        motion (3, n_time, n_joint): Angles of the rigid robot from rest, speeds, accelerations [rad, rad/s, rad/s^2].
+        motion (3, n_time, n_joint): Angles of the rigid robot from rest, speeds, accelerations, not all of them zero
+            [rad, rad/s, rad/s^2].
         period_s: Time between samples [s].
         stride: Samples from one evaluation of the rigid dynamics to the next; splines fill in.
 

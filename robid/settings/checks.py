@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
 
 from robid.design.signal import check_signal
 from robid.errors import SettingsError
 from robid.fit.names import name_problems
-from robid.robot.expand import LOCATED
 from robid.settings.configuration_checks import check_cycles, check_reachable, configuration_count, named_designs
+from robid.settings.design_checks import check_designs
 from robid.settings.experiment import Campaign, Experiment, Fit
 from robid.settings.log_checks import check_channels, check_logs
+from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.study_checks import check_study
@@ -26,7 +27,7 @@ def check_experiment(document: Document, experiment: Experiment, robot: RobotFil
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
     found = [
         _folders(experiment),
-        _designs(experiment),
+        check_designs(experiment, robot),
         check_cycles(experiment),
         check_study(experiment, configuration_count),
     ]
@@ -55,26 +56,6 @@ def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
     return (*(joint.name for joint in robot.joints), *campaign.outputs[1:])
 
 
-def parameter_names(robot: RobotFile, kinds: Iterable[str]) -> list[str]:
-    """Returns the name of every parameter of these kinds that an elastic fit of this robot has."""
-    return list(_kinds(robot, kinds))
-
-
-def _kinds(robot: RobotFile, kinds: Iterable[str]) -> dict[str, str]:
-    """Kind of every parameter of these kinds, by name, and of shifts along an axis, which have no effect."""
-    springs, joints = robot.all_springs, [joint.name for joint in robot.joints]
-    found: dict[str, str] = {}
-    for kind in kinds:
-        owners = [spring.name for spring in springs] if kind in ("stiffness", "damping") else joints
-        if kind == "cubic":
-            owners = [spring.name for spring in springs if spring.place == "transmission"]
-        if kind == "location":
-            owners = [f"{s.name}.location_{axis}" for s in springs if s.place in LOCATED for axis in "xyz"]
-        names = owners if kind == "location" else [f"{owner}.{kind}" for owner in owners]
-        found |= dict.fromkeys(["delay"] if kind == "delay" else names, kind)
-    return found
-
-
 def _folders(experiment: Experiment) -> _Found:
     for name in experiment.campaigns:
         if name in _FOLDERS:
@@ -83,18 +64,6 @@ def _folders(experiment: Experiment) -> _Found:
 
 def _unknown(kind: str, name: str, known: Mapping[str, object]) -> str:
     return f"there is no {kind} `{name}`; {suggest(name, known)}"
-
-
-def _designs(experiment: Experiment) -> _Found:
-    for name, design in experiment.designs.items():
-        campaign = experiment.campaigns.get(design.campaign)
-        if campaign is None:
-            yield ("designs", name, "campaign"), _unknown("campaign", design.campaign, experiment.campaigns)
-            continue
-        count = configuration_count(experiment, campaign)
-        if count is not None and design.count > count:
-            message = f"cannot choose {design.count} of the {count} configurations of `{design.campaign}`"
-            yield ("designs", name, "count"), message
 
 
 def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
@@ -210,7 +179,7 @@ def _fit(experiment: Experiment, name: str, fit: Fit) -> _Found:
 
 def _fit_of_robot(experiment: Experiment, name: str, fit: Fit, robot: RobotFile) -> _Found:
     field = ("fits", name)
-    known = _kinds(robot, fit.free)
+    known = kinds_by_name(robot, fit.free)
     for index, parameter in enumerate(fit.fixed):
         if parameter not in known:
             message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"

@@ -45,18 +45,25 @@ def check_cycles(experiment: Experiment) -> _Found:
 
 def _way_back(experiment: Experiment, start: str, trail: tuple[str, ...]) -> tuple[str, ...] | None:
     """Continues a trail of campaigns until the next one is its start; None where no way leads there."""
-    campaign = experiment.campaigns.get(trail[-1])
-    designs = () if campaign is None else campaign.configurations.designs
-    for name in designs:
-        design = experiment.designs.get(name)
-        following = None if design is None else design.campaign
+    for following in _campaigns_before(experiment, trail[-1]):
         if following == start:
             return trail
-        if following is not None and following not in trail:
+        if following not in trail:
             found = _way_back(experiment, start, (*trail, following))
             if found is not None:
                 return found
     return None
+
+
+def _campaigns_before(experiment: Experiment, name: str) -> Iterator[str]:
+    """Campaigns that a campaign's designs read, themselves or through an earlier fit."""
+    campaign = experiment.campaigns.get(name)
+    for chooser in () if campaign is None else campaign.configurations.designs:
+        design = experiment.designs.get(chooser)
+        if design is not None:
+            yield design.campaign
+            fit = experiment.fits.get(design.prior or "")
+            yield from () if fit is None else fit.campaigns
 
 
 def named_designs(field: FieldPath, chosen: Configurations) -> _Found:

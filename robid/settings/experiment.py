@@ -10,7 +10,7 @@ import numpy as np
 import pydantic.dataclasses
 from pydantic import ConfigDict, Field, model_validator
 
-from robid.design.options import DesignOptions, ExcitationOptions
+from robid.design.options import CostOptions, DesignOptions, ExcitationOptions, InformationOptions
 from robid.fit.options import ElasticOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.base import DATA_VARIABLE, Name, Section, data_path
@@ -222,14 +222,23 @@ class Campaign(Section):
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)
-class Design(DesignOptions):
+class Design(CostOptions, InformationOptions, DesignOptions):
     """A choice of robot configurations among those of a campaign."""
 
     campaign: Name = Field(description="Name of the campaign with the configurations to choose from.")
+    prior: Name | None = Field(
+        default=None,
+        description="Name of an earlier fit: what it knows counts beforehand, and its estimates take the place of the"
+        " robot file's values. The configuration that adds most to it comes first.",
+    )
 
     def options(self) -> DesignOptions:
         """Returns the options of the algorithm."""
         return _part(self, DesignOptions)
+
+    def about(self) -> InformationOptions:
+        """Returns which information it is made by."""
+        return _part(self, InformationOptions)
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
-from robid.artifacts.design import DESIGN, design_to_artifact
-from robid.artifacts.store import write_artifact
-from robid.design.candidates import candidate_information
+import numpy as np
+from rich.console import Group
+
+from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
+from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
+from robid.design.cost import visit_cost_s
 from robid.design.information import ConfigurationDesign, design_configurations
-from robid.design.lines import choose_lines
-from robid.settings.experiment import Experiment
+from robid.design.stability import Trial, stability
+from robid.report.design import design_numbers, design_tables, stability_sentence
+from robid.report.numbers import percent
+from robid.settings.experiment import Campaign, Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.stages.configurations import configurations_of, design_inputs
-from robid.stages.slices import delay_s, line_settings, require_controller, robot_settings
+from robid.stages.configurations import design_inputs
+from robid.stages.design_information import Gathered, gather_information
+from robid.stages.slices import Part, delay_s, line_settings, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted
+from robid.stages.terminal import section_table
+
+_WIDE_GAP = 0.01
+_READ: tuple[Part, ...] = ("mechanics", "range", "timing")
+_READ_FOR_COST: tuple[Part, ...] = ("motor_limits",)
 
 
 def _owners(experiment: Experiment) -> tuple[str, ...]:
@@ -27,41 +40,102 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     section = f"campaigns.{design.campaign}"
     settings = {
         f"designs.{owner}": to_plain(design),
-        f"{section}.configurations": to_plain(campaign.configurations),
         f"{section}.payload_kg": campaign.payload_kg,
-        f"{section}.excitation": line_settings(campaign),
-        **robot_settings(loaded, "mechanics", "range", "timing"),
+        **robot_settings(loaded, *_READ, *(_READ_FOR_COST if design.cost == "travel" else ())),
     }
-    return Plan((f"designs/{owner}.h5",), settings, design_inputs(campaign))
+    if design.cost == "travel":
+        settings[f"{section}.visit_s"] = visit_s(loaded, campaign)
+    inputs = {} if design.prior is None else {"model": f"fits/{design.prior}/model.h5"}
+    if design.information == "measured":
+        settings |= {f"{section}.pooled_lines": campaign.estimate.pooled_lines, "delay_s": delay_s(loaded, campaign)}
+        inputs["frf"] = f"{design.campaign}/frf.h5"
+    else:
+        settings |= {
+            f"{section}.configurations": to_plain(campaign.configurations),
+            f"{section}.excitation": line_settings(campaign),
+        }
+        inputs |= design_inputs(campaign)
+    return Plan((f"designs/{owner}.h5",), settings, inputs)
+
+
+def visit_s(loaded: LoadedExperiment, campaign: Campaign) -> float:
+    """Returns the time that a campaign's experiments in one configuration take [s]."""
+    transient = 0
+    if campaign.source is not None and campaign.source.acquire is not None:
+        transient = campaign.source.acquire.drop_periods
+    elif campaign.source is not None and campaign.source.simulate is not None:
+        transient = campaign.source.simulate.transient_periods
+    experiments = campaign.realizations * (campaign.experiments or len(loaded.robot.joints))
+    return experiments * (transient + campaign.periods) * campaign.excitation.period_s
 
 
 def _run(job: Job) -> str:
     design = job.loaded.experiment.designs[job.owner]
     campaign = job.loaded.experiment.campaigns[design.campaign]
-    robot = job.loaded.robot.to_robot(campaign.payload_kg)
-    candidates = configurations_of(job.loaded, campaign, job.inputs)
-    period = require_controller(job.loaded).sampling_period_s
-    lines, _ = choose_lines(campaign.excitation, period)
-    matrices, names = candidate_information(
-        robot,
-        candidates,
-        lines / campaign.excitation.period_s,
-        period,
-        delay_s(job.loaded, campaign),
-        design.assumed_relative_error,
+    found = gather_information(job)
+    cost = None
+    if design.cost == "travel":
+        robot = job.loaded.robot.to_robot(campaign.payload_kg)
+        cost = visit_cost_s(robot, found.configurations, visit_s(job.loaded, campaign), design.joint_speed_share)
+    options = design.options()
+    choice = design_configurations(
+        found.matrices,
+        found.configurations,
+        found.names,
+        options,
+        prior=found.prior,
+        cost=cost,
+        fitted=found.fitted,
     )
-    chosen = design_configurations(matrices, candidates, names, design.options())
-    write_artifact(job.output, design_to_artifact(chosen, job.provenance(STAGE.name)))
-    return figures(chosen)
+    trials = _trials(found)
+    repeated = None
+    if trials and found.fitted is None:
+        source = "realizations" if len(found.halves) else "draws"
+        repeated = stability(source, trials, choice, options, found.prior, cost)
+    if found.fitted is not None:
+        # What optimal weights of the chosen ones would be worth is no measure of a fit that has others.
+        choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
+    choice = replace(choice, cost_s=cost, stability=repeated)
+    write_artifact(job.output, design_to_artifact(choice, job.provenance(STAGE.name)))
+    return figures(choice)
 
 
-def figures(chosen: ConfigurationDesign) -> str:
+def _trials(found: Gathered) -> list[Trial]:
+    """Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean."""
+    if len(found.halves):
+        return [Trial(way[side], way[1 - side]) for way in found.halves for side in (0, 1)]
+    mean = found.matrices.mean(axis=0)
+    return [Trial(draw, mean) for draw in found.matrices] if len(found.matrices) > 1 else []
+
+
+def figures(choice: ConfigurationDesign) -> str:
     """Says what was chosen, in a phrase."""
-    deviation = 100 * float(np.median(chosen.predicted_relative_std))
-    return (
-        f"{len(chosen.chosen)} of {counted(len(chosen.configurations), 'configuration')},"
-        f" D-efficiency {100 * chosen.efficiency:.0f} %, predicted deviation {deviation:.2g} % (median)"
+    deviation = 100 * float(np.median(choice.predicted_relative_std))
+    text = (
+        f"{len(choice.chosen)} of {counted(len(choice.configurations), 'configuration')},"
+        f" {choice.criterion.upper()}-efficiency {100 * choice.efficiency:.0f} %,"
+        f" predicted deviation {deviation:.2g} % (median)"
     )
+    return text if choice.stability is None else f"{text}; {stability_sentence(choice.stability)}"
+
+
+def _problem(output: Path) -> str:
+    gap = inspect_artifact(output)["attributes"]["gap"]
+    if gap <= _WIDE_GAP:
+        return ""
+    return (
+        f"no weights were found that are optimal within {percent(_WIDE_GAP)} (gap {percent(gap)}): raise `iterations`"
+    )
+
+
+def _show(output: Path, loaded: LoadedExperiment) -> Group:
+    del loaded
+    tables = design_tables(design_from_artifact(read_artifact(output, DESIGN)))
+    return Group(*(section_table(table.title, table.columns, table.rows) for table in tables))
+
+
+def _told(output: Path) -> dict[str, Any]:
+    return {"design": design_numbers(design_from_artifact(read_artifact(output, DESIGN)))}
 
 
 STAGE = Stage(
@@ -72,4 +146,7 @@ STAGE = Stage(
     _owners,
     _plan,
     _run,
+    _problem,
+    _show,
+    _told,
 )

@@ -30,8 +30,11 @@ from robid.report.content import (
     TorqueRow,
     Verdict,
 )
+from robid.report.design import design_section
+from robid.report.section import Section
 from robid.report.summary import identified_phrase
 from robid.report.tables import widened_sentence
+from robid.robot.skeleton import skeleton
 from robid.settings.load import LoadedExperiment
 from robid.stages import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
 from robid.stages.report_fit import fit_content
@@ -89,6 +92,7 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> 
         removed_torques=tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
         stages=tuple(_stage(path, folder / path, run) for path in present if path.endswith(".h5")),
         warnings=tuple(dict.fromkeys(note for frf in run.frfs.values() for note in frf.notes)),
+        sections=tuple(_design(loaded, name, design) for name, design in run.designs.items()),
     )
     return Gathered(content, run.designs, run.validations)
 
@@ -131,6 +135,11 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
 def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float]:
     path = truth_input(loaded, loaded.experiment.fits[name]).get("truth")
     return {} if path is None else read_json(folder / path)["values"]
+
+
+def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) -> Section:
+    campaign = loaded.experiment.campaigns[loaded.experiment.designs[name].campaign]
+    return design_section(name, design, skeleton(loaded.robot.to_robot(campaign.payload_kg), design.configurations))
 
 
 def _verdict(fits: list[FitContent], validations: dict[str, Validation]) -> Verdict:

@@ -121,6 +121,7 @@ class Stage:
         run: Does it; returns its key figures in a phrase.
         problem: Reads from its output what went wrong numerically; empty when all is well.
         show: Lays out from its output what its command prints below its line; None for nothing.
+        told: Reads from its output what `--json` adds to its answer.
         takes_what_is_there: Whether it runs without inputs that a numerical problem has kept from being made.
     """
 
@@ -133,6 +134,7 @@ class Stage:
     run: Callable[[Job], str]
     problem: Callable[[Path], str] = lambda _: ""
     show: Callable[[Path, LoadedExperiment], Group | None] = lambda *_: None
+    told: Callable[[Path], dict[str, Any]] = lambda _: {}
     takes_what_is_there: bool = False
 
 

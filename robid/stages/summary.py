@@ -20,6 +20,9 @@ def summarize(gathered: Gathered) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, design in gathered.designs.items():
         found |= {f"designs.{name}.efficiency": design.efficiency, f"designs.{name}.gap": design.gap}
+        found[f"designs.{name}.average_std"] = float(design.predicted_relative_std.mean())
+        if design.stability is not None:
+            found[f"designs.{name}.chosen_again"] = float(design.stability.kept.mean())
     for row in content.excitations:
         found[f"campaigns.{row.campaign}.measuring_time_s"] = row.duration_s
         found[f"campaigns.{row.campaign}.lines"] = row.lines

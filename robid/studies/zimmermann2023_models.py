@@ -17,6 +17,7 @@ from robid.design.measured import measured_information
 from robid.fit.elastic import fit_elastic
 from robid.fit.fitted_robot import fitted_robot
 from robid.fit.options import ElasticOptions
+from robid.fit.problem import make_problem
 from robid.fit.solution import Solution
 from robid.fit.uncertainty import sandwich
 from robid.frf.frf import Frf
@@ -202,7 +203,11 @@ def _judgement(one: Fitting, solution: Solution) -> dict[str, Dataset]:
     weights = replace(one.options.weights, kind="user")
     options = replace(one.options, estimator="llsm", weights=weights)
     fitted = fitted_model(one.robots[1], solution, frf, options, one.delay_s)
+    # Weights of the measured response, the same for all models, a motor's own response at 1.
+    problem, dropped = make_problem(frf, fitted.problem.model, fitted.problem.parameters, options)
+    fitted = FittedModel(problem, fitted.internal, dropped)
     costs = weighted_costs(one.robots[1], fitted)
+    per_element = 1 / (problem.weight.max() * costs.elements)
     measured_hz, model_hz = first_resonances(fitted, one.axes)
     places = [(frf.output_names.index(name), frf.input_names.index(name)) for name in one.axes]
     configuration, resonance = ("configuration",), ("configuration", "axis")
@@ -212,8 +217,8 @@ def _judgement(one: Fitting, solution: Solution) -> dict[str, Dataset]:
         return np.stack([np.abs(values[..., row, column]) for row, column in places], axis=-1)
 
     return {
-        "cost": Dataset(costs.cost / costs.elements, "1", configuration, "Weighted log-amplitude error per element"),
-        "expected": Dataset(costs.expected / costs.elements, "1", configuration, "What noise alone gives"),
+        "cost": Dataset(costs.cost * per_element, "1", configuration, "Weighted log-amplitude error per element"),
+        "expected": Dataset(costs.expected * per_element, "1", configuration, "What noise alone gives"),
         "measured_hz": Dataset(measured_hz, "Hz", resonance, "First resonance of each axis' own response"),
         "model_hz": Dataset(model_hz, "Hz", resonance, "The model's"),
         "frequency_hz": Dataset(frf.frequency_hz, "Hz", ("frequency",)),

@@ -39,7 +39,7 @@
       scene: {
         xaxis: axis("x", ends[0]), yaxis: axis("y", ends[1]), zaxis: axis("z", ends[2]), dragmode: "turntable", uirevision: "kept",
         aspectmode: "manual", aspectratio: { x: spans[0] / widest, y: spans[1] / widest, z: spans[2] / widest },
-        camera: { eye: { x: 0.95, y: -1.05, z: 0.5 }, center: { x: 0, y: 0, z: -0.12 } },
+        camera: { eye: { x: 1.05, y: -1.15, z: 0.5 }, center: { x: 0, y: 0, z: -0.17 } },
       },
     }), hover);
   }

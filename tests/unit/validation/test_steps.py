@@ -196,3 +196,28 @@ def test_vibration_is_what_swings_after_the_move_and_not_what_creeps():
     found = StepResponses(time, ("m",), ("a",), np.zeros((1, 1)), np.array([[0.3]]), path, tool, tool, none, none)
     assert found.vibration_m[0, 0, 0] == pytest.approx(3e-4 / np.sqrt(2), rel=0.02)
     assert StepProfile(-0.1, 1.0, 0.2).duration_s == pytest.approx(0.3)
+
+
+def test_figures_of_known_errors():
+    time = np.arange(4.0)
+    path = np.zeros((1, 2, 4, 3))
+    path[0, :, 1:, 0] = np.array([[0.01], [0.04]])
+    tool = path[None] + np.array([0.0, 3e-3, 4e-3]) * np.array([0.0, 1.0, 1.0, 1.0])[:, None]
+    torque = np.array([[[[1.0, 3.0, 3.0, 3.0], [5.0, 3.0, 3.0, 3.0]]]])
+    own = (
+        np.zeros((1, 2)),
+        path,
+        tool,
+        tool + np.array([1e-3, 0.0, 0.0]),
+        torque,
+        torque + np.array([0.5, -0.5, 1.0, 0]),
+    )
+    found = step_figures(StepResponses(time, ("m",), ("a", "b"), np.zeros((1, 2)), *own))["m"]
+    assert found.tool_rms_m == pytest.approx(1e-3)
+    assert found.tool_max_m == pytest.approx(1e-3)
+    assert found.tool_relative == pytest.approx(1e-3 * np.sqrt((1 / 0.01**2 + 1 / 0.04**2) / 2))
+    assert found.torque_rms_nm == pytest.approx(np.sqrt(1.5 / 4))
+    assert found.torque_max_nm == pytest.approx(1.0)
+    assert found.torque_relative == pytest.approx(np.sqrt(1.5 / 4) / np.sqrt(4 * 6 / 8))
+    assert found.path_rms_m == pytest.approx(5e-3 * np.sqrt(0.75))
+    assert found.path_max_m == pytest.approx(5e-3)

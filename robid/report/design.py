@@ -1,0 +1,179 @@
+"""A choice of configurations in words, numbers and tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.design.information import ConfigurationDesign, Stability
+from robid.report.design_figures import information_figure, skeleton_figure, weight_figure
+from robid.report.numbers import MINUS, duration, number_of, percent, significant
+from robid.report.section import Section, Table
+
+_CRITERIA = {"d": "volume (D)", "a": "mean variance (A)", "e": "worst combination (E)"}
+_OTHER = {"realizations": "half of the realizations", "draws": "single draws of the parameters"}
+_NEXT = 5
+
+
+def stability_sentence(stability: Stability) -> str:
+    """Says how much of a choice would come out the same."""
+    kept, worst = (percent(float(value)) for value in (stability.kept.mean(), stability.kept.min()))
+    efficiency = percent(float(stability.efficiency.mean()))
+    rest = "the other half" if stability.source == "realizations" else "all of them"
+    return (
+        f"{_OTHER[stability.source]} choose {kept} of it again ({worst} at least), choices worth {efficiency} by {rest}"
+    )
+
+
+def next_best(design: ConfigurationDesign) -> list[int]:
+    """Returns the candidates whose visit adds most, the best first."""
+    return [int(index) for index in np.argsort(-design.gain, kind="stable")[:_NEXT]]
+
+
+def design_numbers(design: ConfigurationDesign) -> dict[str, Any]:
+    """Returns a choice as values that JSON knows, angles in degrees."""
+    stability = design.stability
+    return {
+        "criterion": design.criterion,
+        "gap": design.gap,
+        "efficiency": design.efficiency,
+        "choice_efficiency": design.choice_efficiency,
+        "rounding_loss": design.rounding_loss if np.isfinite(design.rounding_loss) else None,
+        "chosen": [
+            {
+                "candidate": int(index),
+                "angles_deg": np.rad2deg(design.configurations[index]).tolist(),
+                "visits": int(design.counts[index]),
+                "weight": float(design.weights[index]),
+                "cost_s": None if design.cost_s is None else float(design.cost_s[index]),
+            }
+            for index in design.chosen
+        ],
+        "weights": {str(index): float(design.weights[index]) for index in np.flatnonzero(design.weights)},
+        "predicted_relative_std": dict(
+            zip(design.parameter_names, design.predicted_relative_std.tolist(), strict=True)
+        ),
+        "next_best": [
+            {"candidate": index, "gain": float(design.gain[index]), "chosen": index in design.chosen}
+            for index in next_best(design)
+        ],
+        "stability": None
+        if stability is None
+        else {
+            "by": stability.source,
+            "kept": stability.kept.tolist(),
+            "efficiency": stability.efficiency.tolist(),
+        },
+    }
+
+
+def design_tables(design: ConfigurationDesign) -> tuple[Table, ...]:
+    """Lays out what was chosen, how good it is, what it promises, and what to measure next."""
+    return (_chosen(design), _quality(design), _promised(design), _next(design))
+
+
+def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -> Section:
+    """Lays out a choice for the page.
+
+    Args:
+        name: Name of the design.
+        design: The choice.
+        arms_m (n_conf, n_point, 3): Points of the arm in each candidate, the tool last [m].
+    """
+    every = tuple(number_of(index) for index in range(len(arms_m)))
+    names = tuple(every[index] for index in design.chosen)
+    diagonal = np.diagonal(design.information, axis1=1, axis2=2)[design.chosen]
+    visits = design.counts[design.chosen]
+    figures = (
+        skeleton_figure(
+            arms_m[design.chosen], visits / visits.sum(), names, np.delete(arms_m[:, -1], design.chosen, axis=0)
+        ),
+        weight_figure(design.weights, every),
+        information_figure(visits[:, None] * diagonal, design.parameter_names, names),
+    )
+    lead = (
+        f"{len(names)} of {len(every)} candidates, made to keep the parameters'"
+        f" {_CRITERIA[design.criterion]} small; worth {percent(design.efficiency)} of the best that any weights could be."
+    )
+    return Section(f"Design {name}", lead, design_tables(design), figures)
+
+
+def _chosen(design: ConfigurationDesign) -> Table:
+    costly = design.cost_s is not None
+    columns = ("Candidate", *_joints(design), "Visits", "\u03bb", *(("Cost",) * costly))
+    rows = []
+    for index in design.chosen.tolist():
+        cost = (duration(float(design.cost_s[index])),) if design.cost_s is not None else ()
+        weight = _weight(float(design.weights[index]))
+        rows.append(
+            (number_of(index), *_degrees(design.configurations[index]), str(design.counts[index]), weight, *cost)
+        )
+    return Table(
+        columns,
+        tuple(rows),
+        title="Chosen configurations [deg]",
+        caption="\u03bb is the weight in the relaxed optimum over all candidates, which needs no whole numbers: a"
+        " candidate may be chosen without weight where few configurations must do.",
+    )
+
+
+def _quality(design: ConfigurationDesign) -> Table:
+    rows = [
+        ("Criterion", _CRITERIA[design.criterion]),
+        ("Certified gap of the weights", significant(design.gap, 2)),
+        ("Candidates with weight", str(int((design.weights > 0).sum()))),
+        ("Efficiency against any weights", percent(design.efficiency)),
+        ("Efficiency against as many configurations", percent(design.choice_efficiency)),
+        *((("Lost by whole numbers", percent(design.rounding_loss)),) if np.isfinite(design.rounding_loss) else ()),
+    ]
+    if design.stability is not None:
+        rows += [
+            (f"Chosen again by {_OTHER[design.stability.source]}", percent(float(design.stability.kept.mean()))),
+            ("Efficiency of such choices elsewhere", percent(float(design.stability.efficiency.mean()))),
+        ]
+    return Table(
+        ("Quality of the choice", "Value"),
+        tuple(rows),
+        caption="No weights of the candidates are worth more than 1 + gap times the optimal ones found.",
+    )
+
+
+def _promised(design: ConfigurationDesign) -> Table:
+    pairs = zip(design.parameter_names, design.predicted_relative_std.tolist(), strict=True)
+    return Table(
+        ("Parameter", "Predicted deviation"),
+        tuple((name, percent(deviation)) for name, deviation in pairs),
+        caption="Relative standard deviation after one visit to each chosen configuration, or as many as stated, each"
+        " with the experiments of the candidates' campaign.",
+    )
+
+
+def _next(design: ConfigurationDesign) -> Table:
+    return Table(
+        ("Measure next", *_joints(design), "Gain", "Chosen"),
+        tuple(
+            (
+                number_of(index),
+                *_degrees(design.configurations[index]),
+                significant(float(design.gain[index])),
+                "yes" if index in design.chosen else "no",
+            )
+            for index in next_best(design)
+        ),
+        caption="Gain of log det by one visit more: beyond the earlier fit where one is named, else beyond the choice.",
+    )
+
+
+def _joints(design: ConfigurationDesign) -> tuple[str, ...]:
+    return tuple(f"q{number_of(index)}" for index in range(design.configurations.shape[1]))
+
+
+def _degrees(configuration: FloatArray) -> tuple[str, ...]:
+    written = (f"{angle:.1f}" for angle in np.rad2deg(configuration))
+    return tuple("0.0" if float(each) == 0 else each.replace("-", MINUS) for each in written)
+
+
+def _weight(weight: float) -> str:
+    return f"{weight:.3f}" if weight > 0 else "0"

@@ -1,0 +1,241 @@
+"""The information of a design's candidates: assumed or measured, one task for a few of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.store import read_artifact, read_outline
+from robid.design.candidates import candidate_information
+from robid.design.information import FittedInformation
+from robid.design.lines import choose_lines
+from robid.design.measured import fitted_information, measured_information
+from robid.design.options import DesignWeights, InformationOptions
+from robid.design.stability import halves
+from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.frf.frf import Frf
+from robid.frf.halves import by_realizations
+from robid.robot.description import Robot
+from robid.settings.experiment import Design
+from robid.simulate.options import Truth
+from robid.simulate.truth import true_robot
+from robid.stages.configurations import configurations_of
+from robid.stages.slices import delay_s, require_controller
+from robid.stages.stage import Job
+
+_CHUNK = 20
+_UNREAD = ("coherence", "silent_level", "silent_noise", "silent_doubt", "uncompensated_response", "torque_amplitude")
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """What a choice is made of.
+
+    Attributes:
+        matrices (n_draw, n_conf, n_param, n_param): Information of one visit to each candidate.
+        names: Names of the parameters.
+        configurations (n_conf, n_joint): The candidates [rad].
+        halves (n_way, 2, n_conf, n_param, n_param): The same by half the realizations each; n_way may be 0.
+        fitted: What a fit with weights of its own makes of them, or None.
+        prior (n_param, n_param): What an earlier fit knows, or None.
+    """
+
+    matrices: FloatArray
+    names: tuple[str, ...]
+    configurations: FloatArray
+    halves: FloatArray
+    fitted: FittedInformation | None
+    prior: FloatArray | None
+
+
+@dataclass(frozen=True)
+class _Task:
+    robots: tuple[Robot, ...]
+    about: InformationOptions
+    delay_s: float
+
+
+@dataclass(frozen=True)
+class _Assumed(_Task):
+    configurations: FloatArray
+    frequency_hz: FloatArray
+    sampling_period_s: float
+
+
+@dataclass(frozen=True)
+class _Measured(_Task):
+    frf: Path
+    row: int
+    pooled: int
+
+
+@dataclass(frozen=True)
+class _Found:
+    matrices: FloatArray
+    names: tuple[str, ...]
+    configurations: FloatArray
+    halves: FloatArray
+    fitted: FittedInformation | None
+
+
+def gather_information(job: Job) -> Gathered:
+    """Computes the information of all candidates, in parallel and with little memory.
+
+    Raises:
+        SettingsError: If the parameters or candidates cannot be had.
+        DataError: If a covariance has no inverse.
+    """
+    design = job.loaded.experiment.designs[job.owner]
+    robot, delay, knowledge = _point(job, design)
+    robots = tuple(_drawn(robot, design.about()))
+    measured = design.information == "measured"
+    tasks: Sequence[_Task] = _measured(job, robots, delay) if measured else _assumed(job, robots, delay)
+    job.progress.expect(len(tasks), "configurations" if measured else "parts")
+    found = job.map(_information, tasks, lambda _index, _result: job.progress.advance())
+    names, fitted = found[0].names, [each.fitted for each in found if each.fitted is not None]
+    bread, meat = ([getattr(each, part) for each in fitted] for part in ("bread", "meat"))
+    return Gathered(
+        matrices=np.concatenate([each.matrices for each in found], axis=1),
+        names=names,
+        configurations=np.concatenate([each.configurations for each in found]),
+        halves=np.concatenate([each.halves for each in found], axis=2),
+        fitted=FittedInformation(np.concatenate(bread), np.concatenate(meat)) if fitted else None,
+        prior=None if knowledge is None else knowledge.about(names),
+    )
+
+
+@dataclass(frozen=True)
+class _Knowledge:
+    """What an earlier fit found of log-parameters."""
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+
+    def about(self, names: tuple[str, ...]) -> FloatArray:
+        """Information about some of them, whatever the others are."""
+        chosen = [self.names.index(name) for name in names]
+        return np.asarray(np.linalg.inv(self.covariance[np.ix_(chosen, chosen)]))
+
+
+def _point(job: Job, design: Design) -> tuple[Robot, float, _Knowledge | None]:
+    """Robot and delay at which derivatives are taken, and what is known beforehand."""
+    campaign = job.loaded.experiment.campaigns[design.campaign]
+    robot, delay = job.loaded.robot.to_robot(campaign.payload_kg), delay_s(job.loaded, campaign)
+    if design.prior is None:
+        return robot, delay, None
+    solution = model_from_artifact(read_artifact(job.inputs["model"], MODEL))
+    # A misfit widens the fit's intervals, so it counts here too.
+    knowledge = _Knowledge(solution.names, solution.covariance * max(solution.misfit, 1.0))
+    return fitted_robot(robot, solution), fitted_delay_s(solution, delay), knowledge
+
+
+def _drawn(robot: Robot, about: InformationOptions) -> Iterable[Robot]:
+    """Robots whose wanted springs and dampers deviate; the robot alone when there is one draw."""
+    if about.draws == 1:
+        return [robot]
+    damper_factor = about.draw_factor if "damping" in about.free else 1.0
+    known = tuple(spring.name for spring in robot.springs if f"{spring.name}.stiffness" in about.fixed)
+    draw = Truth(spring_factor=about.draw_factor, damper_factor=damper_factor, friction_relative=0.0, keep=known)
+    seeds = np.random.SeedSequence(about.draw_seed).generate_state(about.draws)
+    return (true_robot(robot, replace(draw, seed=int(seed))) for seed in seeds)
+
+
+def _assumed(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Assumed]:
+    design = job.loaded.experiment.designs[job.owner]
+    campaign = job.loaded.experiment.campaigns[design.campaign]
+    candidates = configurations_of(job.loaded, campaign, job.inputs)
+    period = require_controller(job.loaded).sampling_period_s
+    lines, _ = choose_lines(campaign.excitation, period)
+    frequency_hz = lines / campaign.excitation.period_s
+    parts = [candidates[begin : begin + _CHUNK] for begin in range(0, len(candidates), _CHUNK)]
+    return [_Assumed(robots, design.about(), delay, part, frequency_hz, period) for part in parts]
+
+
+def _measured(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Measured]:
+    design = job.loaded.experiment.designs[job.owner]
+    pooled = job.loaded.experiment.campaigns[design.campaign].estimate.pooled_lines
+    path = job.inputs["frf"]
+    return [
+        _Measured(robots, design.about(), delay, path, row, pooled) for row in range(read_outline(path, FRF).n_rows)
+    ]
+
+
+def _information(task: _Task) -> _Found:
+    return _measured_information(task) if isinstance(task, _Measured) else _assumed_information(task)
+
+
+def _assumed_information(task: _Task) -> _Found:
+    assert isinstance(task, _Assumed)
+    about, size = task.about, len(task.robots[0].joints)
+    weights = _weights(about.weights, task.frequency_hz, size, size)
+    found = [
+        candidate_information(
+            robot,
+            task.configurations,
+            task.frequency_hz,
+            task.sampling_period_s,
+            task.delay_s,
+            about.assumed_relative_error,
+            kinds=about.free,
+            nuisance=about.nuisance,
+            fixed=about.fixed,
+            weights=weights,
+        )
+        for robot in task.robots
+    ]
+    matrices, names = np.array([each for each, _ in found]), found[0][1]
+    return _Found(matrices, names, task.configurations, np.zeros((0, 2, *matrices.shape[1:])), None)
+
+
+def _measured_information(task: _Measured) -> _Found:
+    about = task.about
+    frf = frf_from_artifact(read_artifact(task.frf, FRF, row=task.row, leave_out=_UNREAD))
+    weights = _weights(about.weights, frf.frequency_hz, *frf.response.shape[2:])[None]
+    kinds, nuisance, fixed, delay, error = about.free, about.nuisance, about.fixed, task.delay_s, about.model_error
+    importance = weights if about.weights.mean == "importance" else None
+
+    def information(robot: Robot, response: Frf) -> tuple[FloatArray, tuple[str, ...]]:
+        return measured_information(
+            robot,
+            response,
+            delay,
+            kinds=kinds,
+            nuisance=nuisance,
+            fixed=fixed,
+            weights=importance,
+            model_error=error,
+        )
+
+    found = [information(robot, frf) for robot in task.robots]
+    matrices, names = np.array([each for each, _ in found]), found[0][1]
+    n_real = 0 if frf.realization_error is None else frf.realization_error.shape[1]
+    ways = [
+        [information(task.robots[0], by_realizations(frf, half, task.pooled))[0] for half in way]
+        for way in halves(n_real)
+    ]
+    fitted = None
+    if about.weights.mean == "fit":
+        fitted, _ = fitted_information(
+            task.robots[0],
+            frf,
+            delay,
+            weights,
+            kinds=kinds,
+            nuisance=nuisance,
+            fixed=fixed,
+            model_error=error,
+        )
+    shape = (len(ways), 2, *matrices.shape[1:])
+    return _Found(matrices, names, frf.configurations, np.array(ways).reshape(shape), fitted)
+
+
+def _weights(weights: DesignWeights, frequency_hz: FloatArray, n_out: int, n_in: int) -> FloatArray:
+    """Weights (n_freq, n_out, n_in)."""
+    element = np.where(np.eye(n_out, n_in) > 0, 1.0, weights.off_diagonal)
+    return np.asarray(element * (frequency_hz >= weights.low_cut_hz)[:, None, None])
