@@ -32,6 +32,7 @@ from robid.studies import (
     zimmermann2023,
     zimmermann2023_models,
     zimmermann2023_report,
+    zimmermann2023_steps,
 )
 from robid.studies.conclusion import Conclusion
 from robid.studies.tasks import Function, Results, Task, run_tasks
@@ -98,6 +99,7 @@ STUDIES = {
         (
             Step("responses", zimmermann2023.response_tasks, zimmermann2023.measure),
             Step("models", zimmermann2023_models.model_tasks, zimmermann2023_models.fit_model),
+            Step("steps", zimmermann2023_steps.step_tasks, zimmermann2023_steps.step),
         ),
         zimmermann2023_report.conclude,
     ),
@@ -199,10 +201,10 @@ def _row(step: Step, made: list[Provenance]) -> StageRow:
     return StageRow(
         stage="study",
         artifact=f"{step.folder}/",
-        settings_hash=made[0].settings_hash[:8],
+        settings_hash=made[0].settings_hash[:8] if made else "",
         content_hash="",
         seconds=seconds,
-        figures=f"{counted(len(made), 'task')}, {duration(seconds / len(made))} each",
+        figures=f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each",
     )
 
 
