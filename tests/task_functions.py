@@ -4,6 +4,7 @@ import numpy as np
 
 from robid.artifacts.artifact import Dataset
 from robid.errors import DataError
+from robid.studies.tasks import Content
 
 CALLS = []
 
@@ -12,7 +13,7 @@ def square(number):
     CALLS.append(number)
     if number < 0:
         raise DataError("a number below 0", where=str(number), remedy="take another")
-    return {"square": Dataset(np.array(number**2), "m^2", ())}
+    return Content({"square": Dataset(np.array(number**2), "m^2", ())})
 
 
 def map_in_order(function, tasks, on_done=None):

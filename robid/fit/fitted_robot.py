@@ -24,7 +24,17 @@ def fitted_robot(robot: Robot, solution: Solution) -> Robot:
         The robot with springs, dampers, viscous friction, inertias, and, where the fit corrected them, the
         coefficients of friction and ripple. A friction's lag and a torque's scale belong to the measurement.
     """
-    found, nominal = solution.found, solution.stated
+    return with_estimates(robot, solution.found, solution.stated)
+
+
+def with_estimates(robot: Robot, found: Mapping[str, float], nominal: Mapping[str, float]) -> Robot:
+    """Puts estimates into a robot, as `fitted_robot` does.
+
+    Args:
+        robot: The robot file that the fit started from.
+        found: Estimates by name of the parameter.
+        nominal: Values of the robot file, of at least these.
+    """
     springs = tuple(_spring(spring, found) for spring in robot.springs)
     joints = tuple(_joint(joint, found, nominal) for joint in robot.joints)
     return replace(robot, springs=springs, joints=joints)

@@ -25,7 +25,12 @@ _FOLDERS = ("designs", "fits", "tasks")
 
 def check_experiment(document: Document, experiment: Experiment, robot: RobotFile | None) -> list[Problem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
-    found = [_folders(experiment), check_designs(experiment, robot), check_cycles(experiment), check_study(experiment)]
+    found = [
+        _folders(experiment),
+        check_designs(experiment, robot),
+        check_cycles(experiment),
+        check_study(experiment, configuration_count),
+    ]
     for name, campaign in experiment.campaigns.items():
         found.append(_campaign(experiment, name, campaign))
         if robot is not None:

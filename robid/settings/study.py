@@ -6,9 +6,10 @@ from typing import Annotated, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
-from robid.fit.options import ElasticOptions, EstimatorKind, WeightsKind
+from robid.fit.options import ElasticOptions, EstimatorKind, ParameterKind, WeightsKind
 from robid.frf.options import EstimateOptions
 from robid.settings.base import Name, Section
+from robid.validation.step_profile import StepOptions
 
 
 class FrfStudy(Section):
@@ -70,7 +71,61 @@ class WernholtStudy(Section):
     )
 
 
-Study: TypeAlias = Annotated[FrfStudy | WernholtStudy, Field(discriminator="kind")]
+class ModelChoice(Section):
+    """The data of one model of a design study, and what it frees beyond the others."""
+
+    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
+        default=None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
+    )
+    count: int | None = Field(default=None, description="How many of these are taken; all when not given.", ge=1)
+    seed: int = Field(default=1, description="Seed of the draw that takes them.", ge=0)
+    low_torque: Name | None = Field(
+        default=None,
+        description="Name of the joint with whose smallest gravity torques they are taken, not drawn.",
+    )
+    free: tuple[ParameterKind, ...] = Field(default=(), description="Kinds that it frees beside those of `fit`.")
+    fixed: tuple[str, ...] = Field(default=(), description="Parameters that it fixes beside those of `fit`.")
+
+
+class ZimmermannStudy(Section):
+    """Models from few configurations, chosen in different ways, against the model from all of them."""
+
+    kind: Literal["zimmermann2023"] = Field(description="What is studied.")
+    estimation: tuple[Name, ...] = Field(
+        description="Names of simulated campaigns, one for each individual of the robot, in the same configurations.",
+        min_length=1,
+    )
+    validation: tuple[Name, ...] = Field(
+        description="Names of the campaigns that validate: the same individuals and configurations, in this order.",
+        min_length=1,
+    )
+    fit: ElasticOptions = Field(
+        default_factory=lambda: ElasticOptions(free=("stiffness", "viscous"), estimator="lls"),
+        description="Options that all fits share.",
+    )
+    models: dict[Name, ModelChoice] = Field(description="The models, by name.", min_length=1)
+    axes: tuple[Name, ...] = Field(
+        default=("axis_2", "axis_3"),
+        description="Joints by whose first resonance, of the motor's own response, the models are judged.",
+        min_length=1,
+    )
+    reference: Name = Field(default="m49", description="The model that has all configurations.")
+    optimal: Name = Field(default="opt2", description="The model that has those of `design`.")
+    guess: Name = Field(default="guess", description="The model that has those an engineer would choose.")
+    nonlinear: Name | None = Field(
+        default=None, description="The model whose gears stiffen, which explains the others' springs."
+    )
+    design: Name = Field(description="The design of the study.")
+    steps: StepOptions = Field(
+        default_factory=StepOptions, description="Steps that compare the models in the time domain."
+    )
+    stepped: tuple[Name, ...] = Field(default=(), description="Models that control the steps, the robot file beside.")
+    paper: str | None = Field(
+        default=None, description="File with the paper's figures, relative to this one.", min_length=1
+    )
+
+
+Study: TypeAlias = Annotated[FrfStudy | WernholtStudy | ZimmermannStudy, Field(discriminator="kind")]
 
 
 def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:

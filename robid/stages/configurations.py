@@ -11,6 +11,7 @@ from robid.arrays import FloatArray
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError
+from robid.robot.description import Robot
 from robid.robot.foreign import Shapes
 from robid.robot.reach import Reach, mirror
 from robid.settings.experiment import Campaign, Configurations, RandomConfigurations
@@ -79,6 +80,15 @@ def _resolve(chosen: Configurations, reach: Reach, designs: Mapping[str, FloatAr
     if chosen.mirror is not None:
         return _checked(mirror(reach.robot, designs[chosen.mirror]), reach, "mirror")
     return np.concatenate([designs[name] for name in chosen.designs])
+
+
+def draw_in_reach(loaded: LoadedExperiment, robot: Robot, wanted: RandomConfigurations) -> FloatArray:
+    """Draws configurations (n_conf, n_joint) in reach of a robot [rad].
+
+    Raises:
+        SettingsError: If too few of those that are drawn are in reach.
+    """
+    return _drawn(wanted, Reach(robot, loaded.robot.floor_m, _shapes(loaded)))
 
 
 def _drawn(wanted: RandomConfigurations, reach: Reach) -> FloatArray:

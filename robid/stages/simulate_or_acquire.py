@@ -120,17 +120,7 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
     nominal = job.loaded.robot.to_robot(job.campaign.payload_kg)
-    experiment = Experiment(
-        robot=true_robot(nominal, options.truth),
-        controller=require_controller(job.loaded),
-        options=options,
-        reference=content.excitation.reference,
-        inject=content.excitation.kind,
-        excited_lines=content.excitation.excited_lines,
-        detection_lines=content.excitation.detection_lines,
-        periods=job.campaign.periods,
-        outputs=job.campaign.outputs[1:],
-    )
+    experiment = simulated_experiment(job.loaded, job.campaign, options, content)
     n_conf = len(content.configurations)
     parts = Parts(job.output, RECORD, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
@@ -142,6 +132,23 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     n_real, n_exp, n_sample, _ = experiment.reference.shape
     period_s = n_sample * experiment.controller.sampling_period_s
     return figures((n_conf, n_real, n_exp, experiment.periods), period_s)
+
+
+def simulated_experiment(
+    loaded: LoadedExperiment, campaign: Campaign, options: SimulateOptions, content: CampaignExcitation
+) -> Experiment:
+    """Returns what is simulated in each configuration of a campaign, on its true robot."""
+    return Experiment(
+        robot=true_robot(loaded.robot.to_robot(campaign.payload_kg), options.truth),
+        controller=require_controller(loaded),
+        options=options,
+        reference=content.excitation.reference,
+        inject=content.excitation.kind,
+        excited_lines=content.excitation.excited_lines,
+        detection_lines=content.excitation.detection_lines,
+        periods=campaign.periods,
+        outputs=campaign.outputs[1:],
+    )
 
 
 def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: FloatArray) -> dict[str, Any]:

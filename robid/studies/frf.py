@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,19 +24,9 @@ from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.options import SimulateOptions
-from robid.simulate.truth import true_robot
-from robid.stages.estimate_frf import stated_laws
-from robid.stages.slices import require_controller, robot_settings
-from robid.studies.tasks import Task
-
-
-@dataclass(frozen=True)
-class Estimator:
-    """One way to estimate, with what it reads from the robot file."""
-
-    options: EstimateOptions
-    laws: tuple[TorqueLaw, ...] | None
-    delay_s: float
+from robid.stages.simulate_or_acquire import simulated_experiment
+from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
+from robid.studies.tasks import Content, Task
 
 
 @dataclass(frozen=True)
@@ -77,11 +66,8 @@ def campaign_of(loaded: LoadedExperiment) -> tuple[FrfStudy, Campaign, SimulateO
     if not isinstance(study, FrfStudy):
         message = "the study is of another kind"
         raise TypeError(message)
-    source = loaded.experiment.campaigns[study.campaign].source
-    if source is None or source.simulate is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    return study, loaded.experiment.campaigns[study.campaign], source.simulate
+    campaign = loaded.experiment.campaigns[study.campaign]
+    return study, campaign, simulate_options(campaign)
 
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
@@ -94,20 +80,10 @@ def tasks(run: Run) -> list[Task]:
     study, campaign, options = campaign_of(run.loaded)
     path = run.path(needs(run.loaded)[0])
     excitation = excitation_from_artifact(read_artifact(path, EXCITATION))
-    nominal = run.loaded.robot.to_robot(campaign.payload_kg)
-    whole = Experiment(
-        robot=true_robot(nominal, options.truth),
-        controller=require_controller(run.loaded),
-        options=options,
-        reference=excitation.excitation.reference,
-        inject=excitation.excitation.kind,
-        excited_lines=excitation.excitation.excited_lines,
-        detection_lines=excitation.excitation.detection_lines,
-        periods=campaign.periods,
-    )
+    whole = simulated_experiment(run.loaded, campaign, options, excitation)
     decides = _decides(run.loaded, read_header(path, EXCITATION).content_sha256)
-    small = tuple(_estimator(run.loaded, campaign, each) for each in compared(study, campaign))
-    large = tuple(_estimator(run.loaded, campaign, each) for each in reference_options(study, campaign))
+    small = tuple(make_estimator(run.loaded, campaign, each) for each in compared(study, campaign))
+    large = tuple(make_estimator(run.loaded, campaign, each) for each in reference_options(study, campaign))
     length = study.group * study.groups_per_task
     found = []
     for index, configuration in enumerate(excitation.configurations):
@@ -131,27 +107,19 @@ def reference_options(study: FrfStudy, campaign: Campaign) -> list[EstimateOptio
     return [replace(own, compensation=name) for name in compensations(study, campaign)]  # type: ignore[arg-type]
 
 
-def _estimator(loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions) -> Estimator:
-    laws, delay = stated_laws(loaded, campaign, options)
-    return Estimator(options, laws, delay)
-
-
 def _decides(loaded: LoadedExperiment, excitation: str) -> dict[str, Any]:
     study, campaign, _ = campaign_of(loaded)
     return {
         "excitation": excitation,
-        "source": to_plain(campaign.source),
-        "periods": campaign.periods,
-        "payload_kg": campaign.payload_kg,
+        **simulation_settings(loaded, campaign),
         "group": study.group,
         "groups_per_task": study.groups_per_task,
         "estimates": to_plain(compared(study, campaign)),
         "references": to_plain(reference_options(study, campaign)),
-        **robot_settings(loaded, "mechanics", "motor_limits", "friction", "friction_std", "controller"),
     }
 
 
-def estimate_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
+def estimate_chunk(chunk: Chunk) -> Content:
     """Simulates a chunk and estimates from each of its groups, and from all of it."""
     record = simulate(chunk.experiment, chunk.configuration, chunk.index, chunk.threads)
     n_real = record.torque.shape[1]
@@ -162,7 +130,7 @@ def estimate_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
     element = ("frequency", "output", "input")
     unit = f"rad/(s^2 {record.torque_unit})"
     refused = [next((one.refusal for one in row if one.refusal), "") for row in (*small, whole)]
-    return {
+    datasets = {
         "configuration": Dataset(np.array(chunk.index), "1", ()),
         "angles": Dataset(chunk.configuration, "rad", ("joint",)),
         "frequency_hz": Dataset(record.frequency_hz, "Hz", ("frequency",)),
@@ -176,6 +144,7 @@ def estimate_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
         "realizations": Dataset(np.array(n_real), "1", ()),
         "refusals": Dataset(np.array(refused, dtype=str), "1", ("reason",), "First refusal of each; last: of whole"),
     }
+    return Content(datasets)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from robid.artifacts.artifact import Artifact, Provenance
 from robid.artifacts.atomic import write_json
@@ -24,11 +24,44 @@ from robid.settings.slices import to_plain
 from robid.settings.study import FrfStudy
 from robid.stages.report import read_stamp, write_page
 from robid.stages.stage import Progress, counted
-from robid.studies import frf, frf_report, wernholt2008, wernholt2008_report
+from robid.studies import (
+    frf,
+    frf_report,
+    wernholt2008,
+    wernholt2008_report,
+    zimmermann2023,
+    zimmermann2023_models,
+    zimmermann2023_report,
+    zimmermann2023_steps,
+)
 from robid.studies.conclusion import Conclusion
-from robid.studies.tasks import Function, Task, run_tasks
+from robid.studies.tasks import Function, Results, Task, run_tasks
 
 REPORT, SUMMARY, TASKS = "report.html", "summary.json", "tasks"
+
+
+Earlier: TypeAlias = tuple[Results, ...]
+"""Results of the steps before."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """Tasks of a study that can all be done once the steps before are done.
+
+    Attributes:
+        name: Name of its folder below that of the tasks; a study's only step has none.
+        tasks: Its tasks.
+        function: Does one of them.
+    """
+
+    name: str
+    tasks: Callable[[Run, Earlier], list[Task]]
+    function: Function
+
+    @property
+    def folder(self) -> str:
+        """Where its results lie in the run folder."""
+        return f"{TASKS}/{self.name}" if self.name else TASKS
 
 
 @dataclass(frozen=True)
@@ -37,20 +70,39 @@ class Study:
 
     Attributes:
         needs: Outputs of the chain that its tasks read.
-        tasks: Its tasks, once these are there.
-        function: Does one task.
-        conclude: Turns the tasks' results, in their order, into what the study found.
+        steps: Its tasks, once these are there.
+        conclude: Turns the results of all steps into what the study found.
     """
 
     needs: Callable[[LoadedExperiment], tuple[str, ...]]
-    tasks: Callable[[Run], list[Task]]
-    function: Function
-    conclude: Callable[[Run, list[Artifact]], Conclusion]
+    steps: tuple[Step, ...]
+    conclude: Callable[[Run, Earlier], Conclusion]
+
+
+def _of_one_step(
+    needs: Callable[[LoadedExperiment], tuple[str, ...]],
+    tasks: Callable[[Run], list[Task]],
+    function: Function,
+    conclude: Callable[[Run, list[Artifact]], Conclusion],
+) -> Study:
+    step = Step("", lambda run, _: tasks(run), function)
+    return Study(needs, (step,), lambda run, results: conclude(run, list(results[0])))
 
 
 STUDIES = {
-    "frf": Study(frf.needs, frf.tasks, frf.estimate_chunk, frf_report.conclude),
-    "wernholt2008": Study(wernholt2008.needs, wernholt2008.tasks, wernholt2008.fit_chunk, wernholt2008_report.conclude),
+    "frf": _of_one_step(frf.needs, frf.tasks, frf.estimate_chunk, frf_report.conclude),
+    "wernholt2008": _of_one_step(
+        wernholt2008.needs, wernholt2008.tasks, wernholt2008.fit_chunk, wernholt2008_report.conclude
+    ),
+    "zimmermann2023": Study(
+        zimmermann2023.needs,
+        (
+            Step("responses", zimmermann2023.response_tasks, zimmermann2023.measure),
+            Step("models", zimmermann2023_models.model_tasks, zimmermann2023_models.fit_model),
+            Step("steps", zimmermann2023_steps.step_tasks, zimmermann2023_steps.step),
+        ),
+        zimmermann2023_report.conclude,
+    ),
 }
 
 
@@ -86,35 +138,47 @@ def run_study(
         raise SettingsError(
             "the file has no `study`", where=str(run.loaded.path), remedy="`robid run` runs what it has"
         )
-    study, folder, started = STUDIES[settings.kind], run.path(TASKS), utc_now()
+    study, started = STUDIES[settings.kind], utc_now()
     run_all(run, lambda node: progress(node.output), tell, study.needs(run.loaded))
-    tasks = study.tasks(run)
-    with make_map(run.backend, run.workers) as parallel_map, progress(TASKS) as shown:
-        results = run_tasks(folder, study.function, tasks, parallel_map, shown, force=force)
+    results: Earlier = ()
+    with make_map(run.backend, run.workers) as parallel_map:
+        for step in study.steps:
+            tasks = step.tasks(run, results)
+            with progress(step.folder) as shown:
+                done = run_tasks(run.path(step.folder), step.function, tasks, parallel_map, shown, force=force)
+            results = (*results, done)
     conclusion = study.conclude(run, results)
-    provenance = _provenance(run, tasks, started)
+    headers = [[read_header(path, TASK) for path in done.paths] for done in results]
+    rows = tuple(
+        _row(step, [each.provenance for each in made]) for step, made in zip(study.steps, headers, strict=True)
+    )
+    hashes = {
+        f"{step.name}/{path.stem}".lstrip("/"): header.content_sha256
+        for step, done, made in zip(study.steps, results, headers, strict=True)
+        for path, header in zip(done.paths, made, strict=True)
+    }
+    provenance = _provenance(run, hashes, started)
     if _is_fresh(run, provenance):
         return Outcome("fresh", conclusion)
-    seconds = sum(_seconds(result.provenance) for result in results)
-    summary = {**conclusion.summary, "tasks.count": len(tasks), "tasks.seconds": seconds}
-    write_json(run.path(SUMMARY), summary)
-    write_page(run.path(REPORT), _content(run.loaded, conclusion, results), provenance)
+    seconds = sum(_seconds(header.provenance) for made in headers for header in made)
+    write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
+    write_page(run.path(REPORT), _content(run.loaded, conclusion, rows), provenance)
     return Outcome("made", conclusion)
 
 
-def _provenance(run: Run, tasks: list[Task], started: str) -> Provenance:
+def _provenance(run: Run, hashes: dict[str, str], started: str) -> Provenance:
+    """Content hashes are by the name of the task's file, which tells the settings that it was made with."""
     settings: dict[str, Any] = {
         "name": run.loaded.experiment.name,
         "robot.name": run.loaded.robot.name,
         "study": to_plain(run.loaded.experiment.study),
-        "tasks": {task.name: canonical_hash(task.decides) for task in tasks},
+        "tasks": sorted(hashes),
     }
-    paths = {task.name: task.path(run.path(TASKS)) for task in tasks}
     return Provenance(
         stage="study",
         settings=settings,
         settings_hash=canonical_hash(settings),
-        inputs={name: read_header(path, TASK).content_sha256 for name, path in paths.items()},
+        inputs=hashes,
         versions=package_versions(),
         git_commit=git_commit(),
         started_utc=started,
@@ -132,24 +196,26 @@ def _is_fresh(run: Run, now: Provenance) -> bool:
     return (made.stage, made.settings_hash, made.inputs) == (now.stage, now.settings_hash, now.inputs)
 
 
-def _content(loaded: LoadedExperiment, conclusion: Conclusion, results: list[Artifact]) -> ReportContent:
-    references = _against_references(loaded, conclusion.summary)
-    seconds = sum(_seconds(result.provenance) for result in results)
-    made = results[0].provenance
-    row = StageRow(
+def _row(step: Step, made: list[Provenance]) -> StageRow:
+    seconds = sum(_seconds(one) for one in made)
+    return StageRow(
         stage="study",
-        artifact=f"{TASKS}/",
-        settings_hash=made.settings_hash[:8],
+        artifact=f"{step.folder}/",
+        settings_hash=made[0].settings_hash[:8] if made else "",
         content_hash="",
         seconds=seconds,
-        figures=f"{counted(len(results), 'task')}, {duration(seconds / len(results))} each",
+        figures=f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each",
     )
+
+
+def _content(loaded: LoadedExperiment, conclusion: Conclusion, rows: tuple[StageRow, ...]) -> ReportContent:
+    references = _against_references(loaded, conclusion.summary)
     return ReportContent(
         title=loaded.experiment.name,
         verdict=conclusion.verdict,
         robot=loaded.robot.name,
         sections=conclusion.sections + references,
-        stages=(row,),
+        stages=rows,
         warnings=conclusion.warnings,
     )
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from robid.artifacts.artifact import Artifact, Dataset, Provenance
+from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.task import TASK
@@ -15,7 +15,21 @@ from robid.backends.map import Map
 from robid.errors import ArtifactError
 from robid.stages.stage import Progress
 
-Function = Callable[[Any], Mapping[str, Dataset]]
+
+@dataclass(frozen=True)
+class Content:
+    """What a task found.
+
+    Attributes:
+        datasets: Named arrays.
+        attributes: Scalars and texts, where there are any.
+    """
+
+    datasets: Mapping[str, Dataset]
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
+
+
+Function = Callable[[Any], Content]
 
 
 @dataclass(frozen=True)
@@ -38,6 +52,29 @@ class Task:
 
 
 @dataclass(frozen=True)
+class Results:
+    """The results of tasks in their order, each read when it is asked for.
+
+    Attributes:
+        paths: Where they lie.
+    """
+
+    paths: tuple[Path, ...]
+
+    def __len__(self) -> int:
+        """Returns how many there are."""
+        return len(self.paths)
+
+    def __getitem__(self, index: int) -> Artifact:
+        """Reads one."""
+        return read_artifact(self.paths[index], TASK)
+
+    def __iter__(self) -> Iterator[Artifact]:
+        """Reads one after the other."""
+        return (read_artifact(path, TASK) for path in self.paths)
+
+
+@dataclass(frozen=True)
 class _Work:
     function: Function
     task: Task
@@ -52,7 +89,7 @@ def run_tasks(
     progress: Progress,
     *,
     force: bool = False,
-) -> list[Artifact]:
+) -> Results:
     """Does the tasks that are not done yet, and returns the results of all in their order.
 
     Args:
@@ -73,12 +110,10 @@ def run_tasks(
     progress.expect(len(tasks), "tasks", len(tasks) - len(todo))
     work = [_Work(function, task, task.path(folder)) for task in todo]
     parallel_map(_do, work, lambda _index, _result: progress.advance())
-    results = [read_artifact(task.path(folder), TASK) for task in tasks]
-    used = {task.path(folder) for task in tasks}
-    for path in folder.glob("*.h5"):
-        if path not in used:
-            path.unlink()
-    return results
+    paths = tuple(task.path(folder) for task in tasks)
+    for path in set(folder.glob("*.h5")).difference(paths):
+        path.unlink()
+    return Results(paths)
 
 
 def is_done(folder: Path, task: Task) -> bool:
@@ -96,7 +131,7 @@ def is_done(folder: Path, task: Task) -> bool:
 
 def _do(work: _Work) -> None:
     started = utc_now()
-    datasets = work.function(work.task.argument)
+    found = work.function(work.task.argument)
     provenance = Provenance(
         stage="study",
         settings=work.task.decides,
@@ -106,4 +141,4 @@ def _do(work: _Work) -> None:
         started_utc=started,
         finished_utc=utc_now(),
     )
-    write_artifact(work.path, Artifact(TASK, datasets, {}, provenance))
+    write_artifact(work.path, Artifact(TASK, found.datasets, found.attributes, provenance))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ from robid.settings.study import WernholtStudy
 from robid.settings.yaml import load_yaml
 from robid.stages.fit import model_settings
 from robid.stages.slices import delay_s
-from robid.studies.tasks import Task
+from robid.studies.tasks import Content, Task
 
 _NOTHING_KNOWN = 1e9
 ALL = -1
@@ -171,7 +170,7 @@ def paper_figures(loaded: LoadedExperiment) -> dict[str, Any]:
     return {} if name is None else load_yaml(loaded.path.parent / name).data
 
 
-def fit_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
+def fit_chunk(chunk: Chunk) -> Content:
     """Fits from the starts of a chunk and scores the models."""
     frf = _read(chunk.frf)
     used = frf if chunk.configuration == ALL else frf.select([chunk.configuration])
@@ -186,7 +185,7 @@ def fit_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
     internal = np.array([end.parameters for end in ends])
     user, optimal = (scores(set_up(chunk.robot, frf, options, chunk.delay_s)[0], internal) for options in chunk.scores)
     start = ("start",)
-    return {
+    datasets = {
         "internal": Dataset(internal, "1", ("start", "parameter"), "Logarithm of each parameter over the robot file's"),
         "cost": Dataset(np.array([end.cost for end in ends]), "1", start, "Cost that was minimised"),
         "evaluations": Dataset(np.array([end.evaluations for end in ends]), "1", start),
@@ -197,6 +196,7 @@ def fit_chunk(chunk: Chunk) -> Mapping[str, Dataset]:
         "seconds": Dataset(np.array(seconds), "s", (), "Wall time of these fits"),
         "processor_seconds": Dataset(np.array(processor), "s", (), "Processor time of these fits"),
     }
+    return Content(datasets)
 
 
 def scores(problem: Problem, internal: Any) -> Any:  # noqa: ANN401

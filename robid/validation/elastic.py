@@ -14,7 +14,7 @@ from robid.fit.result import expected_cost
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
-from robid.validation.fitted import fitted_model
+from robid.validation.fitted import FittedModel, fitted_model
 from robid.validation.recovery import median_spring_half_width, recover
 
 _SAME_CONFIGURATION_RAD = 1e-3
@@ -123,18 +123,14 @@ def validate_elastic(
     """
     _refuse_seen(solution, frf)
     fitted = fitted_model(robot, solution, frf, options, delay_s)
-    problem = fitted.problem
-    modelled = problem.model_response(fitted.internal)
-    cost = problem.configuration_cost(modelled, fitted.internal)
-    expected = expected_cost(problem, modelled)
-    elements = np.asarray((problem.weight > 0).sum(axis=(1, 2, 3)))
-    _refuse_empty(robot, elements)
+    costs = weighted_costs(robot, fitted)
+    modelled, cost, expected, elements = costs.modelled, costs.cost, costs.expected, costs.elements
     per_element = cost / elements
     worst = int(np.argmax(per_element))
     estimation = _estimation_cost(solution, options)
     allowed = max(expected[worst] / elements[worst], 1.0)
     ratio = float(per_element[worst] / max(estimation, allowed))
-    error = _errors_db(problem, fitted.measured, modelled)
+    error = _errors_db(fitted.problem, fitted.measured, modelled)
     median_db = float(np.nanmedian(error))
     recovery = recover(solution, truth or {})
     ok = ratio <= _COST_RATIO_LIMIT and median_db <= _MEDIAN_LIMIT_DB
@@ -168,6 +164,37 @@ def validate_elastic(
         ok=ok,
         verdict=_verdict(ratio, worst, cost.size, median_db, estimation / allowed, ok=ok),
     )
+
+
+@dataclass(frozen=True)
+class WeightedCosts:
+    """Costs of a model in the configurations of a response, as in `Validation`.
+
+    Attributes:
+        modelled (n_conf, n_freq, n_out, n_in): Parametric response.
+        cost (n_conf,): Weighted cost.
+        expected (n_conf,): What the response's covariance alone would give.
+        elements (n_conf,): Response elements with weight.
+    """
+
+    modelled: ComplexArray
+    cost: FloatArray
+    expected: FloatArray
+    elements: IntArray
+
+
+def weighted_costs(robot: Robot, fitted: FittedModel) -> WeightedCosts:
+    """Costs of a fitted model in a response's configurations.
+
+    Raises:
+        DataError: If no element of a configuration has weight.
+    """
+    problem = fitted.problem
+    modelled = problem.model_response(fitted.internal)
+    elements = np.asarray((problem.weight > 0).sum(axis=(1, 2, 3)))
+    _refuse_empty(robot, elements)
+    cost = problem.configuration_cost(modelled, fitted.internal)
+    return WeightedCosts(modelled, cost, expected_cost(problem, modelled), elements)
 
 
 def _refuse_seen(solution: Solution, frf: Frf) -> None:

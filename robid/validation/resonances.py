@@ -268,6 +268,32 @@ def _table(rows: list[_Row]) -> ResonanceTable:
     )
 
 
+def first_resonances(fitted: FittedModel, channels: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+    """Finds the lowest resonance of some motors' own responses.
+
+    Args:
+        fitted: A fitted model and the responses it is held against.
+        channels: Names of the motors.
+
+    Returns:
+        Measured frequencies (n_conf, n_channel), NaN where nothing stands out, and the model's, NaN where it has none
+        near [Hz].
+    """
+    frf = fitted.problem.frf
+    elements = _Elements(fitted, frf)
+    measured = np.full((frf.response.shape[0], len(channels)), np.nan)
+    modelled = measured.copy()
+    for index, name in np.ndenumerate(np.array(channels)):
+        place = frf.output_names.index(str(name)), frf.input_names.index(str(name))
+        for configuration in range(len(measured)):
+            pairs = _pairs(elements.at(configuration, *place), "resonance")
+            if pairs:
+                first = min(pairs, key=lambda pair: pair.measured_hz)
+                measured[configuration, *index] = first.measured_hz
+                modelled[configuration, *index] = first.model_hz
+    return measured, modelled
+
+
 def resonance_errors(problem: Problem, internal: FloatArray) -> FloatArray:
     """Relative frequency errors of a model at every measured resonance of the motors' own responses.
 
