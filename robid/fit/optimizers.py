@@ -69,10 +69,11 @@ def optimise(
 
 def _scipy(problem: Problem, start: FloatArray, max_iterations: int, cost_tolerance: float) -> Minimum:
     least = np.finfo(float).eps
+    unit = np.sqrt(_unit(problem, start))
     found = least_squares(
-        lambda internal: problem.stacked(internal)[0],
+        lambda internal: problem.stacked(internal)[0] / unit,
         start,
-        lambda internal: problem.stacked(internal)[1],
+        lambda internal: problem.stacked(internal)[1] / unit,
         bounds=(problem.parameters.lower, problem.parameters.upper),
         x_scale="jac",
         ftol=max(cost_tolerance, _TOLERANCE),
@@ -87,7 +88,7 @@ def _scipy(problem: Problem, start: FloatArray, max_iterations: int, cost_tolera
 def _nlopt(tool: nlopt.opt, problem: Problem, start: FloatArray, cost_tolerance: float) -> Minimum:
     tool.set_ftol_rel(max(cost_tolerance, _TOLERANCE))
     tool.set_xtol_abs(_STEP_TOLERANCE)
-    tool.set_min_objective(_objective(problem))
+    tool.set_min_objective(_objective(problem, _unit(problem, start)))
     status: Status = "stalled"
     try:
         point = np.asarray(tool.optimize(start))
@@ -113,12 +114,18 @@ def _global(problem: Problem, start: FloatArray, max_iterations: int) -> Minimum
     return _nlopt(tool, problem, np.clip(start, low, high), 0.0)
 
 
-def _objective(problem: Problem) -> Callable[[FloatArray, FloatArray], float]:
+def _unit(problem: Problem, start: FloatArray) -> float:
+    """Cost to measure costs by: these optimizers' first steps grow with it."""
+    cost = problem.cost(start)
+    return cost if 0 < cost < np.inf else 1.0
+
+
+def _objective(problem: Problem, unit: float) -> Callable[[FloatArray, FloatArray], float]:
     def objective(internal: FloatArray, gradient: FloatArray) -> float:
         if gradient.size == 0:
-            return problem.cost(internal.copy())
+            return problem.cost(internal.copy()) / unit
         here = problem.normal(internal.copy())
-        gradient[:] = 2 * here.gradient
-        return here.cost
+        gradient[:] = 2 * here.gradient / unit
+        return here.cost / unit
 
     return objective

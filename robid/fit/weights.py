@@ -42,10 +42,11 @@ def make_weights(
     relative = np.divide(variance, power, out=np.full(power.shape, np.inf), where=power > 0)
     freedom = frf.degrees_of_freedom
     inverse_bias = (freedom - 1) / freedom if freedom > 1 else 1.0
-    reference = power
+    reference, below = power, relative > 1 / _MIN_SNR
     if weights.kind == "user":
         base = np.where(np.eye(*power.shape[2:]) > 0, 1.0, weights.off_diagonal) + np.zeros(power.shape)
-        typical = float((base * relative).sum() / max((base > 0).sum(), 1))
+        trusted = (base > 0) & ~below  # a coupling that is nothing but noise says nothing of the others
+        typical = float((base * relative)[trusted].sum() / max(trusted.sum(), 1))
         base = base / (typical if 0 < typical < np.inf else weights.model_error**2 or 1.0)
         reference = np.broadcast_to(power.mean(axis=(0, 1)), power.shape)
     elif variance.any():
@@ -54,7 +55,6 @@ def make_weights(
         base = np.full(power.shape, 1 / (weights.model_error**2 or 1.0))
     if estimator == "nls":
         base = np.divide(base, reference, out=np.zeros(power.shape), where=reference > 0)
-    below = relative > 1 / _MIN_SNR
     dropped = np.zeros_like(below) if estimator == "nls" else below
     keep = ~dropped & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
     return np.where(keep, base, 0.0), int(dropped.sum())

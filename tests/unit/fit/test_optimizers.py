@@ -28,7 +28,7 @@ def minimum():
 
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)
 def test_all_reach_the_same_minimum(optimizer, minimum):
-    found = optimise(noisy_problem(), np.full(8, 0.1), optimizer=optimizer, max_iterations=100)
+    found = optimise(noisy_problem(), np.full(8, 0.12), optimizer=optimizer, max_iterations=100)
     assert found.status == "converged"
     assert found.cost == pytest.approx(minimum.cost, rel=1e-8)
     np.testing.assert_allclose(found.parameters, minimum.parameters, atol=1e-4)
