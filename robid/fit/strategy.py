@@ -37,9 +37,9 @@ class Strategy:
     start, whose broad resonances leave the cost few minima; then the other parameters too. Most minima that are not
     the best have a spring or a damper locked or gone: a factor of two in it no longer changes the cost by a hundredth.
     Such parameters are put back, one and then two decades from their start to the side away from where they ran,
-    the others where they are, halfway back, or at their start, until none is lost, and what pays is kept. Dampers
-    alone are put back once: one that is lost again is too small to show, even at the best minimum. Last comes
-    everything on all lines. No stage looks at the robot file's values, but for what is known beforehand.
+    the others where they are, halfway back, or at their start, until none is lost, and what pays is kept. A
+    damper that is lost alone and again is too small to show, even at the best minimum. Last comes everything on
+    all lines. No stage looks at the robot file's values, but for what is known beforehand.
 
     Attributes:
         problem: What is minimised in the end.
@@ -71,11 +71,12 @@ class Strategy:
         names = self.problem.parameters.names
         shared = [names.index(name) for name in coarse.parameters.names]
         own = start[shared]
-        springs = np.array(coarse.parameters.kind_of) == "stiffness"
+        dampers = np.array(coarse.parameters.kind_of) == "damping"
         best, paid = _heavy_to_true(coarse, own), True
         for decades, share in _PUT_BACKS:
             lost = _lost(coarse, best.parameters)
-            if not (lost if paid else lost & springs).any():
+            small = lost.sum() == 1 and (lost & dampers).any()
+            if not lost.any() or (small and not paid):
                 break
             across = own - decades * _DECADE * np.sign(best.parameters - own)
             point = np.where(lost, across, own + share * (best.parameters - own))
