@@ -139,3 +139,19 @@ def with_spring_factors(robot, stiffness=1.0, damping=1.0):
         for spring, k, d in zip(robot.springs, *factors, strict=True)
     )
     return replace(robot, springs=springs)
+
+
+def friction_frf(robot, configurations, frequency_hz, scales, *, declared=1e-6):
+    """Response of a torque from which compensation left out `scales` of two friction torques that follow the inputs."""
+    frf = exact_frf(robot, configurations, frequency_hz, delay_s=1e-3, declared_noise=declared)
+    generator = np.random.default_rng(2)
+    shape = (len(configurations), 2, len(frequency_hz), 2, 2)
+    share = 0.5 * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape))
+    recorded = np.linalg.inv(np.eye(2) + np.einsum("s,csfij->cfij", np.array(scales), share))
+    return replace(
+        frf,
+        response=frf.response @ recorded,
+        sensitivity=(frf.response @ recorded)[:, None] @ share @ recorded[:, None],
+        coefficient_names=("shoulder.level", "elbow.level"),
+        coefficient_relative_std=np.array([0.1, 0.1]),
+    )

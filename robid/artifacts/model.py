@@ -3,6 +3,7 @@
 Schema history:
     1.0: first version.
     1.1: tied parameters; `undetermined`, `model_error`, deviations from realizations and from the bootstrap.
+    1.2: `start_evaluations`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.fit.solution import Solution
 
-MODEL = Kind("model", "1.1", "robid fit")
+MODEL = Kind("model", "1.2", "robid fit")
 
 _PARAMETER, _START, _TIED = ("parameter",), ("start",), ("tied",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
@@ -35,6 +36,7 @@ _TABLE = {
     "expected_cost": Column("1", ("configuration",), "Cost that the response's covariance alone gives"),
     "start_cost": Column("1", _START, "Cost that each start ended at"),
     "start_iterations": Column("1", _START, "Iterations of each start"),
+    "start_evaluations": Column("1", _START, "Points at which each start computed the cost"),
     "start_status": Column("1", _START, "How each start ended"),
     "start_minimum": Column("1", _START, "Which distinct minimum it ended in, 0 is the best"),
     "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles of the fit"),

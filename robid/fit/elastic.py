@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from robid.fit.problem import Problem, make_problem
 from robid.fit.rest_model import rest_model
 from robid.fit.result import make_solution
 from robid.fit.solution import Solution
-from robid.fit.strategy import Strategy, make_strategy, without_coefficients
+from robid.fit.strategy import Strategy, make_strategy
 from robid.fit.uncertainty import influence, structured_covariance
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
@@ -91,7 +92,7 @@ def set_up(
     Statics and weights are those of the robot file's values, or of the minimum reached before.
     """
     if not options.correct_torques:
-        frf = without_coefficients(frf)
+        frf = _without_coefficients(frf)
     values = None if before is None else before[0].parameters.parameters(before[1].parameters)
     model = rest_model(robot, frf, options, delay_s, values)
     nominal = nominal_parameters(robot, model, delay_s)
@@ -102,6 +103,17 @@ def set_up(
     internal = before[1].parameters
     level = element_level(before[0], internal) if options.weights.kind == "estimated" else None
     return make_problem(frf, model, parameters, options, internal, level)
+
+
+def _without_coefficients(frf: Frf) -> Frf:
+    """Returns a response whose compensated torques are taken for granted."""
+    return replace(
+        frf,
+        sensitivity=frf.sensitivity[:, :0],
+        coefficient_names=(),
+        coefficient_relative_std=np.zeros(0),
+        coefficient_offset=None,
+    )
 
 
 def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:

@@ -19,8 +19,8 @@ class FrictionMove:
     percent off moves the response of a lightly loaded motor by more than the first order holds.
 
     Attributes:
-        response (n_conf, n_freq, n_out, n_in): Measured response as it was compensated.
-        share (n_coef, n_conf, n_freq, n_in, n_in): `D_k`, torque of each coefficient per torque.
+        response (n_conf, n_freq, n_out, n_in): Measured response as it was compensated; or lines in one axis.
+        share (n_conf, n_freq, n_in, n_coef, n_in): `D_k`, torque of each coefficient per torque.
     """
 
     response: ComplexArray
@@ -33,10 +33,16 @@ class FrictionMove:
     def slopes(self, scales: FloatArray) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in, n_coef) of `moved`."""
         gain = self._gain(scales)
-        return np.asarray(np.moveaxis(self.response @ gain @ (self.share @ gain), 0, -1))
+        shape = self.response.shape[:-1]
+        # All coefficients in one product of matrices per line.
+        moved = self.response @ gain @ self.share.reshape(*gain.shape[:-1], -1)
+        changed = moved.reshape(*shape[:-1], -1, gain.shape[-1]) @ gain
+        return np.asarray(np.swapaxes(changed.reshape(*shape, scales.size, -1), -1, -2))
 
     def _gain(self, scales: FloatArray) -> ComplexArray:
-        return np.asarray(np.linalg.inv(np.eye(self.share.shape[-1]) - np.tensordot(scales, self.share, 1)))
+        return np.asarray(
+            np.linalg.inv(np.eye(self.share.shape[-1]) - np.einsum("k,...ikj->...ij", scales, self.share))
+        )
 
 
 def friction_move(frf: Frf) -> FrictionMove:
@@ -45,5 +51,5 @@ def friction_move(frf: Frf) -> FrictionMove:
     Args:
         frf: Measured response; with more outputs than inputs, the shares that fit best, with fewer, the least ones.
     """
-    sensitivity = np.moveaxis(frf.sensitivity, 1, 0)
-    return FrictionMove(frf.response, np.linalg.pinv(frf.response) @ sensitivity)
+    share = np.linalg.pinv(frf.response)[:, None] @ frf.sensitivity
+    return FrictionMove(frf.response, np.ascontiguousarray(np.moveaxis(share, 1, 3)))

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg.blas import dsyrk
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.friction import FrictionMove
 from robid.fit.levenberg import Normal
 from robid.robot.collocated import KINDS, Collocated, is_collocated
 
@@ -35,14 +36,16 @@ class SymmetricNormal:
         self._collocated = Collocated(
             problem.model, frf.frequency_hz, frf.hold_period_s, used, problem.parameters.kinds
         )
-        self._used = used
         self._rows, self._columns = np.triu_indices(problem.weight.shape[-1])
-        self._weight = np.asarray(self._pairs(problem.weight), float)
+        self._weight = np.asarray(self._pairs(problem.weight[used]), float)
         self._weight[1, self._rows == self._columns] = 0.0
         self._sum = np.asarray(self._weight.sum(axis=0))
         self._root = np.sqrt(self._sum)
         self._inverse_root = np.divide(1, self._root, out=np.zeros_like(self._root), where=self._root > 0)
-        self._measured = self._counted(frf.response)
+        self._friction = None
+        if problem.parameters.n_friction:
+            self._friction = FrictionMove(frf.response[used], problem.friction.share[used])
+        self._measured = self._counted(frf.response[used])
         self._log_measured = self._logarithm(self._measured)
         self._point: FloatArray | None = None
         self._residual: FloatArray | ComplexArray = np.empty(0)
@@ -56,9 +59,8 @@ class SymmetricNormal:
         return constant and is_collocated(problem.model) and set(problem.parameters.kinds) <= set(KINDS)
 
     def _pairs(self, values: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
-        """Elements (2, n_pair, n_line) of (n_conf, n_freq, n_out, n_in): upper triangle, and what mirrors it."""
-        lines = values[self._used]
-        both = lines[:, self._rows, self._columns].T, lines[:, self._columns, self._rows].T
+        """Elements (2, n_pair, n_line) of (n_line, n_out, n_in): upper triangle, and what mirrors it."""
+        both = values[:, self._rows, self._columns].T, values[:, self._columns, self._rows].T
         return np.asarray(np.stack(both))
 
     def _counted(self, values: ComplexArray) -> ComplexArray:
@@ -76,15 +78,15 @@ class SymmetricNormal:
         """The same with half its gradient and half its Gauss-Newton Hessian."""
         total = self.cost(internal)
         parameters = self._problem.parameters
-        count = parameters.n_friction
         scale = self._root.astype(complex)
         if self._problem.estimator != "nls":
             scale /= self._modelled
         rows = self._collocated.derivatives(parameters.kinds, parameters.masks, scale)
         weighted = (self._weight * self._residual).sum(axis=0) * self._inverse_root
         hessian, gradient = _gram(rows, self._real), _project(rows, weighted, self._real)
-        if count:
-            hessian, gradient = self._with_friction(internal, rows, hessian, gradient)
+        if self._friction is not None:
+            scales = internal[-parameters.n_friction :]
+            hessian, gradient = self._with_friction(self._friction.slopes(scales), rows, hessian, gradient)
         chain = parameters.chain(internal)
         return Normal(total, -(chain.T @ gradient), chain.T @ hessian @ chain)
 
@@ -95,11 +97,12 @@ class SymmetricNormal:
     def _move(self, internal: FloatArray) -> None:
         parameters = self._problem.parameters
         self._modelled = self._collocated.response(parameters.parameters(internal))
+        if self._friction is not None:
+            self._measured = self._counted(self._friction.moved(internal[-parameters.n_friction :]))
         if self._problem.estimator == "nls":
-            self._residual = self._shifted(internal) - self._modelled
+            self._residual = self._measured - self._modelled
         else:
-            count = parameters.n_friction
-            measured = self._logarithm(self._shifted(internal)) if count else self._log_measured
+            measured = self._log_measured if self._friction is None else self._logarithm(self._measured)
             self._residual = measured - self._logarithm(self._modelled)
             if not self._real:
                 turns = self._residual.imag
@@ -116,19 +119,13 @@ class SymmetricNormal:
         result.real, result.imag = size, np.arctan2(values.imag, values.real)
         return result
 
-    def _shifted(self, internal: FloatArray) -> ComplexArray:
-        if self._problem.parameters.n_friction == 0:
-            return self._measured
-        return self._counted(self._problem.measured(internal))
-
     def _with_friction(
-        self, internal: FloatArray, rows: ComplexArray, hessian: FloatArray, gradient: FloatArray
+        self, slopes: ComplexArray, rows: ComplexArray, hessian: FloatArray, gradient: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Adds the friction scales, which move each measured element on its own."""
-        slopes = np.moveaxis(self._problem.measured_slopes(internal), -1, 0)
-        moved = -np.array([self._pairs(slope) for slope in slopes])
+        """Adds the friction scales, which move each measured element (n_line, n_out, n_in, n_friction) on its own."""
+        moved = -np.array([self._pairs(slope) for slope in np.moveaxis(slopes, -1, 0)])
         if self._problem.estimator != "nls":
-            moved /= self._shifted(internal)
+            moved /= self._measured
         shared = (self._weight * moved).sum(axis=1) * self._inverse_root
         cross = _cross(rows, shared, self._real)
         own = _gram(np.sqrt(self._weight) * moved, self._real)

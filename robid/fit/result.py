@@ -95,6 +95,7 @@ def make_solution(
         dropped=dropped,
         start_cost=costs,
         start_iterations=np.array([end.iterations for end in ends]),
+        start_evaluations=np.array([end.evaluations for end in ends]),
         start_status=tuple(end.status for end in ends),
         start_minimum=distinct_minima(costs),
         status=best.status,

@@ -59,6 +59,7 @@ class Solution:
         tied_estimate (n_tied,): Their estimated values.
         tied_lower (n_tied,): Lower ends of their intervals.
         tied_upper (n_tied,): Upper ends.
+        start_evaluations (n_start,): Points at which each start computed the cost; empty where they were not counted.
     """
 
     family: str
@@ -103,6 +104,12 @@ class Solution:
     tied_estimate: FloatArray = field(default_factory=lambda: np.zeros(0))
     tied_lower: FloatArray = field(default_factory=lambda: np.zeros(0))
     tied_upper: FloatArray = field(default_factory=lambda: np.zeros(0))
+    start_evaluations: IntArray = field(default_factory=lambda: np.zeros(0, int))
+
+    @property
+    def cap_share(self) -> float:
+        """Share of the starts that the iteration limit ended."""
+        return self.start_status.count("iteration_limit") / len(self.start_status)
 
     @property
     def found(self) -> dict[str, float]:

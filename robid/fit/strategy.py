@@ -13,7 +13,7 @@ from robid.fit.optimizers import optimise
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import map_parameters
 from robid.fit.problem import Problem, make_problem
-from robid.frf.frf import Frf
+from robid.robot.collocated import KINDS
 from robid.robot.description import Robot
 
 _COARSE_CONFIGURATIONS = 8
@@ -34,15 +34,17 @@ class Strategy:
 
     `plain` runs the optimizer from the start. `staged` first uses at most eight configurations and thirty of their
     lines, logarithmic residuals and rough weights. It fits the springs alone, with dampers ten times those of the
-    start, whose broad resonances leave the cost few minima; then dampers and inertias too. Most minima that are not
+    start, whose broad resonances leave the cost few minima; then the other parameters too. Most minima that are not
     the best have a spring or a damper locked or gone: a factor of two in it no longer changes the cost by a hundredth.
     Such parameters are put back, one and then two decades from their start to the side away from where they ran,
-    the others where they are, halfway back, or at their start, until none is lost, and what pays is kept. Last
-    comes everything on all lines. No stage looks at the robot file's values, but for what is known beforehand.
+    the others where they are, halfway back, or at their start, until none is lost, and what pays is kept. A
+    damper that is lost alone and again is too small to show, even at the best minimum. Last comes everything on
+    all lines. No stage looks at the robot file's values, but for what is known beforehand.
 
     Attributes:
         problem: What is minimised in the end.
-        coarse: Fewer lines and parameters, the logarithmic ones of `problem` in their order; None for `plain`.
+        coarse: Fewer lines, without cubic coefficients and locations, which are slow; None for `plain`. Viscous
+            friction, delay and the torques' coefficients are there, for their errors can hide what is sought.
         options: Options of the fit.
     """
 
@@ -69,16 +71,18 @@ class Strategy:
         names = self.problem.parameters.names
         shared = [names.index(name) for name in coarse.parameters.names]
         own = start[shared]
-        best = _heavy_to_true(coarse, own)
+        dampers = np.array(coarse.parameters.kind_of) == "damping"
+        best, paid = _heavy_to_true(coarse, own), True
         for decades, share in _PUT_BACKS:
             lost = _lost(coarse, best.parameters)
-            if not lost.any():
+            small = lost.sum() == 1 and (lost & dampers).any()
+            if not lost.any() or (small and not paid):
                 break
             across = own - decades * _DECADE * np.sign(best.parameters - own)
             point = np.where(lost, across, own + share * (best.parameters - own))
             again = _coarsely(coarse, point) if share == 1 else _heavy_to_true(coarse, point)
-            pays = again.cost < best.cost * (1 - _BETTER)
-            best = _after(best, again) if pays else _after(again, best)
+            paid = again.cost < best.cost * (1 - _BETTER)
+            best = _after(best, again) if paid else _after(again, best)
         internal = start.copy()
         internal[shared] = best.parameters
         return replace(best, parameters=internal)
@@ -86,29 +90,20 @@ class Strategy:
 
 def make_strategy(problem: Problem, robot: Robot, options: ElasticOptions) -> Strategy:
     """Sets up the strategy that the options name."""
-    kinds = tuple(kind for kind in options.free if kind in LOGARITHMIC)
-    if options.strategy == "plain" or not kinds:
+    kinds = tuple(kind for kind in options.free if kind in KINDS)
+    if options.strategy == "plain" or not set(kinds) & set(LOGARITHMIC):
         return Strategy(problem, None, options)
     estimator = "lls" if options.estimator == "nls" else options.estimator
     fewer = replace(restricted(options, kinds), weights=_COARSE_WEIGHTS, estimator=estimator)
-    parameters = map_parameters(robot, problem.parameters.nominal, fewer, (), np.zeros(0))
-    coarse = make_problem(without_coefficients(problem.frf), problem.model, parameters, fewer)[0]
+    frf = problem.frf
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    parameters = map_parameters(robot, problem.parameters.nominal, fewer, *known)
+    coarse = make_problem(frf, problem.model, parameters, fewer)[0]
     n_conf, n_freq = coarse.weight.shape[:2]
     chosen = np.ix_(_spread(n_conf, _COARSE_CONFIGURATIONS), _spread(n_freq, _COARSE_LINES))
     weight = np.zeros_like(coarse.weight)
     weight[chosen] = coarse.weight[chosen]
     return Strategy(problem, replace(coarse, weight=weight), options)
-
-
-def without_coefficients(frf: Frf) -> Frf:
-    """Returns a response whose compensated torques are taken for granted."""
-    return replace(
-        frf,
-        sensitivity=frf.sensitivity[:, :0],
-        coefficient_names=(),
-        coefficient_relative_std=np.zeros(0),
-        coefficient_offset=None,
-    )
 
 
 def _coarsely(coarse: Problem, point: FloatArray) -> Minimum:
@@ -125,10 +120,11 @@ def _heavy_to_true(coarse: Problem, start: FloatArray) -> Minimum:
 
 
 def _lost(problem: Problem, point: FloatArray) -> BoolArray:
-    """Which parameters (n_param,) have lost their influence: a factor of two hardly changes the cost."""
+    """Which logarithmic parameters (n_param,) have lost their influence: a factor of two hardly changes the cost."""
     here = problem.normal(point)
     influence = np.diag(here.hessian) - 0.5 / problem.parameters.prior_std**2
-    return np.asarray(influence * np.log(2) ** 2 < _LOST_INFLUENCE * here.cost)
+    lost = influence * np.log(2) ** 2 < _LOST_INFLUENCE * here.cost
+    return np.asarray(lost & problem.parameters.logarithmic)
 
 
 def _restricted(problem: Problem, point: FloatArray, free: BoolArray) -> Minimum:

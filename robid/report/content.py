@@ -133,6 +133,7 @@ class StartRow:
         iterations: Iterations it took.
         status: How it ended.
         minimum_index: Index of the minimum that it ended in; 0 is the best.
+        evaluations: Points at which the cost was computed; None where they were not counted.
     """
 
     index: int
@@ -140,6 +141,7 @@ class StartRow:
     iterations: int
     status: str
     minimum_index: int
+    evaluations: int | None = None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from statistics import fmean, median
 
-from robid.report.content import CostRow, FitContent, ParameterRow, ResonanceRow
+from robid.report.content import CostRow, FitContent, ParameterRow, ResonanceRow, StartRow
 from robid.report.numbers import percent, significant
 
 
@@ -136,3 +136,27 @@ def _minima(fit: FitContent) -> KeyFigure | None:
     count = len({row.minimum_index for row in fit.starts})
     detail = "one minimum found" if count == 1 else f"{count} minima found"
     return KeyFigure("Starts at the best", f"{best} of {len(fit.starts)}", detail)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What the starts of a fit cost.
+
+    Attributes:
+        median: Median of the points at which a start computed the cost.
+        most: Largest number of them.
+        cap_share: Share of the starts that the iteration limit ended.
+    """
+
+    median: float
+    most: int
+    cap_share: float
+
+
+def effort(rows: tuple[StartRow, ...]) -> Effort | None:
+    """Returns what the starts cost, nothing where it was not counted."""
+    counted = [row.evaluations for row in rows if row.evaluations is not None]
+    if not counted:
+        return None
+    capped = sum(row.status == "iteration_limit" for row in rows)
+    return Effort(median(counted), max(counted), capped / len(rows))

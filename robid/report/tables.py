@@ -16,7 +16,7 @@ from robid.report.content import (
     StartRow,
 )
 from robid.report.numbers import MISSING, Scale, number_of, percent, pretty_unit, scale_for, significant
-from robid.report.summary import average_and_worst, resonance_errors
+from robid.report.summary import average_and_worst, effort, resonance_errors
 
 KIND_TITLES = {
     "stiffness": "Springs",
@@ -291,10 +291,28 @@ def _cost_table(role: str, rows: tuple[CostRow, ...]) -> CampaignCosts:
     return CampaignCosts(campaign_title(role, rows[0].campaign), lines, significant(average, 4), worst_text)
 
 
-def start_lines(rows: tuple[StartRow, ...]) -> list[tuple[str, str, str, str, str]]:
-    """Writes the starts by cost: start, cost, minimum, iterations, status."""
+def effort_text(rows: tuple[StartRow, ...]) -> str:
+    """Says how often the starts computed the cost and how many the iteration limit ended; nothing if not counted."""
+    found = effort(rows)
+    if found is None:
+        return ""
+    return (
+        f"They computed the cost {found.median:.0f} times (median), at most {found.most} times;"
+        f" {percent(found.cap_share)} ended at the iteration limit."
+    )
+
+
+def start_lines(rows: tuple[StartRow, ...]) -> list[tuple[str, str, str, str, str, str]]:
+    """Writes the starts by cost: start, cost, minimum, iterations, evaluations, status."""
     return [
-        (number_of(row.index), significant(row.cost, 7), number_of(row.minimum_index), str(row.iterations), row.status)
+        (
+            number_of(row.index),
+            significant(row.cost, 7),
+            number_of(row.minimum_index),
+            str(row.iterations),
+            MISSING if row.evaluations is None else str(row.evaluations),
+            row.status,
+        )
         for row in sorted(rows, key=lambda row: (row.minimum_index, row.cost))
     ]
 

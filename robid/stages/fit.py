@@ -88,9 +88,14 @@ def figures(solution: Solution) -> str:
     identifiable = f"{int(np.sum(solution.identifiable))} of {counted(len(solution.names), 'parameter')} identifiable"
     expected = float(solution.expected_cost.sum())
     ratio = f", {solution.configuration_cost.sum() / expected:.3g} times what noise alone gives" if expected > 0 else ""
+    used = solution.start_evaluations
+    effort = f", {np.median(used):.0f} evaluations each, at most {used.max()}" if used.size else ""
+    if solution.cap_share:
+        effort += f", {solution.cap_share:.0%} at the iteration limit"
     return (
         f"{solution.status}, {identifiable},"
-        f" cost {solution.cost:.4g}{ratio}, {best} of {counted(len(solution.start_cost), 'start')} at the best minimum"
+        f" cost {solution.cost:.4g}{ratio},"
+        f" {best} of {counted(len(solution.start_cost), 'start')} at the best minimum{effort}"
     )
 
 

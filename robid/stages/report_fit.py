@@ -107,11 +107,13 @@ def _resonances(table: ResonanceTable) -> tuple[ResonanceRow, ...]:
 
 
 def _starts(solution: Solution) -> tuple[StartRow, ...]:
+    counted = solution.start_evaluations.tolist() or [None] * len(solution.start_cost)
     ends = zip(
         solution.start_cost.tolist(),
         solution.start_iterations.tolist(),
         solution.start_status,
         solution.start_minimum.tolist(),
+        counted,
         strict=True,
     )
     return tuple(StartRow(index, *end) for index, end in enumerate(ends))

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from statistics import fmean, median
 
 from robid.report.content import FitContent, ParameterRow
-from robid.report.summary import average_and_worst, resonance_errors
+from robid.report.summary import average_and_worst, effort, resonance_errors
 from robid.stages.report_content import Gathered
 
 _CLOSE = 0.02
@@ -69,6 +69,9 @@ def _fit(fit: FitContent) -> dict[str, float]:
         if ratios:
             found |= {f"{role}.average_cost_over_noise": fmean(ratios), f"{role}.worst_cost_over_noise": max(ratios)}
     found |= {"starts": len(fit.starts), "starts_at_best": sum(row.minimum_index == 0 for row in fit.starts)}
+    used = effort(fit.starts)
+    if used is not None:
+        found |= {"evaluations.median": used.median, "evaluations.max": used.most, "cap_share": used.cap_share}
     distances = [abs(error) for error, _ in resonance_errors(fit.resonances)]
     if distances:
         found |= {"resonances.median_relative_error": median(distances), "resonances.count": len(distances)}

@@ -238,8 +238,9 @@ def model_figures(models: Models, found: Found) -> dict[str, float]:
         "best_optimal_cost": float(models.optimal_cost.min()),
         "median_optimal_cost": float(np.median(models.optimal_cost)),
         "spring_error": float(np.median(np.abs(best_of(models) - found.truth)[spring])),
-        "evaluations": float(np.median(models.evaluations)),
-        "capped": float(models.capped.mean()),
+        "evaluations.median": float(np.median(models.evaluations)),
+        "evaluations.max": float(models.evaluations.max()),
+        "cap_share": float(models.capped.mean()),
         "seconds": models.seconds / len(models.own_cost),
     }
 
@@ -259,12 +260,14 @@ def summarise(found: Found) -> dict[str, float]:
     }
     near = list(found.near.values())
     starts = sum(len(one.own_cost) for one in near)
+    evaluations = np.concatenate([one.evaluations for one in near])
     summary |= {
         "fits": starts,
         f"fits{starts}_s": sum(one.seconds for one in near) / _CORES,
         f"fits{starts}_processor_s": sum(one.processor_seconds for one in near) / _CORES,
-        "evaluations_per_fit": float(np.mean(np.concatenate([one.evaluations for one in near]))),
-        "capped": float(np.mean(np.concatenate([one.capped for one in near]))),
+        "evaluations.median": float(np.median(evaluations)),
+        "evaluations.max": float(evaluations.max()),
+        "cap_share": float(np.mean(np.concatenate([one.capped for one in near]))),
         "best_over_truth": 1 / found.truth_cost,
         "best_over_truth_optimal": 1 / found.truth_optimal_cost,
         "resonances": found.resonances,

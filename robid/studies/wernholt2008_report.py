@@ -65,8 +65,9 @@ def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[
         f" models and it meets all {found.resonances} resonances of the motors' own responses within 2 %"
         f" (peaks that the true robot's linearisation does not have do not count: {found.uncounted})."
         f" The best cost is {significant(1 / found.truth_cost)} of the truth's. The {near} fits from common starts"
-        f" took {duration(summary[f'fits{near}_s'])} on two cores, {summary['evaluations_per_fit']:.0f} evaluations of"
-        f" the cost each; {percent(summary['capped'])} ended at the iteration limit."
+        f" took {duration(summary[f'fits{near}_s'])} on two cores, {summary['evaluations.median']:.0f} evaluations of"
+        f" the cost each (median; at most {summary['evaluations.max']:.0f});"
+        f" {percent(summary['cap_share'])} ended at the iteration limit."
     )
     return Section("Reasonable models", lead, (*tables, _optimal_table(found, summary)))
 
@@ -94,14 +95,16 @@ def _success_table(found: Found, summary: Mapping[str, float], paper: Mapping[st
                 percent(ours("own_best")),
                 significant(ours("best_cost")),
                 significant(ours("median_cost")),
-                f"{ours('evaluations'):.0f}",
+                f"{ours('evaluations.median'):.0f}",
+                f"{ours('evaluations.max'):.0f}",
+                percent(ours("cap_share")),
                 duration(one.seconds / len(one.own_cost)),
             )
         )
     heads = ("Estimator", "Reasonable", "Paper", "Springs but one", "Paper", "All springs", "Paper", "At its own best")
     excluded = found.problem.parameters.names[found.least_determined]
     return Table(
-        (*heads, "Best cost", "Median cost", "Evaluations", "Time per fit"),
+        (*heads, "Best cost", "Median cost", "Evaluations", "Most", "At the limit", "Time per fit"),
         tuple(rows),
         title=_GROUP_TITLES.get(group, f"Starts over {group.removesuffix('dec').replace('_', '.')} decades"),
         caption=(

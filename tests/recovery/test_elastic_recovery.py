@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
+from exact_systems import exact_frf, friction_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
 from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions, Weights
@@ -124,37 +124,24 @@ def test_sandwich_against_monte_carlo(options):
     assert 0.91 < np.mean(covered) < 0.985
 
 
-def friction_frf(robot, scales, *, declared=1e-6):
-    """Response of a torque from which compensation left out `scales` of two friction torques that follow the inputs."""
-    frf = exact_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3, declared_noise=declared)
-    generator = np.random.default_rng(2)
-    shape = (3, 2, ARM_HZ.size, 2, 2)
-    share = 0.5 * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape))
-    recorded = np.linalg.inv(np.eye(2) + np.einsum("s,csfij->cfij", np.array(scales), share))
-    return replace(
-        frf,
-        response=frf.response @ recorded,
-        sensitivity=(frf.response @ recorded)[:, None] @ share @ recorded[:, None],
-        coefficient_names=("shoulder.level", "elbow.level"),
-        coefficient_relative_std=np.array([0.1, 0.1]),
-    )
-
-
 def test_friction_scales_come_back():
     robot = two_joint_robot()
     scales = np.array([0.08, -0.05])
-    solution = fit_elastic(with_spring_factors(robot, 0.8), friction_frf(robot, scales), ElasticOptions(), 1e-3)
+    solution = fit_elastic(
+        with_spring_factors(robot, 0.8), friction_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, scales), ElasticOptions(), 1e-3
+    )
     friction = [kind == "friction" for kind in solution.kinds]
     np.testing.assert_allclose(solution.estimate[friction], scales, rtol=1e-3)
     np.testing.assert_allclose(solution.measured, solution.modelled, rtol=1e-3)
-    blind = replace(friction_frf(robot, scales), sensitivity=np.zeros((3, 0, ARM_HZ.size, 2, 2), complex),
+    frf = friction_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, scales)
+    blind = replace(frf, sensitivity=np.zeros((3, 0, ARM_HZ.size, 2, 2), complex),
                     coefficient_names=(), coefficient_relative_std=np.zeros(0))  # fmt: skip
     assert fit_elastic(robot, blind, ElasticOptions(), 1e-3).cost > 1e3 * solution.cost
 
 
 def test_friction_that_nothing_shows_keeps_its_prior():
     robot = two_joint_robot()
-    frf = friction_frf(robot, [0.0, 0.0], declared=1e-3)
+    frf = friction_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, [0.0, 0.0], declared=1e-3)
     frf = replace(frf, sensitivity=1e-9 * frf.sensitivity, coefficient_relative_std=np.array([0.1, 0.3]))
     solution = fit_elastic(robot, frf, ElasticOptions(), 1e-3)
     friction = np.array([kind == "friction" for kind in solution.kinds])
@@ -168,6 +155,15 @@ def test_starts_reach_one_minimum():
     frf = exact_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3, relative_noise=0.005, seed=1)
     solution = fit_elastic(nominal, frf, ElasticOptions(starts=8, start_decades=0.5), 1e-3)
     assert (solution.start_minimum == 0).sum() >= 7
+    assert (solution.start_evaluations > solution.start_iterations).all()
+    assert solution.cap_share == 0
+
+
+def test_starts_at_the_iteration_limit_are_counted():
+    robot = two_joint_robot()
+    frf = exact_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3, relative_noise=0.005, seed=1)
+    hasty = ElasticOptions(starts=4, max_iterations=2, strategy="plain", statics_updates=0)
+    assert fit_elastic(with_spring_factors(robot, 0.5), frf, hasty, 1e-3).cap_share == 1
 
 
 def test_minima_are_told_apart_by_cost():

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from exact_systems import exact_frf, friction_frf, two_joint_robot, with_spring_factors
+from robid.fit import strategy as module
 from robid.fit.elastic import draw_starts, set_up
 from robid.fit.options import ElasticOptions
 from robid.fit.strategy import make_strategy
@@ -44,14 +45,39 @@ def test_a_locked_spring_is_put_back():
     assert staged.cost == pytest.approx(strategy_of(free=free).descend(np.zeros(8)).cost, rel=1e-6)
 
 
-def test_coarse_stage_leaves_nuisances_and_few_lines_alone():
+def test_coarse_stage_has_few_lines_and_no_slow_parameters():
     many = np.random.default_rng(1).uniform(-1, 1, (20, 2))
-    strategy = strategy_of(configurations=many, fixed=("gear_2.damping",))
-    coarse = strategy.coarse
-    assert set(coarse.parameters.kind_of) == {"stiffness", "damping"}
+    free = ("stiffness", "damping", "viscous", "delay", "location")
+    coarse = strategy_of(configurations=many, free=free, fixed=("gear_2.damping",)).coarse
+    assert set(coarse.parameters.kind_of) == {"stiffness", "damping", "viscous", "delay"}
     assert "gear_2.damping" not in coarse.parameters.names
     assert coarse.weight.any(axis=(2, 3)).sum() == 8 * 30
     assert coarse.weight[[0, -1]].any()
+
+
+def test_torques_that_were_not_compensated_right_do_not_mislead_the_coarse_stages():
+    robot, chosen = two_joint_robot(), ElasticOptions()
+    frf = friction_frf(robot, CONFIGURATIONS, FREQUENCY_HZ, [0.08, -0.05])
+    nominal = with_spring_factors(robot, 0.8)
+    problem = set_up(nominal, frf, chosen, 1e-3)[0]
+    strategy = make_strategy(problem, nominal, chosen)
+    staged = strategy._staged(strategy.coarse, np.zeros(len(problem.parameters.names)))
+    found = dict(zip(problem.parameters.names, problem.parameters.values(staged.parameters), strict=True))
+    for spring in robot.springs:
+        assert found[f"{spring.name}.stiffness"] == pytest.approx(spring.stiffness_nm_rad, rel=1e-2)
+
+
+@pytest.mark.parametrize(("names", "ways"), [
+    (("bearing_1.damping",), 1), (("bearing_1.stiffness",), 6), (("bearing_1.damping", "forearm.damping"), 6),
+])  # fmt: skip
+def test_only_a_damper_lost_alone_is_given_up_after_one_way_back(monkeypatch, names, ways):
+    strategy = strategy_of(free=("stiffness", "damping"))
+    lost = np.isin(strategy.coarse.parameters.names, names)
+    tried, descend = [], module._coarsely
+    monkeypatch.setattr(module, "_lost", lambda *_: lost)
+    monkeypatch.setattr(module, "_coarsely", lambda *given: tried.append(given) or descend(*given))
+    strategy.descend(np.zeros(8))
+    assert len(tried) == 1 + ways
 
 
 def test_without_springs_and_dampers_there_is_no_coarse_stage():
