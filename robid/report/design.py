@@ -95,7 +95,7 @@ def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -
     )
     lead = (
         f"{len(names)} of {len(every)} candidates, made to keep the parameters'"
-        f" {_CRITERIA[design.criterion]} small; worth {percent(design.efficiency)} of the best that any weights could be."
+        f" {_CRITERIA[design.criterion]} small; worth {percent(design.efficiency)} of the best that weights could be."
     )
     return Section(f"Design {name}", lead, design_tables(design), figures)
 
