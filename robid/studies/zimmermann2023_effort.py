@@ -49,7 +49,7 @@ def effort_curves(design: ConfigurationDesign, guess: FloatArray, per_visit: int
     for visits in _VISITS.tolist():
         found["optimal"].append(deviations(_optimal(design, visits)))
         found["guess"].append(deviations(_in_turn(guess, visits)))
-        drawn = np.array([deviations(_random(design.information, visits, generator)) for _ in range(_DRAWS)])
+        drawn = deviations(np.array([_random(design.information, visits, generator) for _ in range(_DRAWS)]))
         found["random"].append(np.median(drawn, axis=0))
         found["worst of random"].append(np.quantile(drawn, 0.9, axis=0))
     experiments = _VISITS * float(per_visit)
@@ -57,25 +57,32 @@ def effort_curves(design: ConfigurationDesign, guess: FloatArray, per_visit: int
     worst = {name: np.array(rows)[:, 1] for name, rows in found.items()}
     goal = float(deviations(guess.sum(axis=0))[0])
     needed = {name: crossing(experiments, average[name], goal) for name in ("optimal", "random")}
+    own = float(len(guess) * per_visit)
     sentence = (
-        f"An average deviation of {100 * goal:.2g} %, which the guess reaches with {len(guess) * per_visit} experiments,"
+        f"An average deviation of {100 * goal:.2g} %, which the guess reaches with {own:.0f} experiments,"
         f" takes {_count(needed['optimal'])} in optimal configurations and {_count(needed['random'])} in random ones"
         " (median)."
     )
     figures = {f"{name}_experiments": count for name, count in needed.items() if np.isfinite(count)}
-    return Effort(
-        experiments, average, worst, sentence, {**figures, "guess_experiments": float(len(guess) * per_visit)}
-    )
+    return Effort(experiments, average, worst, sentence, {**figures, "guess_experiments": own})
 
 
 def deviations(information: FloatArray) -> FloatArray:
-    """Mean and largest deviation (2,) of log-parameters with this information; infinite where it is singular."""
-    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    scaled = information / np.outer(scale, scale)
-    if np.linalg.cond(scaled) > _SINGULAR:
-        return np.full(2, np.inf)
-    std = np.sqrt(np.diag(np.linalg.inv(scaled))) / scale
-    return np.array([std.mean(), std.max()])
+    """Mean and largest deviation of log-parameters with some information.
+
+    Args:
+        information (..., n_param, n_param): Information.
+
+    Returns:
+        Both (..., 2); infinite where the information is singular.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny))
+    scaled = information / (scale[..., :, None] * scale[..., None, :])
+    singular = np.linalg.cond(scaled) > _SINGULAR
+    inverse = np.linalg.inv(np.where(singular[..., None, None], np.eye(scale.shape[-1]), scaled))
+    std = np.sqrt(np.diagonal(inverse, axis1=-2, axis2=-1)) / scale
+    both = np.stack([std.mean(axis=-1), std.max(axis=-1)], axis=-1)
+    return np.asarray(np.where(singular[..., None], np.inf, both))
 
 
 def crossing(experiments: FloatArray, values: FloatArray, goal: float) -> float:

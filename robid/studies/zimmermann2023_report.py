@@ -15,8 +15,8 @@ from robid.studies.conclusion import Conclusion
 from robid.studies.tasks import Results
 from robid.studies.zimmermann2023 import paper_figures
 from robid.studies.zimmermann2023_curves import (
-    arm_section,
     cost_section,
+    design_sections,
     effort_section,
     parameter_section,
     response_section,
@@ -40,8 +40,8 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
         parameter_section(found),
         *_explanation_sections(found, summary),
         effort_section(found.effort),
-        arm_section(run, found),
         *step_section(found, summary),
+        *design_sections(run),
     )
     return Conclusion(Verdict(_verdict(found, summary), "ok"), summary, sections)
 
@@ -57,11 +57,8 @@ def _verdict(found: Found, summary: Mapping[str, float]) -> str:
     if tied:
         first += f"; {', '.join(tied)} tie with it within the scatter over the individuals"
     ratio = summary[f"{optimal}.over_{study.reference}_cost"]
-    size = _below(ratio, _ENOUGH_COST)
-    sentences = [
-        first,
-        f"its validation cost is {significant(ratio)} of that of {study.reference} ({size}; paper: 1.093)",
-    ]
+    beside = f"{_below(ratio, _ENOUGH_COST)}; paper: 1.093"
+    sentences = [first, f"its validation cost is {significant(ratio)} of that of {study.reference} ({beside})"]
     excess = summary.get(f"{study.nonlinear}.excess_ratio")
     if excess is not None:
         size = _below(excess, _ENOUGH_EXCESS)
@@ -70,7 +67,7 @@ def _verdict(found: Found, summary: Mapping[str, float]) -> str:
 
 
 def _below(value: float, limit: float) -> str:
-    return f"{'asked' if value <= limit else 'missed'}: at most {limit:g}"
+    return f"asked: at most {limit:g}, {'reached' if value <= limit else 'missed'}"
 
 
 def _data_section(found: Found, paper: Mapping[str, Any]) -> Section:
@@ -145,10 +142,11 @@ def _explanation_sections(found: Found, summary: Mapping[str, float]) -> tuple[S
         )
         for (name, spring), (local, slope) in explained.items()
     ]
+    off = percent(summary.get(f"{found.study.nonlinear}.explains_error"))
     lead = (
         "A linear model finds the slope that a gear has where it was measured. Beside each: the mean slope of the model"
         f" with stiffening gears, {found.study.nonlinear}, in these configurations, though fitted to those of"
-        f" {found.study.optimal} alone. Median distance: {percent(summary.get(f'{found.study.nonlinear}.explains_error'))}."
+        f" {found.study.optimal} alone. Median distance: {off}."
     )
     heads = ("Model", "Spring", "Linear model [N m/rad]", "Mean slope [N m/rad]", "Linear over slope")
     return (Section("Local models are slopes of the nonlinear one", lead, (Table(heads, tuple(rows)),)),)
