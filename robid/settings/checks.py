@@ -29,7 +29,7 @@ def check_experiment(document: Document, experiment: Experiment, robot: RobotFil
         _folders(experiment),
         check_designs(experiment, robot),
         check_cycles(experiment),
-        check_study(experiment, configuration_count),
+        check_study(experiment, robot, configuration_count),
     ]
     for name, campaign in experiment.campaigns.items():
         found.append(_campaign(experiment, name, campaign))

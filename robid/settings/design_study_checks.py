@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
+from robid.settings.robot import RobotFile
 from robid.settings.study import ZimmermannStudy
 from robid.settings.yaml import FieldPath
 from robid.simulate.options import SimulateOptions
@@ -13,7 +14,9 @@ from robid.simulate.options import SimulateOptions
 Count = Callable[[Experiment, Campaign], int | None]
 
 
-def check_design_study(experiment: Experiment, study: ZimmermannStudy, count: Count) -> Iterator[tuple[FieldPath, str]]:
+def check_design_study(
+    experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None, count: Count
+) -> Iterator[tuple[FieldPath, str]]:
     """Yields the field and the message of everything that is wrong with a study of designs."""
     unusable: list[tuple[FieldPath, str]] = [
         (("study", key, index), message)
@@ -22,13 +25,14 @@ def check_design_study(experiment: Experiment, study: ZimmermannStudy, count: Co
         if (message := _unusable(experiment, name))
     ]
     yield from unusable
+    yield from _check_names(experiment, study, robot)
     if len(study.validation) != len(study.estimation):
         message = f"has {len(study.validation)} campaigns for the {len(study.estimation)} of `estimation`: one for each"
         yield ("study", "validation"), message
     elif not unusable:
         yield from _check_pairs(experiment, study)
     if not unusable:
-        yield from _check_models(study, count(experiment, experiment.campaigns[study.estimation[0]]))
+        yield from _check_configurations(study, count(experiment, experiment.campaigns[study.estimation[0]]))
 
 
 def _unusable(experiment: Experiment, name: str) -> str:
@@ -56,7 +60,30 @@ def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Iterator[tup
             yield ("study", "validation", index), message
 
 
-def _check_models(study: ZimmermannStudy, n_conf: int | None) -> Iterator[tuple[FieldPath, str]]:
+def _check_names(
+    experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None
+) -> Iterator[tuple[FieldPath, str]]:
+    if study.design not in experiment.designs:
+        message = f"there is no design `{study.design}`; {suggest(study.design, experiment.designs)}"
+        yield ("study", "design"), message
+    roles: list[tuple[FieldPath, str | None]] = [
+        ((key,), getattr(study, key)) for key in ("reference", "optimal", "guess", "nonlinear")
+    ]
+    roles += [(("stepped", index), name) for index, name in enumerate(study.stepped)]
+    for place, name in roles:
+        if name is not None and name not in study.models:
+            yield ("study", *place), f"there is no model `{name}`; {suggest(name, study.models)}"
+    joints = [] if robot is None else [joint.name for joint in robot.joints]
+    asked: list[tuple[FieldPath, str | None]] = [
+        (("models", name, "low_torque"), choice.low_torque) for name, choice in study.models.items()
+    ]
+    asked += [(("axes", index), joint) for index, joint in enumerate(study.axes)]
+    for place, joint in asked:
+        if robot is not None and joint is not None and joint not in joints:
+            yield ("study", *place), f"there is no joint `{joint}`; {suggest(joint, joints)}"
+
+
+def _check_configurations(study: ZimmermannStudy, n_conf: int | None) -> Iterator[tuple[FieldPath, str]]:
     for name, model in study.models.items():
         field = ("study", "models", name)
         for index, chosen in enumerate(model.configurations or ()):

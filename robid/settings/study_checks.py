@@ -7,24 +7,26 @@ from collections.abc import Callable, Iterator
 from robid.settings.design_study_checks import check_design_study
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
+from robid.settings.robot import RobotFile
 from robid.settings.study import FrfStudy, WernholtStudy, ZimmermannStudy, choices
 from robid.settings.yaml import FieldPath
 
 
 def check_study(
-    experiment: Experiment, count: Callable[[Experiment, Campaign], int | None]
+    experiment: Experiment, robot: RobotFile | None, count: Callable[[Experiment, Campaign], int | None]
 ) -> Iterator[tuple[FieldPath, str]]:
     """Yields the field and the message of everything that is wrong with the study, if there is one.
 
     Args:
         experiment: The experiment.
+        robot: The robot file, where it could be read.
         count: Tells how many configurations a campaign has, None where that is unknown.
     """
     study = experiment.study
     if study is None:
         return
     if isinstance(study, ZimmermannStudy):
-        yield from check_design_study(experiment, study, count)
+        yield from check_design_study(experiment, study, robot, count)
         return
     campaign = experiment.campaigns.get(study.campaign)
     if campaign is None:

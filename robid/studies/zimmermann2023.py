@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
+from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.frf import frf_to_artifact
 from robid.artifacts.store import read_artifact, read_header
+from robid.design.information import ConfigurationDesign
 from robid.frf.estimate import estimate_frf
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.settings.study import ZimmermannStudy
+from robid.settings.yaml import load_yaml
 from robid.simulate.experiment import Experiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
@@ -44,13 +47,31 @@ def study_of(loaded: LoadedExperiment) -> ZimmermannStudy:
     return study
 
 
+def paper_figures(loaded: LoadedExperiment) -> dict[str, Any]:
+    """Returns the paper's figures, or nothing where the study names no file.
+
+    Raises:
+        SettingsError: If the file cannot be read.
+    """
+    name = study_of(loaded).paper
+    return {} if name is None else load_yaml(loaded.path.parent / name).data
+
+
+def chosen_designs(run: Run) -> dict[str, ConfigurationDesign]:
+    """Returns the designs that the study's configurations come from, by name."""
+    names = run.loaded.experiment.campaigns[study_of(run.loaded).estimation[0]].configurations.designs
+    paths = {name: run.path(f"designs/{name}.h5") for name in names}
+    return {name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in paths.items()}
+
+
 def campaigns(study: ZimmermannStudy) -> tuple[str, ...]:
     """Returns the campaigns of all pairs: each estimation campaign, then its validation campaign."""
     return tuple(name for pair in zip(study.estimation, study.validation, strict=True) for name in pair)
 
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
-    """Returns the outputs of the chain that the tasks read."""
+    """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
+    paper_figures(loaded)
     return tuple(f"{name}/excitation.h5" for name in campaigns(study_of(loaded)))
 
 

@@ -1,0 +1,187 @@
+"""Sets, ties, medians and effort of the study of configurations, on figures made to measure."""
+
+import numpy as np
+import pytest
+
+from exact_systems import two_joint_robot
+from robid.design.information import ConfigurationDesign
+from robid.settings.study import ModelChoice, ZimmermannStudy
+from robid.studies.zimmermann2023_effort import crossing, deviations, effort_curves
+from robid.studies.zimmermann2023_figures import Found, Model, differs, explained_springs, rivals, summarise
+from robid.studies.zimmermann2023_models import gravity_torque, model_sets, options_of
+
+N_SEED, N_CONF = 5, 6
+SCATTER = np.array([0.97, 1.01, 1.0, 1.02, 0.99])
+
+
+def study(**models):
+    return ZimmermannStudy(
+        kind="zimmermann2023",
+        estimation=("e",),
+        validation=("v",),
+        design="d",
+        axes=("a",),
+        models={name: ModelChoice(**choice) for name, choice in models.items()},
+    )
+
+
+def test_models_take_listed_drawn_or_low_torque_configurations():
+    chosen = study(
+        m49={},
+        opt2={"configurations": (5, 3)},
+        rand_a={"configurations": tuple(range(2, 10)), "count": 3, "seed": 1},
+        rand_b={"configurations": tuple(range(2, 10)), "count": 3, "seed": 2},
+        low={"count": 2, "low_torque": "a"},
+    )
+    torque = {"a": np.array([5.0, -1, 4, 3, -6, 7, 0.5, 9, 9, 9])}
+    sets = model_sets(chosen, torque, 10)
+    assert sets["m49"] == tuple(range(10))
+    assert sets["opt2"] == (3, 5)
+    assert sets["low"] == (1, 6)
+    assert len(set(sets["rand_a"])) == 3
+    assert set(sets["rand_a"]) <= set(range(2, 10))
+    assert sets["rand_a"] != sets["rand_b"]
+    assert model_sets(chosen, torque, 10) == sets
+
+
+def test_a_choice_adds_to_what_all_fits_free_and_fix():
+    chosen = study(nonlinear={"free": ("stiffness", "cubic"), "fixed": ("gear_1.cubic",)})
+    options = options_of(chosen, chosen.models["nonlinear"])
+    assert options.free == ("stiffness", "viscous", "cubic")
+    assert options.fixed == ("gear_1.cubic",)
+
+
+def test_gravity_torque_is_the_weight_times_its_lever():
+    robot = two_joint_robot()
+    upright = gravity_torque(robot, robot.joints[1].name, np.array([[0.0, 0.2], [0.0, 1.3], [2.0, 0.2]]))
+    first = gravity_torque(robot, robot.joints[0].name, np.array([[0.0, 0.2], [0.0, 1.3], [2.0, 0.2]]))
+    assert np.abs(np.concatenate([upright, first])).max() > 1
+    assert upright.shape == first.shape == (3,)
+
+
+def test_a_difference_counts_only_beyond_the_scatter():
+    assert not differs(SCATTER, np.ones(N_SEED))
+    assert differs(1.1 * SCATTER, np.ones(N_SEED))
+    assert differs(np.ones(N_SEED), 1.1 * SCATTER)
+    scattered = np.array([0.5, 1.0, 2.0, 3.0, 0.7])
+    assert differs(1.05 * scattered, scattered * np.array([1, 1.001, 0.999, 1, 1]))
+    assert not differs(np.array([2.0]), np.array([1.0]))
+
+
+def model(name, std, cost=1.0, used=(0, 1), stiffness=1.0, slope=None):
+    ones = np.ones((N_SEED, N_CONF))
+    return Model(
+        name=name,
+        used=used,
+        wanted=("gear.stiffness", "bearing.stiffness"),
+        std=std * SCATTER[:, None] * np.array([0.5, 1.5]),
+        fit_std=np.full((N_SEED, 2), 2 * std),
+        stiffness=np.full((N_SEED, 2), stiffness),
+        cost=cost * ones * np.linspace(0.5, 1.5, N_CONF),
+        expected=0.2 * ones,
+        resonance_error=np.array([0.01, -0.02, 0.05, np.nan, 0.0, -0.2])[:, None] * np.ones((N_SEED, 1, 1)),
+        slope=slope,
+    )
+
+
+def candidates(n_param=2, n_candidate=12):
+    generator = np.random.default_rng(1)
+    rows = generator.standard_normal((n_candidate, 4, n_param)) * np.array([10, 1])
+    matrices = rows.swapaxes(1, 2) @ rows
+    weights = np.zeros(n_candidate)
+    weights[[2, 4]] = 0.5
+    return ConfigurationDesign(
+        weights=weights,
+        gap=1e-9,
+        criterion="d",
+        slopes=np.ones(n_candidate),
+        chosen=np.array([2, 4]),
+        counts=np.zeros(n_candidate, int),
+        efficiency=1.0,
+        choice_efficiency=1.0,
+        rounding_loss=0.0,
+        gain=np.zeros(n_candidate),
+        information=matrices,
+        predicted_relative_std=np.ones(n_param),
+        parameter_names=("gear.stiffness", "bearing.stiffness"),
+        configurations=np.zeros((n_candidate, 2)),
+    )
+
+
+def found(**models):
+    choices = study(**{name: {} for name in models}).model_copy(update={"nonlinear": "nonlinear"})
+    there = np.ones((N_SEED, N_CONF, 1), bool)
+    there[:, 3] = False
+    design = candidates()
+    effort = effort_curves(design, design.information[:2], 24)
+    truth = np.ones((N_SEED, 2))
+    return Found(choices, models, ("gear", "bearing"), truth, there, design, effort, (), {})
+
+
+def everything(**other):
+    slope = np.ones((N_SEED, N_CONF, 2))
+    slope[:, :, 0] = 1 + np.arange(N_CONF)
+    return {
+        "m49": model("m49", 0.01, cost=1.0, used=tuple(range(N_CONF)), stiffness=3.0),
+        "opt2": model("opt2", 0.03, cost=1.05, stiffness=1.5),
+        "guess": model("guess", 0.04),
+        "nonlinear": model("nonlinear", 0.02, cost=0.4, slope=slope),
+        **other,
+    }
+
+
+def test_figures_are_medians_over_the_individuals():
+    summary = summarise(found(**everything()))
+    assert summary["opt2.average_std"] == pytest.approx(0.03)
+    assert summary["opt2.average_std_low"] == pytest.approx(0.03 * 0.97)
+    assert summary["opt2.worst_std"] == pytest.approx(0.045)
+    assert summary["m49.average_cost"] == pytest.approx(1.0)
+    assert summary["m49.worst_cost"] == pytest.approx(1.5)
+    assert summary["m49.average_excess"] == pytest.approx(0.8)
+    assert summary["opt2.over_m49_cost"] == pytest.approx(1.05)
+    assert summary["opt2.gap"] == 1e-9
+    assert summary["nonlinear.excess_ratio"] == pytest.approx(0.25)
+    assert summary["m49.missed"] == 2
+    assert summary["resonances"] == 5
+
+
+def test_lowest_deviation_and_ties_are_told_apart():
+    assert rivals(found(**everything())) == ([], [])
+    tied = np.array([1.05, 0.96, 1.02, 0.97, 1.01]) / SCATTER
+    near = model("mirr", 0.03)
+    near = Model(**{**vars(near), "std": near.std * tied[:, None]})
+    assert rivals(found(**everything(mirr=near))) == ([], ["mirr"])
+    assert rivals(found(**everything(opt1=model("opt1", 0.02)))) == (["opt1"], [])
+
+
+def test_local_springs_are_held_against_the_slope_where_they_were_measured():
+    explained = explained_springs(found(**everything()))
+    assert set(explained) == {("m49", "gear"), ("opt2", "gear"), ("guess", "gear")}
+    assert explained["m49", "gear"][1] == pytest.approx(np.full(N_SEED, 3.5))
+    assert explained["opt2", "gear"][1] == pytest.approx(np.full(N_SEED, 1.5))
+    summary = summarise(found(**everything()))
+    assert summary["nonlinear.explains_error"] == pytest.approx(1 - 3 / 3.5)
+
+
+def test_deviations_of_known_information():
+    assert deviations(np.diag([4.0, 100.0])) == pytest.approx([0.3, 0.5])
+    assert np.isinf(deviations(np.ones((2, 2)))).all()
+
+
+def test_a_goal_is_met_between_two_counts():
+    counts = np.array([10.0, 20, 40])
+    assert crossing(counts, np.array([4.0, 2.0, 1.0]), 2.0) == pytest.approx(20)
+    assert crossing(counts, np.array([4.0, 2.0, 1.0]), np.sqrt(8)) == pytest.approx(10 * np.sqrt(2))
+    assert crossing(counts, np.array([np.inf, 2.0, 1.0]), 3.0) == 20
+    assert np.isinf(crossing(counts, np.array([4.0, 2.0, 1.0]), 0.5))
+
+
+def test_deviations_fall_with_the_root_of_the_experiments():
+    effort = found(**everything()).effort
+    visits = (effort.experiments / 24).astype(int).tolist()
+    ten, twenty_eight = visits.index(14), visits.index(28)
+    for name in ("optimal", "guess"):
+        ratio = effort.average[name][ten] / effort.average[name][twenty_eight]
+        assert ratio == pytest.approx(np.sqrt(2))
+    assert (effort.average["random"] <= effort.average["worst of random"]).all()
+    assert "48 experiments" in effort.sentence
