@@ -274,7 +274,8 @@ def _placed(error: RobidError, run: Run, node: Node) -> RobidError:
     if str(run.loaded.path) in error.where:
         return error
     section = "" if node.stage.owned_by == "experiment" else f"{node.stage.owned_by}s.{node.owner}"
-    where = error.where.removeprefix(f"{section}.")
+    own = node.stage.owned_by
+    where = "" if error.where == own else error.where.removeprefix(f"{section}.").removeprefix(f"{own}.")
     joint = "." if isinstance(error, SettingsError) and where.startswith(("excitation", "configurations")) else ": "
     return type(error)(
         error.what, where=f"{run.loaded.path}: {section}{joint if where else ''}{where}", remedy=error.remedy

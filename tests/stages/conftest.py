@@ -72,6 +72,19 @@ def shop(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="session")
+def design_shop():
+    """Makes a folder with the experiment of designs, not run yet."""
+
+    def make(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Workshop:
+        shop = Workshop(folder, monkeypatch)
+        shop.experiment, shop.runs = "design.yaml", folder / "runs" / "design"
+        shutil.copy(_HERE / "design.yaml", folder)
+        return shop
+
+    return make
+
+
+@pytest.fixture(scope="session")
 def finished_runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("finished")
     with pytest.MonkeyPatch.context() as monkeypatch:

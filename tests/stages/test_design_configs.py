@@ -1,0 +1,221 @@
+"""Choices of configurations through the command line: measured and assumed information, priors, costs, bad input."""
+
+import itertools
+import shutil
+
+import numpy as np
+import pytest
+
+from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.store import read_artifact
+from robid.design.measured import measured_information
+from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.settings.load import load_experiment
+from tolerances import IDENTITY
+
+FILE = "design.yaml"
+BEST = "best: {campaign: candidates, count: 2, information: measured, free: [stiffness]}"
+SPRINGS = ("gear_turn.stiffness", "gear_lift.stiffness")
+
+
+@pytest.fixture(scope="session")
+def chosen_runs(tmp_path_factory, design_shop):
+    folder = tmp_path_factory.mktemp("chosen")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        answer = design_shop(folder, monkeypatch).robid("run", "design.yaml")
+    assert answer.code == 0, answer.err
+    return folder / "runs"
+
+
+@pytest.fixture
+def chosen(tmp_path, monkeypatch, chosen_runs, design_shop):
+    """A folder with the design experiment and its finished run."""
+    shutil.copytree(chosen_runs, tmp_path / "runs")
+    return design_shop(tmp_path, monkeypatch)
+
+
+@pytest.fixture
+def fresh(tmp_path, monkeypatch, design_shop):
+    """A folder with the design experiment, not run yet."""
+    return design_shop(tmp_path, monkeypatch)
+
+
+def design_of(shop, name):
+    return design_from_artifact(read_artifact(shop.runs / f"designs/{name}.h5", DESIGN))
+
+
+def information_at(shop, robot=None, delay_s=None):
+    loaded = load_experiment(shop.folder / "design.yaml")
+    frf = frf_from_artifact(read_artifact(shop.runs / "candidates/frf.h5", FRF))
+    found = loaded.robot.to_robot() if robot is None else robot
+    return measured_information(found, frf, 1e-3 if delay_s is None else delay_s, kinds=("stiffness",))
+
+
+def test_measured_information_is_that_of_the_whole_response(chosen):
+    matrices, names = information_at(chosen)
+    design = design_of(chosen, "best")
+    assert design.parameter_names == names == SPRINGS
+    np.testing.assert_allclose(design.information, matrices, rtol=1e-8)
+
+
+def test_no_pair_of_candidates_tells_more_than_the_chosen_one(chosen):
+    design = design_of(chosen, "best")
+    worths = {
+        pair: np.linalg.slogdet(design.information[list(pair)].sum(axis=0))[1]
+        for pair in itertools.combinations(range(6), 2)
+    }
+    assert tuple(design.chosen) == max(worths, key=worths.__getitem__)
+    np.testing.assert_array_equal(design.counts[design.chosen], 1)
+
+
+def test_what_the_command_prints_and_what_json_holds(chosen):
+    design = design_of(chosen, "best")
+    answer = chosen.robid("design-configs", "design.yaml", "--design", "best", "--force")
+    for text in ("Chosen configurations", "Certified gap", "half of the realizations choose", "Measure next", *SPRINGS):
+        assert text in answer.out
+    told = chosen.robid("design-configs", "design.yaml", "--design", "best", "--json").json["design"]
+    assert [row["candidate"] for row in told["chosen"]] == design.chosen.tolist()
+    np.testing.assert_allclose(
+        [row["angles_deg"] for row in told["chosen"]], np.rad2deg(design.configurations[design.chosen]), rtol=IDENTITY
+    )
+    assert told["predicted_relative_std"] == dict(zip(SPRINGS, design.predicted_relative_std.tolist(), strict=True))
+    assert told["gap"] <= 1e-8
+    assert len(told["stability"]["kept"]) == 6
+    assert told["next_best"][0]["candidate"] == int(np.argmax(design.gain))
+
+
+def test_the_next_configuration_adds_most_to_an_earlier_fit(chosen):
+    solution = model_from_artifact(read_artifact(chosen.runs / "fits/earlier/model.h5", MODEL))
+    places = [solution.names.index(name) for name in SPRINGS]
+    known = np.linalg.inv(solution.covariance[np.ix_(places, places)] * max(solution.misfit, 1.0))
+    robot = fitted_robot(load_experiment(chosen.folder / "design.yaml").robot.to_robot(), solution)
+    matrices, _ = information_at(chosen, robot, fitted_delay_s(solution, 1e-3))
+    gain = [np.linalg.slogdet(known + each)[1] - np.linalg.slogdet(known)[1] for each in matrices]
+    design = design_of(chosen, "next")
+    np.testing.assert_allclose(design.gain, gain, rtol=1e-8)
+    assert design.chosen.tolist() == [int(np.argmax(gain))]
+    together = np.linalg.inv(known + matrices[design.chosen[0]])
+    np.testing.assert_allclose(design.predicted_relative_std, np.sqrt(np.diag(together)), rtol=1e-8)
+
+
+def test_a_fit_with_its_own_weights_is_never_better_than_the_best_weights(chosen):
+    fitted, best = design_of(chosen, "fitted"), design_of(chosen, "best")
+    assert fitted.efficiency < best.efficiency <= 1 + 1e-9
+    assert fitted.stability is None
+    answer = chosen.robid("design-configs", "design.yaml", "--design", "fitted", "--force")
+    assert "Lost by whole numbers" not in answer.out
+
+
+def test_visits_cost_experiments_and_the_way_from_the_first_candidate(chosen):
+    design = design_of(chosen, "assumed")
+    # 4 realizations of 2 experiments of 2 + 2 periods; joints reach 400/100 rad/s, half of it on the way.
+    way = np.abs(design.configurations - design.configurations[0]).max(axis=1) / 2
+    np.testing.assert_allclose(design.cost_s, 4 * 2 * (2 + 2) * 0.5 + way, rtol=IDENTITY)
+    assert design.counts.sum() <= 5
+    assert design.counts @ design.cost_s <= 5 * design.cost_s.mean() * (1 + 1e-9)
+    assert len(design.stability.kept) == 3
+
+
+def test_the_report_shows_every_design(chosen):
+    page = (chosen.runs / "report.html").read_text()
+    for text in ("Design best", "Design next", "Chosen configurations", "Information per parameter"):
+        assert text in page
+
+
+def test_a_measured_design_is_stale_with_its_responses(chosen):
+    chosen.change("torque_noise_nm: 0.02", "torque_noise_nm: 0.03", file=FILE)
+    states = chosen.states()
+    assert states["designs/best.h5"][0] == "stale"
+    assert states["designs/assumed.h5"][0] == "fresh"
+
+
+def refused(shop, code, *texts, command=("run", "design.yaml")):
+    answer = shop.robid(*command)
+    assert answer.code == code, answer.err
+    assert "Traceback" not in answer.err
+    for text in ("remedy: ", *texts):
+        assert text in answer.flat, answer.err
+
+
+@pytest.mark.parametrize(
+    ("design", "texts"),
+    [
+        ("best: {campaign: candidates, count: 7}", ("designs.best.count", "cannot choose 7 of the 6")),
+        ("best: {campaign: candidates, free: [stiffness], nuisance: [stiffness]}", ("nuisance", "name each kind once")),
+        ("best: {campaign: candidates, fixed: [gear_tern.stiffness]}", ("fixed[0]", "gear_turn.stiffness")),
+        ("best: {campaign: candidates, prior: earlyer}", ("designs.best.prior", "did you mean `earlier`?")),
+        (
+            "best: {campaign: candidates, free: [motor_inertia], prior: earlier}",
+            ("designs.best.prior", "does not estimate `turn.motor_inertia`, `lift.motor_inertia`"),
+        ),
+        ("best: {campaign: candidates, weights: {mean: fit}}", ("weights.mean", "`information: measured`")),
+        ("best: {campaign: candidates, criterion: f}", ("designs.best.criterion",)),
+    ],
+)
+def test_settings_that_cannot_be(fresh, design, texts):
+    fresh.change(BEST, design, file=FILE)
+    refused(fresh, 2, "design.yaml:", *texts)
+
+
+def test_a_measured_design_needs_a_source(fresh):
+    fresh.change(
+        "    source: {simulate: {<<: *simulate, seed: 2, truth: {spring_factor: 1.3, seed: 1}}}\n", "", file=FILE
+    )
+    fresh.change(BEST, BEST.replace("candidates", "first").replace("count: 2", "count: 1"), file=FILE)
+    refused(fresh, 2, "designs.best.information", "campaign `first` has no `source`", "`information: assumed`")
+
+
+def test_a_circle_through_a_prior_is_told(fresh):
+    fresh.change("{list_deg: [[20, 30]]}", "{from: next}", file=FILE)
+    refused(fresh, 2, "go in a circle")
+
+
+CHOOSE = ("design-configs", "design.yaml", "--design", "best")
+
+
+@pytest.mark.parametrize(
+    ("campaign", "design", "code", "texts"),
+    [
+        ("{list_deg: [[0, 30], [90, 30], [-90, 30]]}", "count: 1", 4, ("all alike", "more than the first axis")),
+        (
+            "{random: {count: 6, seed: 1}}",
+            "count: 2, weights: {low_cut_hz: 500}",
+            4,
+            (
+                "designs.best: The responses of the candidates",
+                "do not depend on: gear_turn.stiffness; gear_lift.stiffness",
+            ),
+        ),
+        ("{list_deg: [[0, -50], [0, 30]]}", "count: 1", 2, ("out of reach", "[0]: it reaches")),
+        (
+            "{random: {count: 6, seed: 1}}",
+            "count: 2, cost: travel, budget: 1",
+            2,
+            ("designs.best: budget: The budget of 1 does not pay 2",),
+        ),
+    ],
+)
+def test_candidates_that_cannot_be_chosen_from(fresh, campaign, design, code, texts):
+    fresh.change("controller:", "floor_m: 0\ncontroller:", file="arm.yaml")
+    fresh.change("{random: {count: 6, seed: 1}}", campaign, file=FILE)
+    fresh.change(BEST, f"best: {{campaign: candidates, {design}}}", file=FILE)
+    for name in ("next", "fitted", "assumed"):
+        line = next(line for line in (fresh.folder / "design.yaml").read_text().splitlines() if f"  {name}: " in line)
+        fresh.change(f"{line}\n", "", file=FILE)
+    refused(fresh, code, *texts, command=CHOOSE)
+
+
+@pytest.mark.parametrize(
+    ("count", "texts"),
+    [
+        ("count: 2", ("the best 2 configurations", "Raise count")),
+        ("count: 6, experiments: 2", ("the best 2 experiments", "Raise experiments")),
+    ],
+)
+def test_fewer_configurations_than_the_parameters_need(fresh, count, texts):
+    # One line and the diagonal alone: two complex numbers for four parameters and three nuisances.
+    fresh.change("count: 14, rms: 6", "count: 1, rms: 6", file=FILE)
+    fresh.change(BEST, f"best: {{campaign: candidates, {count}, weights: {{off_diagonal: 0}}}}", file=FILE)
+    refused(fresh, 4, *texts, command=CHOOSE)
