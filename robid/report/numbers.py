@@ -84,7 +84,7 @@ def significant(value: float | None, digits: int = 3) -> str:
         return "∞" if value > 0 else MINUS + "∞"
     if value == 0:
         return "0"
-    order = math.floor(math.log10(abs(value)))
+    order = int(f"{value:.{digits - 1}e}".split("e")[1])
     if not -4 <= order < 6:
         return _power(value, digits)
     return f"{value:.{max(digits - 1 - order, 0)}f}".replace("-", MINUS)
@@ -95,6 +95,8 @@ def percent(fraction: float | None, *, signed: bool = False) -> str:
     if fraction is None or math.isnan(fraction):
         return MISSING
     value = 100 * fraction
+    if value == 0:
+        return "0 %"
     if math.isinf(value) or abs(value) >= 1e4:
         return "> 10 000 %"
     decimals = 0 if abs(value) >= 9.95 else 1 if abs(value) >= 0.995 else 2

@@ -97,14 +97,13 @@ def _success_table(found: Found, summary: Mapping[str, float], paper: Mapping[st
                 significant(ours("median_cost")),
                 f"{ours('evaluations.median'):.0f}",
                 f"{ours('evaluations.max'):.0f}",
-                percent(ours("cap_share")),
                 duration(one.seconds / len(one.own_cost)),
             )
         )
     heads = ("Estimator", "Reasonable", "Paper", "Springs but one", "Paper", "All springs", "Paper", "At its own best")
     excluded = found.problem.parameters.names[found.least_determined]
     return Table(
-        (*heads, "Best cost", "Median cost", "Evaluations", "Most", "At the limit", "Time per fit"),
+        (*heads, "Best cost", "Median cost", "Evaluations", "Most", "Time per fit"),
         tuple(rows),
         title=_GROUP_TITLES.get(group, f"Starts over {group.removesuffix('dec').replace('_', '.')} decades"),
         caption=(
