@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
+
+import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.frf import frf_to_artifact
-from robid.artifacts.store import read_artifact, read_header
+from robid.artifacts.store import read_artifact
 from robid.design.information import ConfigurationDesign
 from robid.frf.estimate import estimate_frf
 from robid.pipeline import Run
@@ -109,8 +112,11 @@ def _campaign_tasks(run: Run, name: str) -> list[Task]:
     excitation = excitation_from_artifact(read_artifact(path, EXCITATION))
     experiment = simulated_experiment(run.loaded, campaign, simulate_options(campaign), excitation)
     estimator = make_estimator(run.loaded, campaign, campaign.estimate)
+    reference = np.ascontiguousarray(excitation.excitation.reference)
     decides = {
-        "excitation": read_header(path, EXCITATION).content_sha256,
+        "reference": hashlib.sha256(reference.tobytes()).hexdigest(),
+        "excited_lines": excitation.excitation.excited_lines.tolist(),
+        "detection_lines": excitation.excitation.detection_lines.tolist(),
         "estimate": to_plain(campaign.estimate),
         **simulation_settings(run.loaded, campaign),
     }
@@ -118,7 +124,7 @@ def _campaign_tasks(run: Run, name: str) -> list[Task]:
     return [
         Task(
             f"{name}_{index + 1}",
-            {**decides, "configuration": index},
+            {**decides, "configuration": index, "angles_rad": configuration.tolist()},
             Measurement(experiment, configuration, index, estimator, threads),
         )
         for index, configuration in enumerate(excitation.configurations)
