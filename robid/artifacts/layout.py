@@ -27,25 +27,28 @@ _CHUNK_BYTES = 1 << 18
 
 
 class _File:
-    """A file that never fails towards HDF5, which reports a full disk late and in destructors; it keeps the error."""
+    """A file that never fails towards HDF5, which reports a full disk late and in destructors; it keeps the error.
+
+    An interrupt that comes while HDF5 writes is kept as well.
+    """
 
     def __init__(self, path: Path) -> None:
         self._raw = path.open("w+b", buffering=0)
-        self.error: OSError | None = None
+        self.error: BaseException | None = None
 
     def write(self, data: bytes | memoryview) -> int:
         left = memoryview(data)
         while self.error is None and left:
             try:
                 left = left[self._raw.write(left) :]
-            except OSError as error:
+            except (OSError, KeyboardInterrupt) as error:
                 self.error = error
         return len(data)
 
     def truncate(self, size: int) -> None:
         try:
             self._raw.truncate(size)
-        except OSError as error:
+        except (OSError, KeyboardInterrupt) as error:
             self.error = self.error or error
 
     def read(self, size: int = -1) -> bytes:

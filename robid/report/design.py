@@ -93,9 +93,12 @@ def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -
         weight_figure(design.weights, every),
         information_figure(visits[:, None] * diagonal, design.parameter_names, names),
     )
+    bound = (
+        "what optimal weights of the data could give" if np.isnan(design.rounding_loss) else "the best that there is"
+    )
     lead = (
         f"{len(names)} of {len(every)} candidates, made to keep the parameters'"
-        f" {_CRITERIA[design.criterion]} small; worth {percent(design.efficiency)} of the best that weights could be."
+        f" {_CRITERIA[design.criterion]} small; worth {percent(design.efficiency)} of {bound}."
     )
     return Section(f"Design {name}", lead, design_tables(design), figures)
 

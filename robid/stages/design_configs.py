@@ -111,9 +111,11 @@ def _trials(found: Gathered) -> list[Trial]:
 def figures(choice: ConfigurationDesign) -> str:
     """Says what was chosen, in a phrase."""
     deviation = 100 * float(np.median(choice.predicted_relative_std))
+    worth = f"{choice.criterion.upper()}-efficiency {percent(choice.efficiency)}"
+    if np.isnan(choice.rounding_loss):
+        worth = f"for the weights of a fit, which reaches {percent(choice.efficiency)} of what optimal weights could"
     text = (
-        f"{len(choice.chosen)} of {counted(len(choice.configurations), 'configuration')},"
-        f" {choice.criterion.upper()}-efficiency {100 * choice.efficiency:.0f} %,"
+        f"{len(choice.chosen)} of {counted(len(choice.configurations), 'configuration')}, {worth},"
         f" predicted deviation {deviation:.2g} % (median)"
     )
     return text if choice.stability is None else f"{text}; {stability_sentence(choice.stability)}"

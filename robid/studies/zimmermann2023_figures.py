@@ -23,6 +23,8 @@ from robid.validation.steps import StepResponses, step_figures
 
 MISSED = 0.03
 """Relative error from which a first resonance counts as missed."""
+_BENT = 0.01
+"""Spread of a spring's slope over the configurations from which gravity counts as bending it."""
 _TIE_LEVEL = 0.95
 
 
@@ -220,7 +222,7 @@ def summarise(found: Found) -> dict[str, float]:
 
 
 def explained_springs(found: Found) -> dict[tuple[str, str], tuple[FloatArray, FloatArray]]:
-    """Springs of the axes' gears in every linear model, and the nonlinear model's mean slope in its configurations.
+    """Springs of bent gears in every linear model, and the nonlinear model's mean slope in its configurations.
 
     Returns:
         Both (n_seed,) by model and spring [N m/rad]; empty without a nonlinear model.
@@ -229,7 +231,8 @@ def explained_springs(found: Found) -> dict[tuple[str, str], tuple[FloatArray, F
     slopes = None if study.nonlinear is None else found.models[study.nonlinear].slope
     if slopes is None:
         return {}
-    bent = [index for index in range(len(found.springs)) if np.ptp(slopes[:, :, index]) > 0]
+    spread = (np.ptp(slopes, axis=1) / slopes.mean(axis=1)).max(axis=0)
+    bent = np.flatnonzero(spread > _BENT).tolist()
     return {
         (name, found.springs[index]): (one.stiffness[:, index], slopes[:, list(one.used), index].mean(axis=1))
         for name, one in found.models.items()

@@ -217,8 +217,9 @@ def test_a_cubic_gear_is_fitted_to_two_amplitudes(shop):
         found = {
             key: summary[f"fits.elastic.parameters.{gear}.cubic.{key}"] for key in ("estimate", "truth", "covered")
         }
-        assert found["estimate"] == pytest.approx(found["truth"], rel=0.1)
         assert found["covered"] == 1
+        if summary[f"fits.elastic.parameters.{gear}.cubic.identifiable"]:
+            assert found["estimate"] == pytest.approx(found["truth"], rel=0.1)
     assert summary["fits.elastic.parameters.gear_turn.cubic.identifiable"] == 1
     assert summary["fits.elastic.cubic.max_relative_error"] < 0.1
     assert "estimation + low" in (shop.runs / "report.html").read_text()

@@ -142,8 +142,8 @@ def test_a_stopped_study_goes_on(study, number, code):
         assert time.monotonic() < deadline
         time.sleep(0.005)
     process.send_signal(number)
-    process.communicate(timeout=60)
-    assert process.returncode == code
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == code, said.decode()
     kept = {path: path.stat().st_mtime_ns for path in (study.runs / "tasks").glob("*.h5")}
     assert len(kept) < 4
     assert not (study.runs / "report.html").exists()
