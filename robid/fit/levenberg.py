@@ -98,7 +98,8 @@ def minimise(
         steps += 1
         trial = cost(point + step)
         predicted = -float(step @ (2 * here.gradient + here.hessian @ step))
-        gain = (here.cost - trial) / predicted if predicted > 0 else -1.0
+        # A clipped step may leave the region of the model and still go down.
+        gain = (here.cost - trial) / predicted if predicted > 0 else 0.5 * np.sign(here.cost - trial)
         if np.isfinite(trial) and gain > 0:
             damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
             finished = here.cost - trial <= cost_tolerance * here.cost

@@ -104,3 +104,20 @@ def test_a_parameter_leaves_a_bound_that_it_does_not_need():
     found = minimise(*rosenbrock(), np.array([-1.0, 1.0]), lower=np.array([-1.0, -9.0]), upper=np.array([9.0, 1.0]))
     assert found.status == "converged"
     np.testing.assert_allclose(found.parameters, 1.0, rtol=1e-6)
+
+
+def test_a_clipped_step_that_goes_down_is_taken_though_the_model_promises_nothing():
+    hessian = np.array([[100.0, 9.9], [9.9, 1.0]])
+    gradient = -hessian @ [-0.5, 9.0]
+    clipped = np.array([-0.5, 1.0])
+    assert clipped @ (2 * gradient + hessian @ clipped) > 0
+
+    def cost(point):
+        return 100.0 - point[1]
+
+    end = minimise(cost, lambda point: Normal(cost(point), gradient, hessian), np.zeros(2), max_iterations=1)
+    assert end.cost == 99.0
+    up = minimise(
+        lambda p: 100.0 + p[1], lambda p: Normal(100.0 + p[1], gradient, hessian), np.zeros(2), max_iterations=1
+    )
+    assert up.cost == 100.0
