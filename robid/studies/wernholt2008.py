@@ -23,9 +23,9 @@ from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.settings.study import WernholtStudy
-from robid.settings.yaml import load_yaml
 from robid.stages.fit import model_settings
 from robid.stages.slices import delay_s
+from robid.studies.paper import paper_figures
 from robid.studies.tasks import Content, Task
 
 _NOTHING_KNOWN = 1e9
@@ -67,7 +67,7 @@ def study_of(loaded: LoadedExperiment) -> WernholtStudy:
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
-    paper_figures(loaded)
+    paper_figures(study_of(loaded).paper, loaded)
     return (f"{study_of(loaded).campaign}/frf.h5",)
 
 
@@ -158,16 +158,6 @@ def tasks(run: Run) -> list[Task]:
             label = "_".join(part for part in (one.name, one.group, str(number)) if part)
             found.append(Task(label, {**decides, **place, "configuration": alone}, chunk))
     return found
-
-
-def paper_figures(loaded: LoadedExperiment) -> dict[str, Any]:
-    """Returns the paper's figures, or nothing where the study names no file.
-
-    Raises:
-        SettingsError: If the file cannot be read.
-    """
-    name = study_of(loaded).paper
-    return {} if name is None else load_yaml(loaded.path.parent / name).data
 
 
 def fit_chunk(chunk: Chunk) -> Content:

@@ -14,7 +14,8 @@ from robid.report.content import Verdict
 from robid.report.numbers import MISSING, duration, percent, significant
 from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
-from robid.studies.wernholt2008 import paper_figures, robot_and_delay, study_of
+from robid.studies.paper import paper_figures
+from robid.studies.wernholt2008 import robot_and_delay, study_of
 from robid.studies.wernholt2008_conclusions import Claim, claims
 from robid.studies.wernholt2008_curves import cost_section, parameter_sections, response_sections
 from robid.studies.wernholt2008_figures import COST_LIMIT, NEAR_BEST, Found, gather, summarise
@@ -26,7 +27,7 @@ _REPRESENTATIVE = 4
 
 def conclude(run: Run, results: list[Artifact]) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the paper's conclusions."""
-    study, paper = study_of(run.loaded), paper_figures(run.loaded)
+    study, paper = study_of(run.loaded), paper_figures(study_of(run.loaded).paper, run.loaded)
     found = gather(run, results)
     summary = summarise(found)
     robot, _ = robot_and_delay(run.loaded)

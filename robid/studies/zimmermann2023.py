@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -21,9 +21,9 @@ from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.settings.study import ZimmermannStudy
-from robid.settings.yaml import load_yaml
 from robid.simulate.experiment import Experiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
+from robid.studies.paper import paper_figures
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
 from robid.studies.tasks import Content, Results, Task
 
@@ -50,16 +50,6 @@ def study_of(loaded: LoadedExperiment) -> ZimmermannStudy:
     return study
 
 
-def paper_figures(loaded: LoadedExperiment) -> dict[str, Any]:
-    """Returns the paper's figures, or nothing where the study names no file.
-
-    Raises:
-        SettingsError: If the file cannot be read.
-    """
-    name = study_of(loaded).paper
-    return {} if name is None else load_yaml(loaded.path.parent / name).data
-
-
 def chosen_designs(run: Run) -> dict[str, ConfigurationDesign]:
     """Returns the designs that the study's configurations come from, by name."""
     names = run.loaded.experiment.campaigns[study_of(run.loaded).estimation[0]].configurations.designs
@@ -74,7 +64,7 @@ def campaigns(study: ZimmermannStudy) -> tuple[str, ...]:
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
-    paper_figures(loaded)
+    paper_figures(study_of(loaded).paper, loaded)
     return tuple(f"{name}/excitation.h5" for name in campaigns(study_of(loaded)))
 
 

@@ -12,8 +12,9 @@ from robid.report.content import Verdict
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
+from robid.studies.paper import paper_figures
 from robid.studies.tasks import Results
-from robid.studies.zimmermann2023 import paper_figures
+from robid.studies.zimmermann2023 import study_of
 from robid.studies.zimmermann2023_curves import (
     cost_section,
     design_sections,
@@ -30,7 +31,7 @@ _ENOUGH_EXCESS = 0.5
 
 def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the choice of configurations."""
-    found, paper = gather(run, results), paper_figures(run.loaded)
+    found, paper = gather(run, results), paper_figures(study_of(run.loaded).paper, run.loaded)
     summary = summarise(found)
     sections = (
         _data_section(found, paper),
