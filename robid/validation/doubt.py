@@ -1,0 +1,45 @@
+"""A reason to doubt data or a model, with its likely cause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+CAUSES = {
+    "torque_sign": "a torque with the wrong sign",
+    "angle_sign": "an angle with the wrong sign",
+    "torque_constant": "a torque constant that is off",
+    "gear_ratio": "a gear ratio that is off",
+    "configurations": "configurations that are swapped or mislabelled",
+    "delay": "a delay that is not declared",
+    "excitation": "too little signal for the sensors' noise",
+    "payload": "a payload that is off",
+    "masses": "masses or centres of mass that are off",
+    "rotor_inertia": "rotor inertias that are off",
+    "missing_spring": "a spring that the robot file lacks",
+    "friction": "friction of another kind or size",
+    "gear_nonlinearity": "gears with hysteresis, backlash or stiffening that the model lacks",
+    "model": "something that the model lacks",
+}
+"""Likely causes, in words."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason to doubt data or a model.
+
+    Attributes:
+        cause: The likely cause, of `CAUSES`.
+        message: What was seen and where, a clause without a full stop.
+        decisive: Whether nothing that follows from the data may be used while it stands.
+        strength: How far beyond what is normal, a ratio above 1; the strongest of a kind comes first.
+    """
+
+    cause: str
+    message: str
+    decisive: bool
+    strength: float
+
+    @property
+    def sentence(self) -> str:
+        """What was seen, and what it points to."""
+        return f"{self.message}: this points to {CAUSES[self.cause]}"
