@@ -1,0 +1,198 @@
+"""Likely causes of what a fitted model leaves unexplained: score tests, and trials of springs that are not there."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.fit.options import ElasticOptions
+from robid.fit.solution import Solution
+from robid.robot.description import Robot
+from robid.validation.doubt import Doubt
+from robid.validation.fitted import FittedModel
+from robid.validation.suspects import Suspect, suspects
+from robid.validation.trials import try_springs
+
+_CHANCE = 50.0  # times what a random column explains: neighbouring lines err alike
+_TELLING = 0.1
+_MOST_NAMED = 3
+_RUINED = 0.2
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What freeing something that the robot file states would do to a fit.
+
+    Attributes:
+        cause: The cause, of `robid.validation.doubt.CAUSES`.
+        names: What would be free, the one that explains most first.
+        amounts (n_name,): How much of each.
+        units: Units of the amounts.
+        share: Share of the residual's cost that it explains, beyond what as many random columns would.
+        moved (n_param,): How far the internal parameters would move.
+    """
+
+    cause: str
+    names: tuple[str, ...]
+    amounts: FloatArray
+    units: tuple[str, ...]
+    share: float
+    moved: FloatArray
+
+
+@dataclass(frozen=True)
+class _Scores:
+    """Normal equations of the suspects, the fit's own parameters eliminated.
+
+    Attributes:
+        slope (n_suspect,): Half the negative gradient of the cost by the amounts.
+        curvature (n_suspect, n_suspect): Half its Gauss-Newton Hessian.
+        follow (n_param, n_suspect): How far the parameters move by each amount.
+        cost: Cost of the residual.
+        freedom: Real residuals behind it.
+    """
+
+    slope: FloatArray
+    curvature: FloatArray
+    follow: FloatArray
+    cost: float
+    freedom: float
+
+
+def misfit_doubts(
+    robot: Robot, solution: Solution, fitted: FittedModel, options: ElasticOptions, delay_s: float
+) -> tuple[Doubt, ...]:
+    """Names what would explain a fit's residual, the most telling first.
+
+    Args:
+        robot: The robot file that the fit started from, with its campaign's payload.
+        solution: What the fit found.
+        fitted: The fitted model in the configurations of the fit's own response.
+        options: Options of the fit.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+
+    Returns:
+        Doubts whose strength is how many half widths of its interval some parameter would move.
+    """
+    found = explain(robot, fitted, options, delay_s)
+    return tuple(_doubt(solution, each) for each in found if each.share > _TELLING)
+
+
+def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Explanation]:
+    """Ranks what a robot file may have wrong by how much of a fit's residual it explains.
+
+    Each suspect is a column beside the parameters' own, which are at liberty to follow. Per cause the one that
+    explains most is taken, then the next, as long as each explains more than chance. A missing spring changes the
+    response too much for that: each is put in its place and the fit goes on for some steps.
+
+    Args:
+        robot: The robot file that the fit started from, with its campaign's payload.
+        fitted: The fitted model in the configurations of the fit's own response.
+        options: Options of the fit.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+
+    Source:
+        Rao's score test; METHODS sec. 11.
+    """
+    every = suspects(robot, fitted, options, delay_s)
+    scores = _score(fitted, every)
+    groups: dict[str, list[int]] = defaultdict(list)
+    for index, suspect in enumerate(every):
+        groups[suspect.cause].append(index)
+    found = [each for group in groups.values() if (each := _explanation(every, scores, group)) is not None]
+    found += _missing_spring(robot, fitted, options, delay_s)
+    return sorted(found, key=lambda each: -each.share)
+
+
+def _missing_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Explanation]:
+    trials = try_springs(robot, fitted, options, delay_s)[:1]
+    return [
+        Explanation(
+            "missing_spring",
+            (trial.spring.name,),
+            np.array([1e-6 * trial.spring.stiffness_nm_rad]),
+            ("MN m/rad",),
+            trial.share,
+            trial.moved,
+        )
+        for trial in trials
+    ]
+
+
+def _score(fitted: FittedModel, every: list[Suspect]) -> _Scores:
+    problem, internal = fitted.problem, fitted.internal
+    residual, derivative = problem.linear(internal)
+    columns = np.stack([suspect.column for suspect in every], axis=-1)
+    if problem.estimator == "nls":
+        columns = columns * problem.model_response(internal)[..., None]
+    own, added = _rows(fitted, derivative), _rows(fitted, columns)
+    left = _rows(fitted, residual[..., None])[:, 0]
+    prior = 0.5 / problem.parameters.prior_std**2
+    mixed = own.T @ added
+    follow = -np.linalg.lstsq(own.T @ own + np.diag(prior), mixed, rcond=1e-14)[0]
+    return _Scores(
+        slope=added.T @ left + follow.T @ (own.T @ left - prior * internal),
+        curvature=added.T @ added + mixed.T @ follow,
+        follow=follow,
+        cost=float(left @ left),
+        freedom=2.0 * (problem.weight > 0).sum() - own.shape[1],
+    )
+
+
+def _rows(fitted: FittedModel, values: ComplexArray) -> FloatArray:
+    """Weighted real rows (n_row, n_column) of (n_conf, n_freq, n_out, n_in, n_column)."""
+    flat = fitted.problem.weighted(values).reshape(-1, values.shape[-1])
+    return np.concatenate([flat.real, flat.imag])
+
+
+def _explanation(every: list[Suspect], scores: _Scores, group: list[int]) -> Explanation | None:
+    """Adds suspects of one cause while each explains more than its fair share of what is left."""
+    chosen: list[int] = []
+    gained, amounts = 0.0, np.zeros(0)
+    while len(chosen) < len(group):
+        trials = [(*_gain(scores, [*chosen, index], every), index) for index in group if index not in chosen]
+        gain, solved, index = max(trials, key=lambda trial: trial[0])
+        if gain - gained <= _CHANCE * (scores.cost - gain) / scores.freedom:
+            break
+        chosen, gained, amounts = [*chosen, index], gain, solved
+    if not chosen:
+        return None
+    fair = gained - len(chosen) * _CHANCE * (scores.cost - gained) / scores.freedom
+    return Explanation(
+        every[chosen[0]].cause,
+        tuple(every[index].name for index in chosen),
+        amounts,
+        tuple(every[index].unit for index in chosen),
+        fair / scores.cost,
+        scores.follow[:, chosen] @ amounts,
+    )
+
+
+def _gain(scores: _Scores, chosen: list[int], every: list[Suspect]) -> tuple[float, FloatArray]:
+    """Cost that these suspects explain together, and their amounts; none where an amount makes no sense."""
+    curvature = scores.curvature[np.ix_(chosen, chosen)]
+    size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    scaled = curvature / np.outer(size, size) + 1e-9 * np.eye(len(chosen))
+    amounts = np.linalg.solve(scaled, scores.slope[chosen] / size) / size
+    positive = np.array([every[index].positive for index in chosen])
+    explained = 0.0 if (amounts[positive] < 0).any() else float(scores.slope[chosen] @ amounts)
+    return explained, amounts
+
+
+def _doubt(solution: Solution, found: Explanation) -> Doubt:
+    named = zip(found.names[:_MOST_NAMED], found.amounts.tolist(), found.units, strict=False)
+    signed = "" if found.cause == "missing_spring" else "+"
+    what = ", ".join(f"{name} {amount:{signed}.2g} {unit}" for name, amount, unit in named)
+    half = np.maximum(0.5 * (solution.upper - solution.lower), 1e-300)
+    slopes = np.where(np.array(solution.nominal) == 0, 1.0, np.abs(solution.estimate))
+    telling = np.array([kind in ("stiffness", "damping") for kind in solution.kinds])
+    widths = np.where(telling, np.abs(found.moved) * slopes / half, 0.0)
+    worst = int(np.argmax(widths))
+    message = (
+        f"{what} would explain {found.share:.0%} of the misfit and move {solution.names[worst]} by "
+        f"{widths[worst]:.2g} half-widths of its interval"
+    )
+    return Doubt(found.cause, message, decisive=False, strength=float(widths[worst]))

@@ -1,0 +1,153 @@
+"""How far to trust a fitted model: three grades, what keeps it from a better one, and the likely causes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray
+from robid.fit.model_error import ModelError
+from robid.fit.solution import Solution
+from robid.validation.doubt import CAUSES, Doubt
+
+TRUST, PREDICTS, DO_NOT_USE = 2, 1, 0
+WORDS = {
+    TRUST: "trust",
+    PREDICTS: "predicts, but single parameters may be off",
+    DO_NOT_USE: "do not use",
+}
+
+_FLOOR = 0.003  # relative errors below move no spring by more than its interval
+_SHARE_LIMIT = 0.2
+_MISFIT_LIMIT = 1.5
+_DROPPED_LIMIT = 0.5
+_WIDE = 1.0
+
+
+@dataclass(frozen=True)
+class Grade:
+    """How far to trust a fitted model.
+
+    Attributes:
+        value: 2 to trust, 1 predicts but single parameters may be off, 0 not to be used.
+        reasons: What keeps it from a better grade, clauses without a full stop, the worst first.
+        causes: Likely cause of each doubt, of `robid.validation.doubt.CAUSES`, the first to blame first.
+        messages: What was seen.
+        decisive (n_doubt,): Whether nothing that follows from the data may be used while a doubt stands.
+        strength (n_doubt,): How far each is beyond what is normal.
+    """
+
+    value: int
+    reasons: tuple[str, ...]
+    causes: tuple[str, ...]
+    messages: tuple[str, ...]
+    decisive: BoolArray
+    strength: FloatArray
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """The doubts, the first to blame first."""
+        rows = zip(self.causes, self.messages, self.decisive.tolist(), self.strength.tolist(), strict=True)
+        return tuple(Doubt(*row) for row in rows)
+
+    @property
+    def sentence(self) -> str:
+        """The grade, why it is no better, and the likeliest cause."""
+        words = WORDS[self.value]
+        told = [f"{words[0].upper()}{words[1:]}{': ' if self.reasons else ''}{'; '.join(self.reasons)}."]
+        if self.value < TRUST and self.causes:
+            told.append(f"Look first for {CAUSES[self.causes[0]]}: {self.messages[0]}.")
+        return " ".join(told)
+
+
+def grade_fit(solution: Solution, doubts: Sequence[Doubt]) -> Grade:
+    """Grades a fit that nothing is held against: it predicts at best.
+
+    Args:
+        solution: What the fit found.
+        doubts: Doubts about its data, its parameters and its residual, the first to blame first.
+    """
+    worst = _unusable(solution, doubts)
+    if worst:
+        return _made(DO_NOT_USE, worst, doubts)
+    return _made(
+        PREDICTS, ("it was not held against data that the fit never saw", *_doubtful(solution, doubts)), doubts
+    )
+
+
+def grade_validation(solution: Solution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
+    """Grades a fit that was held against data that it never saw.
+
+    Args:
+        solution: What the fit found.
+        doubts: Doubts about its data, its parameters and its residual, the first to blame first.
+        failures: What the validation found beyond its limits, a clause each.
+    """
+    worst = (*_unusable(solution, doubts), *failures)
+    if worst:
+        return _made(DO_NOT_USE, worst, doubts)
+    reasons = _doubtful(solution, doubts)
+    return _made(PREDICTS if reasons else TRUST, reasons, doubts)
+
+
+def ordered(doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
+    """Puts decisive doubts first, and leaves out what repeats a cause; the order is kept otherwise."""
+    found: dict[str, Doubt] = {}
+    for doubt in sorted(doubts, key=lambda each: not each.decisive):
+        found.setdefault(doubt.cause, doubt)
+    return tuple(found.values())
+
+
+def _made(value: int, reasons: Sequence[str], doubts: Sequence[Doubt]) -> Grade:
+    return Grade(
+        value=value,
+        reasons=tuple(dict.fromkeys(reasons)),
+        causes=tuple(doubt.cause for doubt in doubts),
+        messages=tuple(doubt.message for doubt in doubts),
+        decisive=np.array([doubt.decisive for doubt in doubts], bool),
+        strength=np.array([doubt.strength for doubt in doubts], float),
+    )
+
+
+def _unusable(solution: Solution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
+    """Why a fit must not be used, whatever it was held against."""
+    found = [doubt.message for doubt in doubts if doubt.decisive]
+    if solution.status != "converged":
+        found.append("the fit has not converged")
+    share = solution.dropped / solution.modelled.size
+    if share > _DROPPED_LIMIT:
+        found.append(f"{share:.0%} of the response lies below 10 dB")
+    springs = np.array([kind == "stiffness" for kind in solution.kinds])
+    chosen = springs if springs.any() else np.ones(springs.size, bool)
+    half = 0.5 * (solution.upper - solution.lower)[chosen] / np.maximum(np.abs(solution.estimate[chosen]), 1e-300)
+    if not (half < _WIDE).any():
+        found.append(f"no {'spring' if springs.any() else 'parameter'} is known to better than its own size")
+    return tuple(found)
+
+
+def _doubtful(solution: Solution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
+    """Why single parameters may be off by more than their intervals say."""
+    found = [doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1]
+    if solution.misfit > _MISFIT_LIMIT:
+        found.append(f"the residual costs {solution.misfit:.2g} times what noise and the assumed model error allow")
+    error = solution.model_error
+    if error is not None:
+        above, correlated = telling_shares(error)
+        if max(above, correlated) > _SHARE_LIMIT:
+            found.append(
+                f"the residuals of {above:.0%} of the response's elements are beyond their covariance and those of "
+                f"{correlated:.0%} correlated over frequency, by more than {_FLOOR:.1%} of the response"
+            )
+    return tuple(found)
+
+
+def telling_shares(error: ModelError) -> tuple[float, float]:
+    """Shares of the elements above their band, and correlated over frequency, by more than moves any spring."""
+    known = np.isfinite(error.ratio)
+    if not known.any():
+        return 0.0, 0.0
+    large = error.level > _FLOOR
+    above, correlated = (error.ratio > error.limit) & large, (error.correlation > error.correlation_limit) & large
+    return float(above[known].mean()), float(correlated[known].mean())

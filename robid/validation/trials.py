@@ -1,0 +1,132 @@
+"""Springs that a robot file may lack, tried one by one: a short descent each with the spring in place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.fit.optimizers import optimise
+from robid.fit.options import ElasticOptions
+from robid.fit.parameters import map_parameters
+from robid.fit.problem import Problem
+from robid.fit.rest_model import rest_model
+from robid.robot.description import Inertial, Robot, Spring, SpringPlace
+from robid.robot.response import nominal_parameters
+from robid.validation.fitted import FittedModel
+
+_STIFFER = 3.0  # than the gear nearby: where a trial starts
+_TIME_S = 5e-4  # damping over stiffness
+_FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
+_ALONG = 0.9  # cosine above which two axes are one
+_OUTBOARD = 0.6  # share of a link beyond a split
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What one more spring does to a fit.
+
+    Attributes:
+        spring: The spring, with the stiffness that it ended at.
+        share: Share of the residual's cost that it takes away.
+        moved (n_param,): How far it moves the internal parameters.
+    """
+
+    spring: Spring
+    share: float
+    moved: FloatArray
+
+
+def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Trial]:
+    """Tries every spring that a robot file may lack, the most telling first.
+
+    Args:
+        robot: The robot file that the fit started from, with its campaign's payload.
+        fitted: The fitted model in the configurations of the fit's own response.
+        options: Options of the fit.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+    """
+    begun = []
+    for spring in further_springs(robot):
+        try:
+            problem = _with_spring(replace(robot, springs=(*robot.springs, spring)), fitted, options, delay_s)
+        except DataError:  # a spring under which the robot finds no rest explains nothing
+            continue
+        begun.append((_descend(problem, spring, fitted, _FIRST_STEPS), problem, spring))
+    begun.sort(key=lambda each: -each[0].share)
+    return sorted(
+        (_descend(problem, spring, fitted, _STEPS) for _, problem, spring in begun[:_KEPT]),
+        key=lambda trial: -trial.share,
+    )
+
+
+def _descend(problem: Problem, spring: Spring, fitted: FittedModel, steps: int) -> Trial:
+    before = dict(zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True))
+    start = np.array([before.get(name, 0.0) for name in problem.parameters.names])
+    end = optimise(problem, start, max_iterations=steps)
+    after = dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
+    stiffness = spring.stiffness_nm_rad * float(np.exp(after[f"{spring.name}.stiffness"]))
+    return Trial(
+        replace(spring, stiffness_nm_rad=stiffness),
+        1 - end.cost / fitted.problem.cost(fitted.internal),
+        np.array([after[name] - value for name, value in before.items()]),
+    )
+
+
+def _with_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> Problem:
+    """The fit's own problem, weights included, for a robot with one spring more, both of its values free."""
+    frf, spring, now = fitted.problem.frf, robot.springs[-1], fitted.parameters
+    values = replace(
+        now,
+        stiffness=np.append(now.stiffness, spring.stiffness_nm_rad),
+        damping=np.append(now.damping, spring.damping_nms_rad),
+        cubic=np.append(now.cubic, 0.0),
+        location=np.append(now.location, spring.point_m),
+    )
+    free = tuple(dict.fromkeys([*options.free, "stiffness", "damping"]))
+    wanted = replace(options, free=free, statics="updates")
+    model = rest_model(robot, frf, wanted, delay_s, values)
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    parameters = map_parameters(robot, nominal_parameters(robot, model, delay_s), wanted, *known)
+    return replace(fitted.problem, model=model, parameters=parameters)
+
+
+def further_springs(robot: Robot) -> Iterator[Spring]:
+    """Springs that a robot file may lack: beneath the base, across each joint, within links, at the payload."""
+    gears = {spring.joint: spring for spring in robot.springs if spring.place == "transmission"}
+    last = len(robot.joints) - 1
+    for index, joint in enumerate(robot.joints):
+        stiff = _STIFFER * gears[index].stiffness_nm_rad
+        for letter, axis in zip("xyz", np.eye(3), strict=True):
+            if index == 0 and not _there(robot, "base", 0, axis):
+                yield _spring(f"base about {letter}", 0, "base", axis, stiff)
+            if letter != "z" and not _there(robot, "bearing", index, axis):
+                yield _spring(f"bearing of {joint.name} about {letter}", index, "bearing", axis, stiff)
+            if index < last and not _there(robot, "split", index, None):
+                name = f"link of {joint.name} about its {letter} axis"
+                split = _spring(name, index, "split", axis, _STIFFER * gears[index + 1].stiffness_nm_rad)
+                yield replace(split, outboard=_part(joint.link))
+            if (
+                index == last
+                and letter != "z"
+                and robot.payload.mass_kg > 0
+                and not _there(robot, "payload", last, axis)
+            ):
+                yield _spring(f"payload mount about {letter}", last, "payload", axis, stiff)
+
+
+def _part(link: Inertial) -> Inertial:
+    return Inertial(_OUTBOARD * link.mass_kg, link.com_m, _OUTBOARD * link.inertia_kgm2)
+
+
+def _there(robot: Robot, place: str, joint: int, axis: FloatArray | None) -> bool:
+    """Whether the robot has such a spring, about this axis or, for None, about any."""
+    own = [spring.axis for spring in robot.springs if spring.place == place and spring.joint == joint]
+    return any(axis is None or abs(float(axis @ each)) > _ALONG for each in own)
+
+
+def _spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:
+    return Spring(name, joint, place, axis, stiffness, _TIME_S * stiffness)
