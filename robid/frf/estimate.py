@@ -273,7 +273,7 @@ def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Fo
     }
 
 
-def _at_rest(record: Record) -> dict[str, FloatArray]:
+def _at_rest(record: Record) -> dict[str, Any]:
     """Mean torques and outputs of the only configuration, and how far the outputs move about them."""
     n_sample, offset = record.position[0, ..., 0].size, record.position_offset_rad
     mean = record.position.mean(axis=(1, 2, 3, 4))

@@ -11,7 +11,10 @@ from robid.validation.doubt import Doubt
 from robid.validation.plausible_angles import judge_angles
 from robid.validation.plausible_evidence import CLEAR, Evidence, gather_evidence
 from robid.validation.plausible_gravity import gravity_signs, judge_gravity, weigh
+from robid.validation.plausible_parameters import parameter_doubts
 from robid.validation.plausible_signs import judge_signs
+
+__all__ = ["data_doubts", "evidence_doubts", "parameter_doubts"]
 
 _LOST = 2.0
 

@@ -214,13 +214,13 @@ def _offset(
 ) -> tuple[tuple[Doubt, ...], FloatArray, tuple[str, ...], bool]:
     """Constant offsets: encoders without a reference, or, where others agree, one joint's zero or configuration."""
     ones = np.ones(len(means.names))
-    shifted = away.any(axis=0)
+    shifted = np.asarray(away.any(axis=0))
     turned = ~shifted & (np.abs(means.stated).max(axis=0) > _SPREAD_RAD)
     if turned.any():
         doubt = _elsewhere(means)
         if len(means.stated) == 1:
             return (doubt,), np.where(shifted, 0.0, 1.0), (), False
-        names = ", ".join(name for name, moved in zip(means.names, shifted, strict=True) if moved)
+        names = ", ".join(name for name, moved in zip(means.names, shifted.tolist(), strict=True) if moved)
         told = f"{names}: off by the same angle in every configuration ({np.rad2deg(np.abs(middle).max()):.3g} deg)"
         return (Doubt("configurations", told, decisive=False, strength=doubt.strength),), ones, (), True
     if len(means.stated) == 1:

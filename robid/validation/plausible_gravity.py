@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,7 +121,8 @@ def judge_gravity(robot: Robot, evidence: Evidence, weights: Weights, torque_sig
     left = white(weights.measured * torque_sign - weights.expected)
     if left @ left < _SIGMAS**2:
         return ()
-    causes, chosen, doubts = _causes(robot, evidence, weights), [], []
+    causes, doubts = _causes(robot, evidence, weights), []
+    chosen: list[_Cause] = []
     for _ in range(_ROUNDS):
         tried = [(*_explained(left, [*chosen, cause], white), cause) for cause in causes if cause not in chosen]
         gain, values, rest, cause = max(tried, key=lambda one: one[0])
@@ -167,7 +169,7 @@ def _causes(robot: Robot, evidence: Evidence, weights: Weights) -> list[_Cause]:
         if joint.link.mass_kg > 0:
             joints = (*robot.joints[:index], _heavier(joint), *robot.joints[index + 1 :])
             causes.append(_Cause("masses", joint.name, (held(replace(robot, joints=joints)) - own)[None] / 0.01))
-    for index in np.flatnonzero(weights.usable):
+    for index in np.flatnonzero(weights.usable).tolist():
         column = np.zeros_like(weights.expected)
         column[:, index] = weights.expected[:, index]
         causes.append(_Cause("torque_constant", weights.names[index], column[None]))
@@ -186,7 +188,9 @@ def _turned(gravity: FloatArray, axis: int) -> FloatArray:
     return np.asarray(gravity - np.cross(_TILT_RAD * np.eye(3)[axis], gravity))
 
 
-def _explained(left: FloatArray, causes: list[_Cause], white) -> tuple[float, FloatArray, float]:  # noqa: ANN001
+def _explained(
+    left: FloatArray, causes: list[_Cause], white: Callable[[FloatArray], FloatArray]
+) -> tuple[float, FloatArray, float]:
     """Squares that causes explain together, their values, and what is left."""
     matrix = white(np.concatenate([cause.columns for cause in causes])).T
     values = np.linalg.lstsq(matrix, left, rcond=None)[0]

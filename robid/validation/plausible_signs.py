@@ -65,8 +65,10 @@ def judge_signs(robot: Robot, evidence: Evidence, angle_sign: FloatArray, torque
     weight = np.full(seen.shape, _COUPLING_WEIGHT)
     np.fill_diagonal(weight, 1.0)
     angle, torque = _signs(weight * seen, _OTHER_WEIGHT * angle_sign, _OTHER_WEIGHT * torque_sign)
-    doubts = [_doubt("torque_sign", evidence, index, seen, torque_sign) for index in np.flatnonzero(torque < 0)]
-    doubts += [_doubt("angle_sign", evidence, index, seen, angle_sign) for index in np.flatnonzero(angle < 0)]
+    doubts = [
+        _doubt("torque_sign", evidence, index, seen, torque_sign) for index in np.flatnonzero(torque < 0).tolist()
+    ]
+    doubts += [_doubt("angle_sign", evidence, index, seen, angle_sign) for index in np.flatnonzero(angle < 0).tolist()]
     return Signs(tuple(sorted(doubts, key=lambda doubt: -doubt.strength)), torque, angle)
 
 
@@ -77,11 +79,12 @@ def _agreement(robot: Robot, evidence: Evidence) -> FloatArray:
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, evidence.configurations[chosen]))
     inverse = np.linalg.inv(_rigid_inertia(linear))
-    pick = np.ix_(range(len(chosen)), evidence.joints(robot), evidence.joints(robot))
+    joints = evidence.joints(robot)
+    pick = np.ix_(np.arange(len(chosen)), joints, joints)
     rigid, strong = inverse[pick], _strong(inverse)[pick]
     parameters = nominal_parameters(robot, linear, 0.0)
     softer = response(linear, parameters, _SOFTER * evidence.frequency_hz, None).sampled
-    nominal = softer[:, :, evidence.joints(robot)][..., evidence.joints(robot)]
+    nominal = softer[:, :, joints][..., joints]
     is_low = np.abs(nominal / rigid[:, None] - 1) < _RIGID
     own = np.diagonal(is_low, axis1=-2, axis2=-1)
     is_low &= own[..., :, None] & own[..., None, :]
