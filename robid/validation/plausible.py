@@ -10,7 +10,7 @@ from robid.robot.description import Robot
 from robid.validation.doubt import Doubt
 from robid.validation.plausible_angles import judge_angles
 from robid.validation.plausible_evidence import CLEAR, Evidence, gather_evidence
-from robid.validation.plausible_gravity import gravity_signs, judge_gravity, weigh
+from robid.validation.plausible_gravity import gravity_signs, judge_gravity, judge_places, weigh
 from robid.validation.plausible_parameters import parameter_doubts
 from robid.validation.plausible_signs import judge_signs
 
@@ -33,17 +33,22 @@ def evidence_doubts(robot: Robot, evidence: Evidence) -> tuple[tuple[Doubt, ...]
     """Returns doubts about a campaign's data, strongest first, and notes on what its data cannot tell."""
     if not evidence.belongs_to(robot):
         return (), ()
-    noise = _noise_doubts(evidence)
     angles = judge_angles(robot, evidence)
-    none: FloatArray = np.zeros(len(evidence.names))
     weights = weigh(robot, evidence, angles.ratio_fits) if angles.placed else None
-    signs = judge_signs(robot, evidence, angles.sign, none if weights is None else gravity_signs(weights))
+    none: FloatArray = np.zeros(len(evidence.names))
+    signs = judge_signs(robot, evidence, angles.sign, none)
+    loads: tuple[Doubt, ...] = ()
+    if weights is not None:
+        # Swapped files can turn gravity around, so they are looked for before gravity may speak of signs.
+        swapped = None if signs.doubts or angles.sign.any() else judge_places(weights)
+        if swapped is None:
+            signs = judge_signs(robot, evidence, angles.sign, gravity_signs(weights))
+        loads = judge_gravity(robot, evidence, weights, signs.torque) if swapped is None else (swapped,)
     told = {doubt.message.partition(":")[0] for doubt in angles.doubts if doubt.cause == "angle_sign"}
-    turned = tuple(
+    turned = [
         doubt for doubt in signs.doubts if doubt.cause != "angle_sign" or doubt.message.partition(":")[0] not in told
-    )
-    loads = () if weights is None else judge_gravity(robot, evidence, weights, signs.torque)
-    doubts = (*angles.doubts, *turned, *loads, *noise)
+    ]
+    doubts = (*angles.doubts, *turned, *loads, *_noise_doubts(evidence))
     return tuple(sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength))), angles.notes
 
 

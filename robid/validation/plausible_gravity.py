@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from robid.arrays import BoolArray, FloatArray
 from robid.robot.description import Joint, Robot
@@ -21,13 +22,16 @@ _LEAST_EFFECT = 0.03
 
 _MASS_STD = 0.01
 _UNKNOWN_FRICTION = 0.05
-_PRESLIDING_SHARE = 0.5
+_PRESLIDING_SHARE = 0.15
+"""Share of its friction that a motor holds for long when it swings by its presliding; it falls with the square."""
+
 _LEAST_FRICTION_SHARE = 0.05
 _LEAST_TORQUE = 1e-9
 _ROUNDS = 3
 _FLIP_GAIN = 0.8
 _FLIP_WIDTH = 0.3
 _TILT_RAD = 0.01
+_SWAP_GAIN = 0.9
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ def weigh(robot: Robot, evidence: Evidence, usable: BoolArray) -> Weights | None
     """Prepares the comparison of mean torques with gravity; None where there is nothing to compare.
 
     Friction holds a part of the weight, which depends on how the motor came to rest: all of the Coulomb level for a
-    motor that sticks, less the farther it swings beyond presliding, alike in all configurations or not.
+    motor that sticks, hardly any for one that slides to and fro, alike in all configurations or not.
     """
     if evidence.mean_torque is None or evidence.torque_unit != "N m":
         return None
@@ -106,6 +110,20 @@ def gravity_signs(weights: Weights) -> FloatArray:
     return signs
 
 
+def judge_places(weights: Weights) -> Doubt | None:
+    """Finds other stated configurations that fit the mean torques far better than those of the logs do."""
+    square = np.array([np.linalg.inv(root.T @ root).diagonal() for root in weights.root])[weights.usable].T
+    away = (weights.measured[:, None] - weights.expected)[..., weights.usable]
+    cost = (away**2 / square[:, None]).sum(axis=-1)
+    _, order = linear_sum_assignment(cost)
+    own, best = float(np.trace(cost)), float(cost[np.arange(len(order)), order].sum())
+    if best > (1 - _SWAP_GAIN) * own or best > away[0].size * len(order) or own - best < _SIGMAS**2 * len(order):
+        return None
+    moved = ", of ".join(f"{log + 1} fits {place + 1}" for log, place in enumerate(order.tolist()) if log != place)
+    told = f"the mean torques carry the weight of other configurations; the log of configuration {moved}"
+    return Doubt("configurations", told, decisive=True, strength=float(np.sqrt((own - best) / len(order))) / _SIGMAS)
+
+
 def judge_gravity(robot: Robot, evidence: Evidence, weights: Weights, torque_sign: FloatArray) -> tuple[Doubt, ...]:
     """Finds what explains mean torques that are not gravity's: payload, a motor's torque constant, masses.
 
@@ -117,25 +135,51 @@ def judge_gravity(robot: Robot, evidence: Evidence, weights: Weights, torque_sig
         weights: From `weigh`.
         torque_sign (n_motor,): -1 where a torque is known to be reversed.
     """
+    weights = replace(weights, measured=weights.measured * torque_sign)
     white = weights.whitened
-    left = white(weights.measured * torque_sign - weights.expected)
+    left = white(weights.measured - weights.expected)
     if left @ left < _SIGMAS**2:
         return ()
     causes, doubts = _causes(robot, evidence, weights), []
     chosen: list[_Cause] = []
     for _ in range(_ROUNDS):
         tried = [(*_explained(left, [*chosen, cause], white), cause) for cause in causes if cause not in chosen]
+        tried = [one for one in tried if _possible(robot, one[-1], one[1])]
+        if not tried:
+            break
         gain, values, rest, cause = max(tried, key=lambda one: one[0])
         scale = max(1.0, rest / max(left.size - len(values), 1))
         before = _explained(left, chosen, white)[0] if chosen else 0.0
         sigmas = float(np.sqrt(max(gain - before, 0.0) / scale))
-        effect = np.einsum("k,kcm->cm", values[-len(cause.columns) :], cause.columns)[:, weights.usable]
-        usual = np.sqrt((weights.expected[:, weights.usable] ** 2).mean(axis=0))
-        if sigmas < _SIGMAS or float((np.sqrt((effect**2).mean(axis=0)) / usual).max()) < _LEAST_EFFECT:
+        own = values[-len(cause.columns) :]
+        if sigmas < _SIGMAS or _effect(weights, cause, own) < _LEAST_EFFECT:
             break
         chosen.append(cause)
-        doubts.append(_doubt(robot, cause, values[-len(cause.columns) :], sigmas / _SIGMAS, len(weights.expected)))
-    return tuple(doubts)
+        doubts.append(_doubt(robot, cause, own, sigmas / _SIGMAS, len(weights.expected)))
+    return tuple(doubts) or _unexplained(weights, float(left @ left) / left.size)
+
+
+def _unexplained(weights: Weights, square: float) -> tuple[Doubt, ...]:
+    """What to say where no single cause explains mean torques that are not gravity's."""
+    if square < _SIGMAS**2:
+        return ()
+    away = np.where(weights.usable, np.abs(weights.measured - weights.expected), 0.0)
+    place, motor = np.unravel_index(int(np.argmax(away)), away.shape)
+    told = f"mean torques are not gravity's, by up to {away[place, motor]:.3g} N m ({weights.names[motor]})"
+    return (Doubt("masses", told, decisive=False, strength=float(np.sqrt(square)) / _SIGMAS),)
+
+
+def _possible(robot: Robot, cause: _Cause, values: FloatArray) -> bool:
+    """Whether a cause leaves the payload or the link a mass that is not negative."""
+    least = {"payload": -robot.payload.mass_kg, "masses": -1.0}.get(cause.kind, -np.inf)
+    return float(values[-len(cause.columns)]) >= least
+
+
+def _effect(weights: Weights, cause: _Cause, values: FloatArray) -> float:
+    """Largest change of a motor's mean torque over its usual size, both RMS."""
+    change = np.einsum("k,kcm->cm", values, cause.columns)[:, weights.usable]
+    usual = np.sqrt((weights.expected[:, weights.usable] ** 2).mean(axis=0))
+    return float((np.sqrt((change**2).mean(axis=0)) / usual).max())
 
 
 def _friction(robot: Robot, evidence: Evidence) -> FloatArray:
@@ -150,7 +194,7 @@ def _friction(robot: Robot, evidence: Evidence) -> FloatArray:
         return np.asarray(np.broadcast_to(level, (len(evidence.configurations), len(motors))))
     presliding = np.array([law.presliding_rad for law in laws])
     swings = np.maximum(evidence.motion_rms / presliding, np.finfo(float).tiny)
-    return np.asarray(level * np.clip(_PRESLIDING_SHARE / swings, _LEAST_FRICTION_SHARE, 1.0))
+    return np.asarray(level * np.clip(_PRESLIDING_SHARE / swings**2, _LEAST_FRICTION_SHARE, 1.0))
 
 
 def _causes(robot: Robot, evidence: Evidence, weights: Weights) -> list[_Cause]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
@@ -24,6 +24,7 @@ _SHARE = 0.75
 _LEAST_LINES = 2
 _LEAST_COUPLING = 0.1
 _MOVES = 2.0
+_ABOVE = 2.0
 _MOST_CONFIGURATIONS = 30
 _OTHER_WEIGHT = 3.0
 _COUPLING_WEIGHT = 0.5
@@ -89,7 +90,7 @@ def _agreement(robot: Robot, evidence: Evidence) -> FloatArray:
     own = np.diagonal(is_low, axis1=-2, axis2=-1)
     is_low &= own[..., :, None] & own[..., None, :]
     usable = np.logical_and.accumulate(is_low, axis=1) & evidence.clear[chosen] & strong[:, None]
-    usable &= _moving(robot, evidence)[chosen][:, None, :, None]
+    usable &= _free(robot, evidence, np.diagonal(rigid, axis1=-2, axis2=-1), chosen)[..., None]
     ratio = evidence.response[chosen] / rigid[:, None]
     seen = np.zeros(rigid.shape[1:])
     for row, column in itertools.product(range(len(seen)), repeat=2):
@@ -126,13 +127,18 @@ def _strong(inverse: FloatArray) -> BoolArray:
     return np.asarray(np.abs(inverse) > _LEAST_COUPLING * own[:, :, None] * own[:, None, :])
 
 
-def _moving(robot: Robot, evidence: Evidence) -> BoolArray:
-    """Where motors (n_conf, n_motor) swing beyond the presliding of their friction; a stuck one sits on a spring."""
-    if evidence.motion_rms is None:
-        return np.ones((len(evidence.configurations), len(evidence.names)), bool)
+def _free(robot: Robot, evidence: Evidence, mobility: FloatArray, chosen: IntArray) -> BoolArray:
+    """Where motors (n_conf, n_low, n_motor) do not sit on the spring of friction's presliding.
+
+    They swing beyond it, or faster than they would on that spring: above its resonance the sign is that of an inertia.
+    """
     laws = [robot.joints[index].motor.friction for index in evidence.joints(robot)]
-    stuck = np.array([law.presliding_rad if law.coulomb_nm > 0 else 0.0 for law in laws])
-    return np.asarray(evidence.motion_rms > _MOVES * stuck)
+    level = np.array([max(law.coulomb_nm, law.static_nm) for law in laws])
+    width = np.array([law.presliding_rad for law in laws])
+    fast = 2 * np.pi * evidence.frequency_hz[:, None] > _ABOVE * np.sqrt(level / width * mobility)[:, None]
+    if evidence.motion_rms is None:
+        return np.asarray(fast)
+    return np.asarray(fast | (evidence.motion_rms[chosen] > _MOVES * width)[:, None] | (level == 0))
 
 
 def _signs(seen: FloatArray, angle: FloatArray, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -163,4 +169,4 @@ def _doubt(cause: str, evidence: Evidence, index: int, seen: FloatArray, other: 
         told = f"{name}: its mean angles go against the configurations"
     else:
         told = f"{name}: at low lines its couplings to other motors point the wrong way"
-    return Doubt(cause, told, decisive=True, strength=max(abs(own), float(np.abs(seen[index]).max())) / _REVERSED)
+    return Doubt(cause, told, decisive=True, strength=max(abs(own) / _REVERSED, 1.0))
