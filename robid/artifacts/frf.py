@@ -4,6 +4,7 @@ Schema history:
     1.0: first version.
     1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
     1.2: `torque_amplitude`, `realization_error`.
+    1.3: `mean_torque`, `mean_position`, `motion_rms`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.frf.frf import Frf
 
-FRF = Kind("frf", "1.2", "robid estimate-frf")
+FRF = Kind("frf", "1.3", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -63,6 +64,9 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "torque_amplitude": Column(
             frf.torque_unit, ("configuration", "frequency", "input", "block"), "Half amplitudes in every experiment"
         ),
+        "mean_torque": Column(frf.torque_unit, ("configuration", "input"), "Mean torque as recorded"),
+        "mean_position": Column("rad; m; m/s^2", ("configuration", "output"), "Mean outputs, by what they are"),
+        "motion_rms": Column("rad; m; m/s^2", ("configuration", "output"), "RMS of the outputs about their means"),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)
 

@@ -100,6 +100,7 @@ def estimate_frf(
     levels = silent_levels(spectra.silent, blocks.lines, response)
     return Frf(
         **_coefficients(record, laws, found),
+        **_at_rest(record),
         frequency_hz=record.frequency_hz,
         lines=record.excited_lines,
         configurations=record.configurations,
@@ -269,6 +270,19 @@ def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Fo
         "law_names": table[0],
         "law_values": table[1],
         "law_std": table[2],
+    }
+
+
+def _at_rest(record: Record) -> dict[str, Any]:
+    """Mean torques and outputs of the only configuration, and how far the outputs move about them."""
+    n_sample, offset = record.position[0, ..., 0].size, record.position_offset_rad
+    mean = record.position.mean(axis=(1, 2, 3, 4))
+    # Without a copy of the samples, of which there may be many.
+    square = np.einsum("crepno,crepno->co", record.position, record.position) / n_sample
+    return {
+        "mean_torque": record.torque.mean(axis=(1, 2, 3, 4)),
+        "mean_position": mean + offset,
+        "motion_rms": np.sqrt(np.maximum(square - mean**2, 0.0)),
     }
 
 

@@ -32,6 +32,9 @@ CONFIGURATION_WISE = (
     "silent_doubt",
     "uncompensated_response",
     "torque_amplitude",
+    "mean_torque",
+    "mean_position",
+    "motion_rms",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -88,6 +91,10 @@ class Frf:
         torque_amplitude (n_conf, n_freq, n_in, n_block): Half the complex amplitude of every torque in every
             experiment of all realizations, compensation subtracted; its power is twice its square. NaN for an
             experiment that there is not; None in files of older versions [N m].
+        mean_torque (n_conf, n_in): Mean torque as recorded, without compensation [N m]. This and the next two are
+            over all samples, and None in files of older versions.
+        mean_position (n_conf, n_out): Mean output as recorded: motor angles, and what else was measured [rad].
+        motion_rms (n_conf, n_out): RMS of the output about its mean [rad].
     """
 
     frequency_hz: FloatArray
@@ -122,6 +129,9 @@ class Frf:
     silent_doubt: FloatArray | None = None
     realization_error: ComplexArray | None = None
     torque_amplitude: ComplexArray | None = None
+    mean_torque: FloatArray | None = None
+    mean_position: FloatArray | None = None
+    motion_rms: FloatArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""

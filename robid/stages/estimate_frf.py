@@ -25,8 +25,10 @@ from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.signals.friction import TorqueLaw
+from robid.stages.plausible import contradictions
 from robid.stages.slices import delay_s, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
+from robid.validation.plausible_evidence import Evidence, gather_evidence, join_evidence
 
 
 def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
@@ -58,6 +60,7 @@ class _Brief:
     removed_rms: float
     torque_unit: str
     findings: tuple[str, ...]
+    evidence: Evidence
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,8 @@ def _run(job: Job) -> str:
     parts.merge(n_conf, job.provenance(STAGE.name))
     for finding in dict.fromkeys(finding for brief in briefs for finding in brief.findings):
         job.progress.warn(finding)
+    for told in contradictions(job.loaded, job.owner, join_evidence([brief.evidence for brief in briefs])):
+        job.progress.warn(told)
     return _phrase(briefs)
 
 
@@ -168,6 +173,7 @@ def _brief(frf: Frf) -> _Brief:
         removed_rms=float(frf.removed_torque_rms.max(initial=0.0)),
         torque_unit=frf.torque_unit,
         findings=tuple(note for note in frf.notes if is_finding(note)),
+        evidence=gather_evidence(frf),
     )
 
 

@@ -37,9 +37,11 @@ from robid.report.tables import widened_sentence
 from robid.robot.skeleton import skeleton
 from robid.settings.load import LoadedExperiment
 from robid.stages import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
+from robid.stages.plausible import contradictions
 from robid.stages.report_fit import fit_content
 from robid.stages.validate import truth_input
 from robid.validation.elastic import Validation
+from robid.validation.plausible_evidence import gather_evidence
 from robid.validation.recovery import recovery_sentence
 
 _SHORT = 8
@@ -91,10 +93,18 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> 
         excitations=tuple(_excitation(run, name) for name in run.frfs),
         removed_torques=tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
         stages=tuple(_stage(path, folder / path, run) for path in present if path.endswith(".h5")),
-        warnings=tuple(dict.fromkeys(note for frf in run.frfs.values() for note in frf.notes)),
+        warnings=_warnings(loaded, run.frfs),
         sections=tuple(_design(loaded, name, design) for name, design in run.designs.items()),
     )
     return Gathered(content, run.designs, run.validations)
+
+
+def _warnings(loaded: LoadedExperiment, frfs: dict[str, Frf]) -> tuple[str, ...]:
+    """What the estimates note, and what of the campaigns' data contradicts the robot file."""
+    notes = dict.fromkeys(note for frf in frfs.values() for note in frf.notes)
+    for name, frf in frfs.items():
+        notes |= dict.fromkeys(contradictions(loaded, name, gather_evidence(frf)))
+    return tuple(notes)
 
 
 @dataclass(frozen=True)

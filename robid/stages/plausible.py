@@ -1,0 +1,27 @@
+"""What the data of a campaign contradict, in sentences for terminal and report."""
+
+from __future__ import annotations
+
+from robid.errors import DataError, SettingsError
+from robid.settings.load import LoadedExperiment
+from robid.validation.plausible import evidence_doubts
+from robid.validation.plausible_evidence import Evidence
+
+
+def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) -> tuple[str, ...]:
+    """Says what of a campaign's data contradicts the robot file, and what its data cannot tell.
+
+    The robot file is read anew each time and nothing of this is stored: a corrected file makes no response stale.
+    Where the robot cannot be built, there is nothing to compare with; the stages that need it say so.
+
+    Args:
+        loaded: The experiment.
+        campaign: The campaign's name.
+        evidence: What it shows.
+    """
+    settings = loaded.experiment.campaigns[campaign]
+    try:
+        doubts, notes = evidence_doubts(loaded.robot.to_robot(settings.payload_kg), evidence)
+    except (DataError, SettingsError):
+        return ()
+    return tuple(f"Campaign {campaign}: {told}." for told in (*(doubt.sentence for doubt in doubts), *notes))

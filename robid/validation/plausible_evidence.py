@@ -1,0 +1,110 @@
+"""What the checks of plausibility look at: signs, means and noise of the motors alone, small enough to be sent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.frf.frf import Frf
+from robid.robot.description import Robot
+
+CLEAR = 10.0
+"""Power over variance from which a response counts as seen (10 dB)."""
+
+_LOW_LINES = 16
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a campaign shows of the motors whose torque and angle were both recorded.
+
+    Attributes:
+        names: Their names.
+        configurations (n_conf, n_joint): Stated arm-side angles [rad].
+        frequency_hz (n_low,): The lowest lines [Hz].
+        response (n_conf, n_low, n_motor, n_motor): Response there [rad/(s^2 N m)].
+        clear (n_conf, n_low, n_motor, n_motor): Which of it stands out of its noise.
+        signal_to_noise (n_conf, n_freq, n_motor): Power of the driving points over their variance, at all lines;
+            None where no variance is known.
+        mean_angle (n_conf, n_motor): Mean motor angles, None in old files [rad].
+        mean_torque (n_conf, n_motor): Mean motor torques, None in old files [N m].
+        motion_rms (n_conf, n_motor): RMS of the motor angles about their means, None in old files [rad].
+        torque_unit: Unit that stands for N m.
+    """
+
+    names: tuple[str, ...]
+    configurations: FloatArray
+    frequency_hz: FloatArray
+    response: ComplexArray
+    clear: BoolArray
+    signal_to_noise: FloatArray | None
+    mean_angle: FloatArray | None
+    mean_torque: FloatArray | None
+    motion_rms: FloatArray | None
+    torque_unit: str
+
+    def joints(self, robot: Robot) -> IntArray:
+        """Indices of the motors among a robot's joints."""
+        names = [joint.name for joint in robot.joints]
+        return np.array([names.index(name) for name in self.names], int)
+
+    def belongs_to(self, robot: Robot) -> bool:
+        """Whether there are motors, and all of them are the robot's."""
+        return bool(self.names) and {*self.names} <= {joint.name for joint in robot.joints}
+
+
+def gather_evidence(frf: Frf) -> Evidence:
+    """Takes what the checks look at from a response."""
+    names = tuple(name for name in frf.input_names if name in frf.output_names)
+    inputs = [frf.input_names.index(name) for name in names]
+    outputs = [frf.output_names.index(name) for name in names]
+    low = np.argsort(frf.frequency_hz, kind="stable")[:_LOW_LINES]
+    response = frf.response[:, :, outputs][..., inputs]
+    ratio = _signal_to_noise(frf)
+    seen = None if ratio is None else ratio[:, :, outputs][..., inputs]
+    return Evidence(
+        names=names,
+        configurations=frf.configurations,
+        frequency_hz=frf.frequency_hz[low],
+        response=response[:, low],
+        clear=np.ones(response[:, low].shape, bool) if seen is None else seen[:, low] > CLEAR,
+        signal_to_noise=None if seen is None else np.diagonal(seen, axis1=-2, axis2=-1),
+        mean_angle=None if frf.mean_position is None else frf.mean_position[:, outputs],
+        mean_torque=None if frf.mean_torque is None else frf.mean_torque[:, inputs],
+        motion_rms=None if frf.motion_rms is None else frf.motion_rms[:, outputs],
+        torque_unit=frf.torque_unit,
+    )
+
+
+def join_evidence(parts: Sequence[Evidence]) -> Evidence:
+    """Joins the evidence of single configurations of one campaign."""
+    first = parts[0]
+
+    def joined(name: str) -> FloatArray | None:
+        values = [getattr(part, name) for part in parts]
+        return None if any(value is None for value in values) else np.concatenate(values)
+
+    return Evidence(
+        names=first.names,
+        configurations=np.concatenate([part.configurations for part in parts]),
+        frequency_hz=first.frequency_hz,
+        response=np.concatenate([part.response for part in parts]),
+        clear=np.concatenate([part.clear for part in parts]),
+        signal_to_noise=joined("signal_to_noise"),
+        mean_angle=joined("mean_angle"),
+        mean_torque=joined("mean_torque"),
+        motion_rms=joined("motion_rms"),
+        torque_unit=first.torque_unit,
+    )
+
+
+def _signal_to_noise(frf: Frf) -> FloatArray | None:
+    """Power over the noise's variance, over the total one where noise is not known apart."""
+    if frf.noise_covariance is not None:
+        return frf.signal_to_noise
+    if frf.total_covariance is None:
+        return None
+    return np.asarray(np.abs(frf.response) ** 2 / np.maximum(frf.element_variance(), np.finfo(float).tiny))
