@@ -2,15 +2,18 @@
 
 Schema history:
     1.0: first version.
+    2.0: `cost_ratio` is absolute, whatever the fit's own cost; `error_ratio`, errors of the worst motor, shift of the
+        resonances, and the grade.
 """
 
 from __future__ import annotations
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
+from robid.artifacts.grade import GRADE_COLUMNS
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.validation.elastic import Validation
 
-VALIDATION = Kind("validation", "1.0", "robid validate")
+VALIDATION = Kind("validation", "2.0", "robid validate")
 
 _CONFIGURATION, _KNOWN = ("configuration",), ("known",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
@@ -23,12 +26,14 @@ _TABLE = {
     "expected_cost": Column("1", _CONFIGURATION, "Cost that the response's covariance alone gives"),
     "excess": Column("1", _CONFIGURATION, "Cost above it"),
     "elements": Column("1", _CONFIGURATION, "Response elements with weight"),
+    "error_ratio": Column("1", _CONFIGURATION, "Mean squared error over what noise and an assumed model error allow"),
     "error_db": Column("dB", ("configuration", "input"), "Median magnitude error of the motors' own responses"),
     "truth_names": Column("1", _KNOWN),
     "truth": Column("as in the model", _KNOWN, "True values"),
     "relative_error": Column("1", _KNOWN, "Error over the true value; the error itself for friction"),
     "covered": Column("1", _KNOWN, "Whether the interval holds the truth"),
     "truth_identifiable": Column("1", _KNOWN, "Whether the parameter counts as identifiable"),
+    **GRADE_COLUMNS,
 }
 
 

@@ -151,7 +151,8 @@ def _rows(fitted: FittedModel, values: ComplexArray) -> FloatArray:
 def _explanation(every: list[Suspect], scores: _Scores, group: list[int]) -> Explanation | None:
     """Adds suspects of one cause while each explains more than its fair share of what is left."""
     chosen: list[int] = []
-    gained, amounts = 0.0, np.zeros(0)
+    gained = 0.0
+    amounts: FloatArray = np.zeros(0)
     while len(chosen) < len(group):
         trials = [(*_gain(scores, [*chosen, index], every), index) for index in group if index not in chosen]
         gain, solved, index = max(trials, key=lambda trial: trial[0])

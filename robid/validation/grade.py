@@ -21,6 +21,7 @@ WORDS = {
 
 _FLOOR = 0.003  # relative errors below move no spring by more than its interval
 _SHARE_LIMIT = 0.2
+_WORTH_A_SEARCH = 0.02
 _MISFIT_LIMIT = 1.5
 _DROPPED_LIMIT = 0.5
 _WIDE = 1.0
@@ -37,6 +38,7 @@ class Grade:
         messages: What was seen.
         decisive (n_doubt,): Whether nothing that follows from the data may be used while a doubt stands.
         strength (n_doubt,): How far each is beyond what is normal.
+        sentence: The grade, why it is no better, and the likeliest cause.
     """
 
     value: int
@@ -45,21 +47,13 @@ class Grade:
     messages: tuple[str, ...]
     decisive: BoolArray
     strength: FloatArray
+    sentence: str
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
         """The doubts, the first to blame first."""
         rows = zip(self.causes, self.messages, self.decisive.tolist(), self.strength.tolist(), strict=True)
         return tuple(Doubt(*row) for row in rows)
-
-    @property
-    def sentence(self) -> str:
-        """The grade, why it is no better, and the likeliest cause."""
-        words = WORDS[self.value]
-        told = [f"{words[0].upper()}{words[1:]}{': ' if self.reasons else ''}{'; '.join(self.reasons)}."]
-        if self.value < TRUST and self.causes:
-            told.append(f"Look first for {CAUSES[self.causes[0]]}: {self.messages[0]}.")
-        return " ".join(told)
 
 
 def grade_fit(solution: Solution, doubts: Sequence[Doubt]) -> Grade:
@@ -108,7 +102,17 @@ def _made(value: int, reasons: Sequence[str], doubts: Sequence[Doubt]) -> Grade:
         messages=tuple(doubt.message for doubt in doubts),
         decisive=np.array([doubt.decisive for doubt in doubts], bool),
         strength=np.array([doubt.strength for doubt in doubts], float),
+        sentence=_sentence(value, tuple(dict.fromkeys(reasons)), doubts),
     )
+
+
+def _sentence(value: int, reasons: Sequence[str], doubts: Sequence[Doubt]) -> str:
+    words = WORDS[value]
+    told = f"{words[0].upper()}{words[1:]}{': ' if reasons else ''}{'; '.join(reasons)}."
+    if value == TRUST or not doubts:
+        return told
+    first = doubts[0]
+    return f"{told} Look first for {CAUSES[first.cause]}{'' if first.message in reasons else f': {first.message}'}."
 
 
 def _unusable(solution: Solution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
@@ -141,6 +145,14 @@ def _doubtful(solution: Solution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
                 f"{correlated:.0%} correlated over frequency, by more than {_FLOOR:.1%} of the response"
             )
     return tuple(found)
+
+
+def is_unexplained(solution: Solution) -> bool:
+    """Whether a residual holds so much more than noise that its cause is worth a search."""
+    error = solution.model_error
+    if solution.misfit > _MISFIT_LIMIT:
+        return True
+    return error is not None and max(telling_shares(error)) > _WORTH_A_SEARCH
 
 
 def telling_shares(error: ModelError) -> tuple[float, float]:

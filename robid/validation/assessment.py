@@ -1,0 +1,36 @@
+"""Everything that speaks against a fit, from its data, its parameters and its residual."""
+
+from __future__ import annotations
+
+from robid.fit.options import ElasticOptions
+from robid.fit.solution import Solution
+from robid.frf.frf import Frf
+from robid.robot.description import Robot
+from robid.validation.causes import misfit_doubts
+from robid.validation.doubt import Doubt
+from robid.validation.fitted import fitted_model
+from robid.validation.grade import Grade, grade_fit, is_unexplained, ordered
+from robid.validation.plausible import data_doubts, parameter_doubts
+
+
+def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptions, delay_s: float) -> Grade:
+    """Gathers the doubts about a fit and grades it by itself.
+
+    Causes of the misfit are looked for only where the residual holds more than noise explains.
+
+    Args:
+        robot: The robot file that the fit started from, with its campaign's payload.
+        solution: What the fit found.
+        frf: The response that it was fitted to.
+        options: Options of the fit.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+
+    Returns:
+        The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
+    """
+    doubts: list[Doubt] = [*data_doubts(robot, frf)]
+    if is_unexplained(solution):
+        fitted = fitted_model(robot, solution, frf, options, delay_s)
+        doubts += misfit_doubts(robot, solution, fitted, options, delay_s)
+    doubts += parameter_doubts(robot, solution, frf.sampling_period_s)
+    return grade_fit(solution, ordered(doubts))
