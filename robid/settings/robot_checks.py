@@ -101,6 +101,10 @@ def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
             yield (*field, "limits_deg"), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
         if joint.link is not None:
             yield from _body((*field, "link"), joint.link)
+        friction = joint.motor.friction
+        if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
+            message = f"must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
+            yield (*field, "motor", "friction", "static_nm"), message
         transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
         if len(transmissions) != 1:
             found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mujoco.batch import Batch
@@ -16,6 +16,7 @@ from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.outputs import FurtherOutputs
+from robid.simulate.steps import Steps, choose_steps, peak_motor_speed
 from robid.simulate.truth import recorded_torque_factor
 
 
@@ -46,6 +47,20 @@ class Experiment:
     outputs: tuple[str, ...] = ()
 
 
+def with_settled_steps(experiment: Experiment, configurations: FloatArray) -> tuple[Experiment, Steps]:
+    """Returns the experiment with the number of steps that its options leave open, and why it is that.
+
+    Args:
+        experiment: The campaign.
+        configurations (n_conf, n_joint): Its arm-side angles [rad].
+    """
+    robot, controller, options = experiment.robot, experiment.controller, experiment.options
+    frequency_hz = experiment.excited_lines / (experiment.reference.shape[2] * controller.sampling_period_s)
+    speed = peak_motor_speed(robot, controller, experiment.reference, experiment.inject)
+    steps = choose_steps(robot, controller, options, configurations, frequency_hz, speed)
+    return replace(experiment, options=replace(options, steps_per_sample=steps.count)), steps
+
+
 def simulate(experiment: Experiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
     """Simulates every realization and experiment of one configuration in closed loop.
 
@@ -61,6 +76,7 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
     Raises:
         DataError: If the simulation blows up, naming the configuration.
     """
+    experiment = with_settled_steps(experiment, configuration[None])[0]
     model = true_model(experiment.robot, experiment.controller, experiment.options, sensors=bool(experiment.outputs))
     rest = solve_statics(model, configuration[None])
     n_real, n_exp, n_sample, n_motor = experiment.reference.shape
@@ -148,7 +164,7 @@ class _Run:
         qpos, ctrl = batch.qpos, batch.ctrl[:, : self._motor.size]
         noise = self._generator.standard_normal(torque.shape) * flaws.encoder_noise_rad
         disturbance = self._generator.standard_normal(torque.shape) * flaws.torque_noise_nm
-        steps = self._experiment.options.steps_per_sample
+        steps = self._experiment.options.steps_per_sample or 1
         further = self._generator.standard_normal((*torque.shape[:2], len(self.names))) * self._sensor_noise
         for sample in range(torque.shape[0]):
             measured = measure(qpos[:, self._motor], noise[sample], flaws)

@@ -128,8 +128,13 @@ class SimulateOptions:
     truth: Truth = field(
         default_factory=Truth, metadata={"description": "How the true robot differs from the robot file."}
     )
-    steps_per_sample: int = field(
-        default=1, metadata={"description": "RK4 steps per controller sample.", "ge": 1, "le": 64}
+    steps_per_sample: int | None = field(
+        default=None,
+        metadata={
+            "description": "RK4 steps per controller sample; as many as modes and friction need when not given.",
+            "ge": 1,
+            "le": 64,
+        },
     )
     transient_periods: int = field(default=1, metadata={"description": "Periods dropped before recording.", "ge": 0})
     seed: int = field(default=1, metadata={"description": "Seed of the noise.", "ge": 0})

@@ -12,6 +12,7 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.atomic import write_json
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.parts import Parts
+from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.robot.description import Joint, Robot
@@ -22,8 +23,9 @@ from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.settings.truth import true_robot_of
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import Experiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions
+from robid.simulate.steps import LIMITS
 from robid.simulate.truth import true_robot, with_imperfections
 from robid.stages.acquire import acquire_configuration, experiment_count, log_files
 from robid.stages.slices import delay_s, require_controller, robot_settings
@@ -43,6 +45,9 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
     settings[f"{section}.payload_kg"] = campaign.payload_kg
     settings[f"{section}.outputs"] = to_plain(campaign.outputs)
+    simulated = None if campaign.source is None else campaign.source.simulate
+    if simulated is None or simulated.steps_per_sample is None:
+        settings["steps_per_sample"] = dict(LIMITS)
     settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", "sensors")
     return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
 
@@ -122,8 +127,9 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
     nominal = job.loaded.robot.to_robot(job.campaign.payload_kg)
     experiment = simulated_experiment(job.loaded, job.campaign, options, content)
+    experiment, steps = with_settled_steps(experiment, content.configurations)
     n_conf = len(content.configurations)
-    parts = Parts(job.output, RECORD, job.key)
+    parts = Parts(job.output, RECORD, canonical_hash([job.key, steps.count]))
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads) for i in todo]
@@ -132,7 +138,8 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     parts.merge(n_conf, job.provenance(STAGE.name, options.seed))
     n_real, n_exp, n_sample, _ = experiment.reference.shape
     period_s = n_sample * experiment.controller.sampling_period_s
-    return figures((n_conf, n_real, n_exp, experiment.periods), period_s)
+    said = f"{counted(steps.count, 'RK4 step')} per sample ({steps.reason})"
+    return f"{figures((n_conf, n_real, n_exp, experiment.periods), period_s)}, {said}"
 
 
 def simulated_experiment(
@@ -178,6 +185,7 @@ def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: Flo
         "truth": to_plain(options.truth),
         "imperfections": asdict(options.imperfections),
         "seed": options.seed,
+        "steps_per_sample": options.steps_per_sample,
     }
 
 

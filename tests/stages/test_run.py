@@ -85,6 +85,41 @@ def test_a_stated_truth_is_simulated_and_told_by_the_names_of_the_fit(shop):
     np.testing.assert_allclose(wrong.torque, right.torque * [-1.0, 1.25], rtol=1e-6, atol=1e-6)
 
 
+def test_the_number_of_steps_is_said_and_is_what_decides(shop):
+    def simulated(*force):
+        answer = shop.robid("simulate-or-acquire", "small.yaml", "--campaign", "validation", *force)
+        assert answer.code == 0, answer.err
+        truth = json.loads((shop.runs / "validation/truth.json").read_text())
+        return answer, truth["steps_per_sample"], shop.contents()["validation/record.h5"]
+
+    assert shop.robid("design-excitation", "small.yaml", "--campaign", "validation").code == 0
+    answer, steps, content = simulated()
+    assert f"{steps} RK4 step" in answer.flat + " ".join(answer.out.split())
+    for number, is_same in ((steps, True), (steps + 1, False)):
+        shop.change("seed: 2}}", f"seed: 2, steps_per_sample: {number}}}}}")
+        assert shop.states()["validation/record.h5"][0] == "stale"
+        answer, stated, again = simulated("--force")
+        assert (stated, again == content) == (number, is_same)
+        assert "(as stated)" in answer.flat + " ".join(answer.out.split())
+        shop.change(f"seed: 2, steps_per_sample: {number}}}}}", "seed: 2}}")
+
+
+def test_a_breakaway_level_that_is_left_out_is_the_coulomb_level(shop):
+    for _ in range(2):
+        shop.change(" static_nm: 0.24,", "", "arm.yaml")
+    for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf"):
+        answer = shop.robid(stage, "small.yaml", "--campaign", "validation")
+        assert answer.code == 0, answer.err
+    frf = frf_from_artifact(read_artifact(shop.runs / "validation/frf.h5", FRF))
+    assert np.isfinite(frf.response).all()
+    assert np.isfinite(frf.sensitivity).all()
+    content = shop.contents()["validation/record.h5"]
+    for _ in range(2):
+        shop.change("coulomb_nm: 0.2, stribeck", "coulomb_nm: 0.2, static_nm: 0.2, stribeck", "arm.yaml")
+    assert shop.robid("simulate-or-acquire", "small.yaml", "--campaign", "validation", "--force").code == 0
+    assert shop.contents()["validation/record.h5"] == content
+
+
 def test_friction_identified_at_the_silent_lines(shop):
     for _ in range(2):
         shop.change("{compensation: nominal}", "{compensation: silent_lines, silent_configurations: 1}")
