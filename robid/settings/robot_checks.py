@@ -35,6 +35,13 @@ def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str
     return [problem_at(document, field, message) for field, message in found]
 
 
+def check_springs(robot: RobotFile, immobile: Mapping[str, str] | None = None) -> Iterator[tuple[FieldPath, str]]:
+    """Yields what is wrong with the springs of a robot file: names, places, and what splits leave of a link."""
+    yield from _springs(robot, immobile or {})
+    yield from _splits(robot)
+    yield from _names(robot)
+
+
 def spring_field(robot: RobotFile, index: int) -> FieldPath:
     """Returns where the spring of this index among all of them is written."""
     geared = [position for position, joint in enumerate(robot.joints) if joint.gear is not None]
@@ -94,6 +101,10 @@ def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
             yield (*field, "limits_deg"), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
         if joint.link is not None:
             yield from _body((*field, "link"), joint.link)
+        friction = joint.motor.friction
+        if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
+            message = f"must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
+            yield (*field, "motor", "friction", "static_nm"), message
         transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
         if len(transmissions) != 1:
             found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"

@@ -56,7 +56,9 @@ class FrictionSection(Assumed):
 
     viscous_nms_rad: float = Field(default=0.0, description="Viscous coefficient [N m s/rad].", ge=0)
     coulomb_nm: float = Field(default=0.0, description="Coulomb level [N m].", ge=0)
-    static_nm: float = Field(default=0.0, description="Breakaway level [N m].", ge=0)
+    static_nm: float | None = Field(
+        default=None, description="Breakaway level, not below the Coulomb level; that level when not given [N m].", ge=0
+    )
     stribeck_rad_s: float = Field(default=1.0, description="Stribeck speed [rad/s].", gt=0)
     presliding_rad: float = Field(default=0.02, description="Bristle deflection at the Coulomb level [rad].", gt=0)
     relative_std: float = Field(
@@ -65,7 +67,8 @@ class FrictionSection(Assumed):
 
     def friction(self) -> Friction:
         """Returns the plain description."""
-        return Friction(**self.model_dump(exclude={"assumed"}))
+        static = self.coulomb_nm if self.static_nm is None else self.static_nm
+        return Friction(**{**self.model_dump(exclude={"assumed"}), "static_nm": static})
 
 
 class MotorSection(Assumed):

@@ -18,11 +18,15 @@ from robid.simulate.truth import with_imperfections
 
 
 def true_model(robot: Robot, controller: Controller, options: SimulateOptions, *, sensors: bool) -> ElasticModel:
-    """Builds the robot with the imperfections that act inside the integrator."""
+    """Builds the robot with the imperfections that act inside the integrator; the number of steps is settled."""
     flaws = options.imperfections
+    if options.steps_per_sample is None:
+        message = "the number of steps per sample must be settled first"
+        raise ValueError(message)
     return build_model(
         with_imperfections(robot, flaws),
         friction=flaws.friction == "lugre",
+        static_law=flaws.friction if flaws.friction in ("tanh", "stribeck") else None,
         ripple=flaws.ripple,
         backlash_rad=flaws.backlash_rad,
         hysteresis_nm=flaws.hysteresis_nm,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mujoco.batch import Batch
@@ -16,6 +16,8 @@ from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.outputs import FurtherOutputs
+from robid.simulate.steps import Steps, choose_steps, peak_motor_speed
+from robid.simulate.truth import recorded_torque_factor
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,20 @@ class Experiment:
     outputs: tuple[str, ...] = ()
 
 
+def with_settled_steps(experiment: Experiment, configurations: FloatArray) -> tuple[Experiment, Steps]:
+    """Returns the experiment with the number of steps that its options leave open, and why it is that.
+
+    Args:
+        experiment: The campaign.
+        configurations (n_conf, n_joint): Its arm-side angles [rad].
+    """
+    robot, controller, options = experiment.robot, experiment.controller, experiment.options
+    frequency_hz = experiment.excited_lines / (experiment.reference.shape[2] * controller.sampling_period_s)
+    speed = peak_motor_speed(robot, controller, experiment.reference, experiment.inject)
+    steps = choose_steps(robot, controller, options, configurations, frequency_hz, speed)
+    return replace(experiment, options=replace(options, steps_per_sample=steps.count)), steps
+
+
 def simulate(experiment: Experiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
     """Simulates every realization and experiment of one configuration in closed loop.
 
@@ -60,6 +76,7 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
     Raises:
         DataError: If the simulation blows up, naming the configuration.
     """
+    experiment = with_settled_steps(experiment, configuration[None])[0]
     model = true_model(experiment.robot, experiment.controller, experiment.options, sensors=bool(experiment.outputs))
     rest = solve_statics(model, configuration[None])
     n_real, n_exp, n_sample, n_motor = experiment.reference.shape
@@ -77,13 +94,14 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
             refuse_explosion(batch, configuration, index, f"period {period + 1}")
+    recorded = recorded_torque_factor(experiment.robot, experiment.options.truth)
     offset = np.concatenate([model.robot.motor_per_arm @ configuration, run.rest_outputs])
     shape = (experiment.periods, n_sample, n_real, n_exp)
     names = tuple(joint.name for joint in experiment.robot.joints)
     return Record(
         sampling_period_s=experiment.controller.sampling_period_s,
         configurations=configuration[None],
-        torque=torque.reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
+        torque=(recorded * torque).reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
         position=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
         reference=experiment.reference[None],
         reference_kind=experiment.inject,
@@ -114,7 +132,7 @@ class _Run:
         self._motor = model.motor
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
-        batch.ctrl[:] = rest_torque
+        batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
         self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
@@ -143,10 +161,10 @@ class _Run:
     def period(self, torque: FloatArray, angle: FloatArray) -> None:
         """Runs one period into the given arrays (n_sample, n_sim, n_motor)."""
         flaws, batch = self._experiment.options.imperfections, self._batch
-        qpos, ctrl = batch.qpos, batch.ctrl
+        qpos, ctrl = batch.qpos, batch.ctrl[:, : self._motor.size]
         noise = self._generator.standard_normal(torque.shape) * flaws.encoder_noise_rad
         disturbance = self._generator.standard_normal(torque.shape) * flaws.torque_noise_nm
-        steps = self._experiment.options.steps_per_sample
+        steps = self._experiment.options.steps_per_sample or 1
         further = self._generator.standard_normal((*torque.shape[:2], len(self.names))) * self._sensor_noise
         for sample in range(torque.shape[0]):
             measured = measure(qpos[:, self._motor], noise[sample], flaws)

@@ -16,8 +16,11 @@ from robid.simulate.controller import Cascade
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import measure
 from robid.simulate.options import Controller, SimulateOptions
+from robid.simulate.steps import settled
 
 _TOOL = "tool_point"
+_BAND = (1e-3, 0.1)  # over the sampling rate: where a step moves the robot
+_BAND_LINES = 40
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,11 @@ def play(
     Raises:
         DataError: If the simulation blows up, naming the configuration.
     """
+    if options.steps_per_sample is None:
+        told = np.abs(np.diff(motion.angle, axis=0)).max(axis=(0, 1), initial=0.0) / controller.sampling_period_s
+        band_hz = np.geomspace(*_BAND, _BAND_LINES) / controller.sampling_period_s
+        options = settled(robot, controller, options, configuration[None], band_hz, told)
+    steps = options.steps_per_sample or 1
     model, flaws = true_model(robot, controller, options, sensors=True), options.imperfections
     rest = solve_statics(model, configuration[None])
     n_time, n_sim, n_motor = motion.angle.shape
@@ -103,11 +111,11 @@ def play(
             feedback = cascade.command(measured, reference[sample], speed[sample])
             torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
             pending.append(torque[sample])
-            batch.ctrl[:] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
+            batch.ctrl[:, :n_motor] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
             batch.step(nstep=1)  # sensors show the state at its beginning
             tool[sample] += watched[:, start : start + 3]
-            if options.steps_per_sample > 1:
-                batch.step(nstep=options.steps_per_sample - 1)
+            if steps > 1:
+                batch.step(nstep=steps - 1)
         refuse_explosion(batch, configuration, index, "a step")
     return Played(tool, torque)
 

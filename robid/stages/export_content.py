@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,9 +19,11 @@ from robid.robot.model import ElasticModel, build_model
 from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.settings.load import LoadedExperiment
+from robid.simulate.options import Imperfections, SimulateOptions
+from robid.simulate.steps import choose_steps
 from robid.stages.export_files import Content
 from robid.stages.fit import with_torque_unit
-from robid.stages.slices import delay_s
+from robid.stages.slices import delay_s, require_controller
 
 COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
 
@@ -160,9 +162,10 @@ def mjcf(found: FittedExport, rows: list[int], *, friction: bool) -> str:
 def _build(found: FittedExport, *, friction: bool) -> ElasticModel:
     fit = found.loaded.experiment.fits[found.name]
     source = found.loaded.experiment.campaigns[fit.campaign].source
-    steps = source.simulate.steps_per_sample if source is not None and source.simulate is not None else 1
-    step_s = found.frf.sampling_period_s / steps
+    simulated = None if source is None else source.simulate
     try:
+        steps = 1 if simulated is None else _steps(found, simulated, friction=friction)
+        step_s = found.frf.sampling_period_s / steps
         return build_model(found.robot, friction=friction, ripple=friction, timestep_s=step_s)
     except ValueError as error:
         raise DataError(
@@ -170,6 +173,14 @@ def _build(found: FittedExport, *, friction: bool) -> ElasticModel:
             where=f"fits.{found.name}",
             remedy="fix the link inertias in the fit, or export parameters only (json, csv, mat)",
         ) from error
+
+
+def _steps(found: FittedExport, simulate: SimulateOptions, *, friction: bool) -> int:
+    """Steps per sample of the simulated campaign, or what the fitted robot itself needs."""
+    options = replace(simulate, imperfections=Imperfections(friction="lugre" if friction else "none"))
+    robot, still = found.robot, np.zeros(len(found.robot.joints))
+    controller = require_controller(found.loaded)
+    return choose_steps(robot, controller, options, found.frf.configurations, found.frf.frequency_hz, still).count
 
 
 def _header(found: FittedExport, names: list[str], angles: FloatArray, *, friction: bool) -> str:

@@ -12,6 +12,7 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.atomic import write_json
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.parts import Parts
+from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.robot.description import Joint, Robot
@@ -21,8 +22,10 @@ from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.simulate.experiment import Experiment, simulate
+from robid.settings.truth import true_robot_of
+from robid.simulate.experiment import Experiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions
+from robid.simulate.steps import LIMITS
 from robid.simulate.truth import true_robot, with_imperfections
 from robid.stages.acquire import acquire_configuration, experiment_count, log_files
 from robid.stages.slices import delay_s, require_controller, robot_settings
@@ -42,6 +45,9 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
     settings[f"{section}.payload_kg"] = campaign.payload_kg
     settings[f"{section}.outputs"] = to_plain(campaign.outputs)
+    simulated = None if campaign.source is None else campaign.source.simulate
+    if simulated is None or simulated.steps_per_sample is None:
+        settings["steps_per_sample"] = dict(LIMITS)
     settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", "sensors")
     return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
 
@@ -121,8 +127,9 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
     nominal = job.loaded.robot.to_robot(job.campaign.payload_kg)
     experiment = simulated_experiment(job.loaded, job.campaign, options, content)
+    experiment, steps = with_settled_steps(experiment, content.configurations)
     n_conf = len(content.configurations)
-    parts = Parts(job.output, RECORD, job.key)
+    parts = Parts(job.output, RECORD, canonical_hash([job.key, steps.count]))
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads) for i in todo]
@@ -131,7 +138,8 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     parts.merge(n_conf, job.provenance(STAGE.name, options.seed))
     n_real, n_exp, n_sample, _ = experiment.reference.shape
     period_s = n_sample * experiment.controller.sampling_period_s
-    return figures((n_conf, n_real, n_exp, experiment.periods), period_s)
+    said = f"{counted(steps.count, 'RK4 step')} per sample ({steps.reason})"
+    return f"{figures((n_conf, n_real, n_exp, experiment.periods), period_s)}, {said}"
 
 
 def simulated_experiment(
@@ -139,7 +147,7 @@ def simulated_experiment(
 ) -> Experiment:
     """Returns what is simulated in each configuration of a campaign, on its true robot."""
     return Experiment(
-        robot=true_robot(loaded.robot.to_robot(campaign.payload_kg), options.truth),
+        robot=true_robot_of(loaded.robot, campaign.payload_kg, options.truth),
         controller=require_controller(loaded),
         options=options,
         reference=content.excitation.reference,
@@ -152,9 +160,12 @@ def simulated_experiment(
 
 
 def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: FloatArray) -> dict[str, Any]:
-    """The true value of everything that a fit may estimate, by the fit's own names, and where it comes from."""
+    """The true value of everything that a fit may estimate, by the fit's own names, and where it comes from.
+
+    What the robot file has no spring for is no value of a fit: the springs that it lacks are left out here.
+    """
     options = experiment.options
-    robot = with_imperfections(experiment.robot, options.imperfections)
+    robot = with_imperfections(true_robot(nominal, options.truth), options.imperfections)
     values: dict[str, float] = {}
     for spring in robot.springs:
         values[f"{spring.name}.stiffness"] = spring.stiffness_nm_rad
@@ -171,9 +182,10 @@ def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: Flo
     values["delay"] = delay_s(job.loaded, job.campaign)
     return {
         "values": values,
-        "truth": asdict(options.truth),
+        "truth": to_plain(options.truth),
         "imperfections": asdict(options.imperfections),
         "seed": options.seed,
+        "steps_per_sample": options.steps_per_sample,
     }
 
 
@@ -183,7 +195,7 @@ def _torque_errors(joint: Joint, stated: Joint, options: SimulateOptions) -> dic
     law, known, flaws = joint.motor.friction, stated.motor.friction, options.imperfections
     if known.coulomb_nm > 0 and flaws.friction != "none":
         errors["level"] = law.coulomb_nm / known.coulomb_nm - 1
-        errors["shape"] = law.presliding_rad / known.presliding_rad - 1
+        errors |= {"shape": law.presliding_rad / known.presliding_rad - 1} if flaws.friction == "lugre" else {}
     if stated.motor.ripple_nm > 0:
         # The ripple drives the motor; what a regressor counts opposes it.
         errors |= {"ripple_sin": -1.0 if flaws.ripple else 0.0, "ripple_cos": 0.0}

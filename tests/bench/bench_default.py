@@ -24,7 +24,7 @@ def same_model(experiment):
         with_imperfections(experiment.robot, options.imperfections),
         friction=True,
         ripple=True,
-        timestep_s=controller.sampling_period_s / options.steps_per_sample,
+        timestep_s=controller.sampling_period_s / (options.steps_per_sample or 1),
     )
     return model.mujoco, solve_statics(model, CONFIGURATION[None])
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD
+from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from tolerances import RECOVERY_SIGMA
 
@@ -57,6 +57,67 @@ def test_sensors_are_recorded_estimated_and_fitted(shop):
     assert frf.output_names == ("turn", "lift", "lift.arm", "tip_z", "felt")
     summary = json.loads((shop.runs / "summary.json").read_text())
     assert summary["fits.elastic.springs.worst_error"] < 0.02
+
+
+def test_a_stated_truth_is_simulated_and_told_by_the_names_of_the_fit(shop):
+    def recorded():
+        for stage in ("design-excitation", "simulate-or-acquire"):
+            answer = shop.robid(stage, "small.yaml", "--campaign", "validation", "--force")
+            assert answer.code == 0, answer.err
+        folder = shop.runs / "validation"
+        record = record_from_artifact(read_artifact(folder / "record.h5", RECORD))
+        return record, json.loads((folder / "truth.json").read_text())
+
+    stated = "rotor_inertia_factor: {turn: 1.1}, mass_factor: {payload: 2}"
+    tilt = "springs: [{name: tilt, place: base, axis: [1, 0, 0], stiffness_nm_rad: 1.0e+6, damping_nms_rad: 300}]"
+    _, plain = recorded()
+    shop.change("truth: {", f"truth: {{{stated}, {tilt}, ")
+    shop.change("friction: lugre", "friction: stribeck")
+    right, truth = recorded()
+    assert truth["truth"]["springs"][0]["name"] == "tilt"
+    assert set(truth["values"]) == set(plain["values"]) - {"turn.shape", "lift.shape"}
+    changed = {name for name, value in truth["values"].items() if value != plain["values"][name]}
+    assert changed == {"turn.motor_inertia", "lift.link_inertia"}
+    assert truth["values"]["turn.motor_inertia"] == pytest.approx(1.1 * 0.002)
+    shop.change("truth: {", "truth: {reversed_torque: [turn], torque_constant_factor: {lift: 0.8}, ")
+    wrong, _ = recorded()
+    np.testing.assert_array_equal(wrong.position, right.position)
+    np.testing.assert_allclose(wrong.torque, right.torque * [-1.0, 1.25], rtol=1e-6, atol=1e-6)
+
+
+def test_the_number_of_steps_is_said_and_is_what_decides(shop):
+    def simulated(*force):
+        answer = shop.robid("simulate-or-acquire", "small.yaml", "--campaign", "validation", *force)
+        assert answer.code == 0, answer.err
+        truth = json.loads((shop.runs / "validation/truth.json").read_text())
+        return answer, truth["steps_per_sample"], shop.contents()["validation/record.h5"]
+
+    assert shop.robid("design-excitation", "small.yaml", "--campaign", "validation").code == 0
+    answer, steps, content = simulated()
+    assert f"{steps} RK4 step" in answer.flat + " ".join(answer.out.split())
+    for number, is_same in ((steps, True), (steps + 1, False)):
+        shop.change("seed: 2}}", f"seed: 2, steps_per_sample: {number}}}}}")
+        assert shop.states()["validation/record.h5"][0] == "stale"
+        answer, stated, again = simulated("--force")
+        assert (stated, again == content) == (number, is_same)
+        assert "(as stated)" in answer.flat + " ".join(answer.out.split())
+        shop.change(f"seed: 2, steps_per_sample: {number}}}}}", "seed: 2}}")
+
+
+def test_a_breakaway_level_that_is_left_out_is_the_coulomb_level(shop):
+    for _ in range(2):
+        shop.change(" static_nm: 0.24,", "", "arm.yaml")
+    for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf"):
+        answer = shop.robid(stage, "small.yaml", "--campaign", "validation")
+        assert answer.code == 0, answer.err
+    frf = frf_from_artifact(read_artifact(shop.runs / "validation/frf.h5", FRF))
+    assert np.isfinite(frf.response).all()
+    assert np.isfinite(frf.sensitivity).all()
+    content = shop.contents()["validation/record.h5"]
+    for _ in range(2):
+        shop.change("coulomb_nm: 0.2, stribeck", "coulomb_nm: 0.2, static_nm: 0.2, stribeck", "arm.yaml")
+    assert shop.robid("simulate-or-acquire", "small.yaml", "--campaign", "validation", "--force").code == 0
+    assert shop.contents()["validation/record.h5"] == content
 
 
 def test_friction_identified_at_the_silent_lines(shop):

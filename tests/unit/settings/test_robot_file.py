@@ -285,3 +285,15 @@ def test_every_semantic_problem_is_told_at_once(tmp_path):
     assert all(
         f": {field}: " in told for field in ("joints[0].limits_deg", "joints[1].link.mass_kg", "springs[2].axis")
     )
+
+
+def test_a_breakaway_level_is_the_coulomb_level_where_not_given_and_never_below(tmp_path):
+    data = _robot_data()
+    for joint, friction in zip(
+        data["joints"], ({"coulomb_nm": 0.5}, {"coulomb_nm": 0.5, "static_nm": 0.4}), strict=True
+    ):
+        joint["motor"] = {**joint["motor"], "friction": friction}
+    assert RobotFile.model_validate(data).joints[0].motor.motor().friction.static_nm == 0.5
+    told = _problems(tmp_path, data)
+    assert "joints[1].motor.friction.static_nm: must not be below the Coulomb level, 0.5 N m (found 0.4)" in told
+    assert len(told.splitlines()) == 1
