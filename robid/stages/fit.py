@@ -55,7 +55,8 @@ def chosen_frf(fit: Fit, frfs: Sequence[Frf]) -> Frf:
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     """Returns what the elastic model of a campaign is made of; the delay of a log is none."""
     used = loaded.experiment.campaigns[campaign]
-    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **robot_settings(loaded, "mechanics", "sensors")}
+    parts = robot_settings(loaded, "mechanics", "inertia_std", "sensors")
+    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
     settings["delay_s"] = delay_s(loaded, used)
     return settings
 
