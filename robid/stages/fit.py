@@ -87,6 +87,8 @@ def figures(solution: Solution) -> str:
     """Says how the fit ended, in a phrase."""
     best = int(np.sum(solution.start_minimum == 0))
     identifiable = f"{int(np.sum(solution.identifiable))} of {counted(len(solution.names), 'parameter')} identifiable"
+    known = int(np.sum(solution.known_beforehand))
+    identifiable += f" ({known} more known beforehand)" if known else ""
     expected = float(solution.expected_cost.sum())
     ratio = f", {solution.configuration_cost.sum() / expected:.3g} times what noise alone gives" if expected > 0 else ""
     used = solution.start_evaluations

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from realizations import averaged
@@ -27,6 +28,7 @@ from robid.frf.joined import join
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
+from tolerances import IDENTITY
 
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 50)
 CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [0.1, -0.4]])
@@ -224,6 +226,11 @@ def test_what_differs_between_configurations_widens_the_intervals():
         held.append(((solution.lower <= solution.nominal) & (solution.nominal <= solution.upper))[springs])
         alone.append(solution.realization_relative_std[springs] / solution.relative_std[springs])
     assert np.mean(held) > 0.85
+    assert "; jackknife over 10 places where that is wider" in solution.interval_rule
+    reach = t.ppf(0.975, solution.degrees_of_freedom) * np.sqrt(np.diag(solution.covariance))
+    np.testing.assert_allclose(np.log(solution.upper / solution.estimate)[springs], reach[springs], rtol=IDENTITY)
+    assert (solution.degrees_of_freedom[springs] == 9).any()
+    np.testing.assert_allclose(solution.relative_std[springs] ** 2, np.diag(solution.covariance)[springs])
     assert np.median(alone) < 0.5, "noise alone must say far less, or there is nothing to widen"
 
 
