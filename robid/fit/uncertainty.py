@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.places import group_places
 from robid.fit.problem import Problem
+from robid.robot.collocated import motor_rows
 
 _LONGEST_STEP = 1.0  # of an internal parameter; beyond, nothing is linear
 
@@ -79,17 +81,34 @@ def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
 
 
 def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
-    """The sandwich (n_param, n_param) of an estimator that is linearised already."""
+    """The sandwich (n_param, n_param) of an estimator that is linearised already.
+
+    The assumed model error is the model's, which is reciprocal: element (i, j) of motors has the same one as (j, i).
+    """
     n_param = found.inverse.shape[0]
     error = problem.model_error[..., None] * found.weighted
     if problem.estimator == "nls":
-        error = error * np.abs(problem.frf.response)[..., None]
-    error = error.reshape(-1, n_param)
+        error = error * problem.frf.response.conj()[..., None]
+    assumed = _reciprocal(error, motor_rows(problem.model)).reshape(-1, n_param)
     scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
     moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)
     moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
-    meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + error.conj().T @ error)
+    meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + assumed.conj().T @ assumed)
     return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
+
+
+def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:
+    """Adds what one error does at two elements (n_conf, n_freq, n_out, n_in, n_param) that share it, into one of both.
+
+    Args:
+        effect: What each element's own error does.
+        rows: Output of each motor that is measured at itself.
+    """
+    shared = effect.copy()
+    for first, second in combinations(rows, 2):
+        shared[:, :, rows[first], second] += shared[:, :, rows[second], first]
+        shared[:, :, rows[second], first] = 0.0
+    return shared
 
 
 def configuration_covariance(problem: Problem, internal: FloatArray) -> FloatArray:

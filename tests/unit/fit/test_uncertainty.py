@@ -22,6 +22,7 @@ from robid.fit.uncertainty import (
     realization_freedom,
     realization_shifts,
     sandwich,
+    structured_covariance,
 )
 from robid.fit.undetermined import undetermined_combinations
 from robid.frf.joined import join
@@ -42,7 +43,7 @@ def exact():
 
 def problem_at_truth(frf, options=OPTIONS):
     model = build_model(two_joint_robot())
-    linear = linearize(model, solve_statics(model, frf.configurations))
+    linear = linearize(model, solve_statics(model, frf.configurations), frf.output_names)
     nominal = nominal_parameters(two_joint_robot(), linear, 0.0)
     parameters = map_parameters(two_joint_robot(), nominal, options, (), np.zeros(0))
     return make_problem(frf, linear, parameters, options)[0], np.zeros(len(parameters.names))
@@ -245,3 +246,24 @@ def test_leaving_out_configurations_says_the_same_as_noise_where_there_is_only_n
     # It errs upward where one configuration tells more of a parameter than the others.
     assert (ratio > 0.9).all()
     assert (ratio < 1.8).all()
+
+
+@pytest.mark.parametrize("estimator", ["lls", "nls"])
+@pytest.mark.parametrize("extra", [(), ("elbow.arm",)])
+def test_reciprocal_elements_share_the_assumed_model_error(estimator, extra):
+    outputs = (*extra, "shoulder", "elbow")
+    frf = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ, declared_noise=1e-9, output_names=outputs)
+    options = replace(OPTIONS, weights=Weights("inflated"), estimator=estimator, prior_decades=1e6)
+    problem, internal = problem_at_truth(frf, options)
+    found = influence(problem, internal)
+    generator = np.random.default_rng(1)
+    shape = (2000, *frf.response.shape)
+    error = 0.02 * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)) / np.sqrt(2)
+    row = len(extra)
+    error[:, :, :, row, 1] = error[:, :, :, row + 1, 0]
+    errors = np.moveaxis(error * frf.response, 0, 1)
+    moves = found.shifts(errors).sum(axis=0)
+    np.testing.assert_allclose(moves.var(axis=0), np.diag(structured_covariance(problem, found)), rtol=0.15)
+    alone = replace(problem, model=replace(problem.model, tilt=np.ones_like(problem.model.tilt)))
+    ratio = np.diag(structured_covariance(problem, found)) / np.diag(structured_covariance(alone, found))
+    assert ratio.max() > 1.2
