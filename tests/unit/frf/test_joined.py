@@ -24,3 +24,4 @@ def test_friction_moves_to_where_the_first_campaign_subtracted_it_exactly():
     size = np.abs(first.sensitivity).max()
     np.testing.assert_allclose(joined.sensitivity[2:], first.sensitivity, rtol=IDENTITY, atol=IDENTITY * size)
     np.testing.assert_array_equal(joined.response[:2], first.response)
+    np.testing.assert_array_equal(joined.configurations, np.concatenate([CONFIGURATIONS, CONFIGURATIONS]))
