@@ -16,11 +16,11 @@ NO_PAYLOAD = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def two_mass_robot(
-    motor_inertia=4.780e-3, load_inertia=4.752e-3, stiffness=546.4, damping=0.01, ratio=1.0, viscous=0.0
+    motor_inertia=4.780e-3, load_inertia=4.752e-3, stiffness=546.4, damping=0.01, ratio=1.0, viscous=0.0, rotor_std=0.05
 ):
     """A motor, a spring and a load, free of gravity; the defaults are those of the motor bench."""
     link = Inertial(1.0, np.zeros(3), load_inertia * np.eye(3))
-    motor = Motor(motor_inertia, ratio, 300.0, 10.0)
+    motor = Motor(motor_inertia, ratio, 300.0, 10.0, inertia_relative_std=rotor_std)
     motor = replace(motor, friction=replace(motor.friction, viscous_nms_rad=viscous))
     joint = Joint("drive", np.zeros(3), np.eye(3), link, -np.pi, np.pi, motor)
     spring = Spring("coupling", 0, "transmission", np.array([0.0, 0.0, 1.0]), stiffness, damping)

@@ -4,6 +4,8 @@ Schema history:
     1.0: first version.
     1.1: tied parameters; `undetermined`, `model_error`, deviations from realizations and from the bootstrap.
     1.2: `start_evaluations`.
+    1.3: `degrees_of_freedom`, `interval_rule`, what was known beforehand and the relative half width; `covariance` and
+        `relative_std` hold no quantile any more where a jackknife set them.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.fit.solution import Solution
 
-MODEL = Kind("model", "1.2", "robid fit")
+MODEL = Kind("model", "1.3", "robid fit")
 
 _PARAMETER, _START, _TIED = ("parameter",), ("start",), ("tied",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
@@ -31,6 +33,9 @@ _TABLE = {
     "identifiable": Column("1", _PARAMETER, "Whether the prediction was small enough"),
     "internal": Column("1", _PARAMETER, "Optimizer's values"),
     "covariance": Column("1", ("parameter", "parameter"), "Covariance of the optimizer's values"),
+    "degrees_of_freedom": Column("1", _PARAMETER, "Of Student's distribution that the intervals follow"),
+    "prior_relative_std": Column("1", _PARAMETER, "What was known beforehand, as predicted_relative_std"),
+    "relative_half_width": Column("1", _PARAMETER, "Half width of the interval over the estimate"),
     "singular_values": Column("1", _PARAMETER, "Of the scaled information matrix"),
     "configuration_cost": Column("1", ("configuration",), "Cost of each configuration"),
     "expected_cost": Column("1", ("configuration",), "Cost that the response's covariance alone gives"),

@@ -18,6 +18,7 @@ _STEP_TOLERANCE = 1e-9
 _DAMPING_LIMIT = 1e12
 _ROUNDING = 1e-13  # of the cost: no decrease can be told from rounding
 _FIRST_DAMPING = 1e-3
+_SINGULAR = 1e-12  # of the largest, an eigenvalue that counts as none
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ def minimise(
         upper (n_param,): The same from above.
 
     Returns:
-        The minimum reached; failure to converge is a status, not an error.
+        The minimum reached; failure to converge is a status, not an error. A step that damping alone made small is
+        not convergence: the one without damping is looked at.
     """
     low = np.full(start.size, -np.inf) if lower is None else lower
     high = np.full(start.size, np.inf) if upper is None else upper
@@ -88,16 +90,21 @@ def minimise(
     here = normal(point)
     damping, growth, steps = _FIRST_DAMPING, 2.0, 0
     status: Status = "iteration_limit"
+
+    def undamped(here: Normal, free: BoolArray) -> FloatArray:
+        """The step without damping: heavy damping makes any step small."""
+        return np.clip(point + np.clip(_gauss_newton(here, free), -max_step, max_step), low, high) - point
+
     while steps < max_iterations:
         free = ~(((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0)))
         step = np.clip(_step(here, damping, free), -max_step, max_step)
         step = np.clip(point + step, low, high) - point
-        if _cosine(here, free) <= _GRADIENT_TOLERANCE or float(np.abs(step).max()) <= _STEP_TOLERANCE:
+        if _cosine(here, free) <= _GRADIENT_TOLERANCE or (_is_small(step) and _is_small(undamped(here, free))):
             status = "converged"
             break
         steps += 1
         trial = cost(point + step)
-        predicted = -float(step @ (2 * here.gradient + here.hessian @ step))
+        predicted = _decrease(here, step)
         # A clipped step may leave the region of the model and still go down.
         gain = (here.cost - trial) / predicted if predicted > 0 else 0.5 * np.sign(here.cost - trial)
         if np.isfinite(trial) and gain > 0:
@@ -107,7 +114,9 @@ def minimise(
             here = normal(point)
         else:
             damping, growth = damping * growth, growth * 2
-            finished = 0 <= predicted <= _ROUNDING * here.cost
+            finished = 0 <= predicted <= _ROUNDING * here.cost and _decrease(here, undamped(here, free)) <= (
+                _ROUNDING * here.cost
+            )
         if finished or damping > _DAMPING_LIMIT:
             status = "converged" if finished else "stalled"
             break
@@ -118,6 +127,24 @@ def _cosine(here: Normal, free: BoolArray) -> float:
     """Largest cosine between the residual and its derivative by a free parameter; 0 where nothing is left."""
     size = np.sqrt(np.diag(here.hessian) * here.cost)[free]
     return float(np.divide(np.abs(here.gradient[free]), size, out=np.zeros(size.size), where=size > 0).max(initial=0.0))
+
+
+def _is_small(step: FloatArray) -> bool:
+    return float(np.abs(step).max()) <= _STEP_TOLERANCE
+
+
+def _decrease(here: Normal, step: FloatArray) -> float:
+    """Decrease of the cost that the quadratic model predicts for a step."""
+    return -float(step @ (2 * here.gradient + here.hessian @ step))
+
+
+def _gauss_newton(here: Normal, free: BoolArray) -> FloatArray:
+    """The least step to the minimum of the quadratic model, where it has more than one."""
+    step = np.zeros(free.size)
+    root = np.sqrt(np.maximum(np.diag(here.hessian), np.finfo(float).tiny))[free]
+    scaled = here.hessian[np.ix_(free, free)] / (root[:, None] * root)
+    step[free] = -np.linalg.lstsq(scaled, here.gradient[free] / root, rcond=_SINGULAR)[0] / root
+    return step
 
 
 def _step(here: Normal, damping: float, free: BoolArray) -> FloatArray:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.places import group_places
 from robid.fit.problem import Problem
-
-_SAME_CONFIGURATION_RAD = 1e-3
 
 
 def load_doubt(problem: Problem, internal: FloatArray, inverse: FloatArray, weighted: ComplexArray) -> FloatArray:
@@ -37,20 +36,7 @@ def load_doubt(problem: Problem, internal: FloatArray, inverse: FloatArray, weig
     own = problem.linear(internal)[1][..., columns]
     pulls = np.real(np.einsum("cfoip,cfoiq->cpq", weighted.conj(), own, optimize=True))
     relative = np.sqrt(np.mean(problem.model_error**2))
-    for place in _places(problem.frf.configurations):
+    for place in group_places(problem.frf.configurations):
         shift = relative * inverse @ pulls[place].sum(axis=0)
         total += shift @ shift.T
     return total
-
-
-def _places(configurations: FloatArray) -> list[list[int]]:
-    """Indices of the measurements in each robot configuration."""
-    places: list[list[int]] = []
-    for index, angles in enumerate(configurations):
-        for place in places:
-            if np.abs(configurations[place[0]] - angles).max() < _SAME_CONFIGURATION_RAD:
-                place.append(index)
-                break
-        else:
-            places.append([index])
-    return places

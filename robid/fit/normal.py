@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg.blas import dsyrk
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.fit.friction import FrictionMove
 from robid.fit.levenberg import Normal
+from robid.frf.friction import FrictionMove
 from robid.robot.collocated import KINDS, Collocated, is_collocated
 
 if TYPE_CHECKING:

@@ -46,7 +46,7 @@ class ElasticOptions:
     )
     weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
     free: tuple[ParameterKind, ...] = field(
-        default=("stiffness", "damping", "viscous", "delay"),
+        default=("stiffness", "damping", "viscous", "motor_inertia", "delay"),
         metadata={"description": "Kinds of parameters that are estimated."},
     )
     fixed: tuple[str, ...] = field(
@@ -72,7 +72,8 @@ class ElasticOptions:
     prior_decades: float = field(
         default=1.0,
         metadata={
-            "description": "Standard deviation of what the robot file knows of springs, dampers, inertias [decades].",
+            "description": "Standard deviation of what the robot file knows of springs, dampers, link inertias"
+            " [decades]; that of motor inertias is the file's `inertia_relative_std`.",
             "gt": 0,
         },
     )

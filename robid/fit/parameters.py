@@ -185,6 +185,7 @@ def map_parameters(
     decades = options.prior_decades
     # At its largest torque a cubic gear's slope is known as its linear one is.
     known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), "cubic": 10 ** min(decades, _MOST_DECADES) / 3}
+    known |= {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
     found = ParameterMap(
         nominal=nominal,
         kinds=kinds,
@@ -200,7 +201,12 @@ def map_parameters(
         names=(*names, *friction_names),
         kind_of=(*kind_of, *["friction"] * n_friction),
         logarithmic=np.array([kind in LOGARITHMIC for kind in kind_of] + [False] * n_friction, bool),
-        prior_std=np.concatenate([[known.get(kind, np.inf) for kind in kind_of], friction_std]),
+        prior_std=np.concatenate(
+            [
+                [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kind_of, strict=True)],
+                friction_std,
+            ]
+        ),
         lower=np.full(len(names) + n_friction, -np.inf),
         upper=np.full(len(names) + n_friction, np.inf),
         friction_offset=np.zeros(n_friction) if friction_offset is None else friction_offset,

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.fit.friction import FrictionMove, friction_move
 from robid.fit.levenberg import Normal
 from robid.fit.normal import SymmetricNormal
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
 from robid.fit.weights import assumed_error, make_weights, make_whitening
 from robid.frf.frf import Frf
+from robid.frf.friction import FrictionMove, friction_move
 from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
 from robid.robot.response import response

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.bootstrap import Map, bootstrap
+from robid.fit.intervals import MANY_ABOVE, find_spread
 from robid.fit.levenberg import Minimum
-from robid.fit.load_doubt import load_doubt
 from robid.fit.model_error import ModelError, estimate_model_error
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import ParameterMap
@@ -17,11 +15,9 @@ from robid.fit.problem import Problem
 from robid.fit.solution import Solution
 from robid.fit.uncertainty import (
     Influence,
-    configuration_covariance,
     influence,
     realization_covariance,
     realization_shifts,
-    structured_covariance,
 )
 from robid.fit.undetermined import undetermined_combinations
 
@@ -30,8 +26,6 @@ _NEEDLESS_FACTOR = 1e3
 _LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
-_FEW_CONFIGURATIONS = 4
-_MANY_ABOVE = 0.25  # of the elements, where 0.05 are expected
 
 
 def make_solution(
@@ -58,14 +52,10 @@ def make_solution(
     modelled = problem.model_response(internal)
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
-    covariance = structured_covariance(problem, found) * max(1.0, excess)
-    covariance += load_doubt(problem, internal, found.inverse, found.weighted)
     error = estimate_model_error(problem, internal, found)
-    if error is not None and max(error.share_above, error.share_correlated) > _MANY_ABOVE:
-        covariance = _widened(problem, internal, covariance, options.confidence)
+    spread = find_spread(problem, internal, found, excess, error, options.confidence)
+    reach = spread.reach(options.confidence)
     values, relative = parameters.values(internal), _relative(parameters, internal)
-    deviation = np.sqrt(np.diag(covariance))
-    reach = norm.ppf(0.5 + 0.5 * options.confidence) * deviation
     predicted_relative = predicted * _predicted_relative(parameters)
     structural = np.minimum(relative, 1.0) * (np.array(parameters.kind_of) != "friction")
     limit = options.identifiable_relative_std
@@ -81,11 +71,16 @@ def make_solution(
         estimate=values,
         lower=parameters.values(internal - reach),
         upper=parameters.values(internal + reach),
-        relative_std=deviation * relative,
+        relative_std=spread.std * relative,
         predicted_relative_std=predicted_relative,
         identifiable=(predicted_relative <= limit) & (predicted <= _LEARNT_SHARE * parameters.prior_std),
         internal=internal,
-        covariance=covariance,
+        covariance=spread.covariance,
+        degrees_of_freedom=spread.degrees_of_freedom,
+        interval_rule=spread.rule,
+        prior_relative_std=parameters.prior_std * _predicted_relative(parameters),
+        relative_half_width=reach * _judged_relative(parameters, internal),
+        identifiable_relative_std=limit,
         singular_values=np.linalg.svd(scaled / np.outer(root, root), compute_uv=False),
         confidence=options.confidence,
         cost=best.cost,
@@ -107,25 +102,10 @@ def make_solution(
         tied_names=tuple(parameters.tied),
         tied_to=tuple(parameters.tied.values()),
         **_tied_values(parameters, internal, reach),
-        undetermined=undetermined_combinations(parameters.names, covariance, structural, limit),
+        undetermined=undetermined_combinations(parameters.names, spread.covariance, structural, limit),
         model_error=error,
         **_from_realizations(problem, options, internal, found, parallel_map),
     )
-
-
-def _widened(problem: Problem, internal: FloatArray, covariance: FloatArray, confidence: float) -> FloatArray:
-    """The covariance of a model that lacks something: no deviation is below what single configurations change.
-
-    Deviations are taken apart by the ratio of Student's and the normal quantile, as the intervals use the latter.
-    """
-    n_conf = len(problem.weight)
-    if n_conf < _FEW_CONFIGURATIONS:
-        return covariance
-    tail = 0.5 + 0.5 * confidence
-    apart = student.ppf(tail, n_conf - 1) / norm.ppf(tail)
-    least = apart * np.sqrt(np.diag(configuration_covariance(problem, internal)))
-    factor = np.maximum(1.0, least / np.sqrt(np.diag(covariance)))
-    return np.asarray(covariance * np.outer(factor, factor))
 
 
 def _from_realizations(
@@ -174,6 +154,15 @@ def _predicted_relative(parameters: ParameterMap) -> FloatArray:
     size = np.where(kinds == "cubic", parameters.scale * parameters.prior_std, size)
     size = np.where(kinds == "location", parameters.scale, size)
     return np.asarray(np.abs(parameters.slopes(start)) / size)
+
+
+def _judged_relative(parameters: ParameterMap, internal: FloatArray) -> FloatArray:
+    """As `_relative`, but what may be zero is related to its natural scale where that is larger."""
+    natural = parameters.scale * np.where(np.array(parameters.kind_of) == "cubic", parameters.prior_std, 1.0)
+    friction, kinds = np.array(parameters.kind_of) == "friction", np.array(parameters.kind_of)
+    may_vanish = (parameters.nominal_values() == 0) | np.isin(kinds, ("cubic", "location"))
+    size = np.maximum(np.abs(parameters.values(internal)), np.where(may_vanish, natural, 1e-300))
+    return np.asarray(np.abs(parameters.slopes(internal)) / np.where(friction, 1.0, size))
 
 
 def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
@@ -230,7 +219,7 @@ def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error:
             f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "
             "something; intervals are widened by that factor, or to what leaving out one configuration changes"
         )
-    level = 0.0 if error is None or error.share_above <= _MANY_ABOVE else float(np.median(error.level[error.level > 0]))
+    level = 0.0 if error is None or error.share_above <= MANY_ABOVE else float(np.median(error.level[error.level > 0]))
     if error is not None and level > float(np.median(problem.model_error)):
         advice.append(
             f"{100 * error.share_above:.0f} % of the response's elements miss the model by more than their covariance "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import norm
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.fit.model_error import ModelError
@@ -28,13 +29,13 @@ class Solution:
         identifiable (n_param,): Whether the prediction was small enough and the data at least halve what was
             unknown before, decided before the fit.
         internal (n_param,): Optimizer's values.
-        covariance (n_param, n_param): Covariance of the optimizer's values.
+        covariance (n_param, n_param): Covariance of the optimizer's values, without any quantile.
         singular_values (n_param,): Of the scaled information matrix, largest first.
         confidence: Level of the intervals.
         cost: Cost at the minimum.
         configuration_cost (n_conf,): Cost of each configuration.
         expected_cost (n_conf,): What the response's covariance alone would give.
-        misfit: Cost over what noise and the assumed model error give; above 1 the intervals are widened by its root.
+        misfit: Cost over what noise and the assumed model error give; above 1 it multiplies the covariance.
         dropped: Response elements below 10 dB that the logarithm dropped.
         start_cost (n_start,): Cost each start ended at.
         start_iterations (n_start,): Its iterations.
@@ -60,6 +61,14 @@ class Solution:
         tied_lower (n_tied,): Lower ends of their intervals.
         tied_upper (n_tied,): Upper ends.
         start_evaluations (n_start,): Points at which each start computed the cost; empty where they were not counted.
+        degrees_of_freedom (n_param,): Of Student's distribution, whose quantile of `covariance` an interval is;
+            infinite for the normal one. Empty where a file does not say: the normal one.
+        interval_rule: What set the width of the intervals, in words.
+        prior_relative_std (n_param,): What was known beforehand, relative as `predicted_relative_std`; empty where a
+            file does not say.
+        relative_half_width (n_param,): Half width of the interval over the estimate, or over what is natural to a
+            parameter that may be zero; empty where a file does not say.
+        identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
     """
 
     family: str
@@ -105,6 +114,31 @@ class Solution:
     tied_lower: FloatArray = field(default_factory=lambda: np.zeros(0))
     tied_upper: FloatArray = field(default_factory=lambda: np.zeros(0))
     start_evaluations: IntArray = field(default_factory=lambda: np.zeros(0, int))
+    degrees_of_freedom: FloatArray = field(default_factory=lambda: np.zeros(0))
+    interval_rule: str = ""
+    prior_relative_std: FloatArray = field(default_factory=lambda: np.zeros(0))
+    relative_half_width: FloatArray = field(default_factory=lambda: np.zeros(0))
+    identifiable_relative_std: float = 0.2
+
+    @property
+    def identified(self) -> BoolArray:
+        """Which parameters (n_param,) were identifiable beforehand and have an interval that bears it out."""
+        if not self.relative_half_width.size:
+            return self.identifiable
+        allowed = norm.ppf(0.5 + 0.5 * self.confidence) * self.identifiable_relative_std
+        return np.asarray(self.identifiable & (self.relative_half_width <= allowed))
+
+    @property
+    def known_beforehand(self) -> BoolArray:
+        """Which parameters (n_param,) the robot file knows well enough, and the data were not to know much better."""
+        if not self.prior_relative_std.size:
+            return np.zeros(len(self.names), bool)
+        return np.asarray(~self.identifiable & (self.prior_relative_std <= self.identifiable_relative_std))
+
+    @property
+    def fewest_degrees_of_freedom(self) -> float:
+        """The fewest behind any parameter's interval, for what depends on several of them."""
+        return float(np.min(self.degrees_of_freedom, initial=np.inf))
 
     @property
     def cap_share(self) -> float:

@@ -120,11 +120,15 @@ def _heavy_to_true(coarse: Problem, start: FloatArray) -> Minimum:
 
 
 def _lost(problem: Problem, point: FloatArray) -> BoolArray:
-    """Which logarithmic parameters (n_param,) have lost their influence: a factor of two hardly changes the cost."""
+    """Which logarithmic parameters (n_param,) have lost their influence: a factor of two hardly changes the cost.
+
+    What is known beforehand to less than that factor has nowhere to run.
+    """
     here = problem.normal(point)
     influence = np.diag(here.hessian) - 0.5 / problem.parameters.prior_std**2
     lost = influence * np.log(2) ** 2 < _LOST_INFLUENCE * here.cost
-    return np.asarray(lost & problem.parameters.logarithmic)
+    open_beforehand = problem.parameters.prior_std > np.log(2)
+    return np.asarray(lost & open_beforehand & problem.parameters.logarithmic)
 
 
 def _restricted(problem: Problem, point: FloatArray, free: BoolArray) -> Minimum:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.places import group_places
 from robid.fit.problem import Problem
+from robid.robot.collocated import motor_rows
 
 _LONGEST_STEP = 1.0  # of an internal parameter; beyond, nothing is linear
 
@@ -78,25 +81,43 @@ def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
 
 
 def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
-    """The sandwich (n_param, n_param) of an estimator that is linearised already."""
+    """The sandwich (n_param, n_param) of an estimator that is linearised already.
+
+    The assumed model error is the model's, which is reciprocal: element (i, j) of motors has the same one as (j, i).
+    """
     n_param = found.inverse.shape[0]
     error = problem.model_error[..., None] * found.weighted
     if problem.estimator == "nls":
-        error = error * np.abs(problem.frf.response)[..., None]
-    error = error.reshape(-1, n_param)
+        error = error * problem.frf.response.conj()[..., None]
+    assumed = _reciprocal(error, motor_rows(problem.model)).reshape(-1, n_param)
     scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
     moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)
     moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
-    meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + error.conj().T @ error)
+    meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + assumed.conj().T @ assumed)
     return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
 
 
-def configuration_covariance(problem: Problem, internal: FloatArray) -> FloatArray:
-    """Covariance (n_param, n_param) that leaving out one configuration after the other gives, to first order.
+def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:
+    """Adds what one error does at two elements (n_conf, n_freq, n_out, n_in, n_param) that share it, into one of both.
 
-    It needs no model of the errors, only that those of different configurations are independent: what a model lacks
-    in the same way at many lines moves the parameters differently in each configuration. Few configurations make it
-    uncertain: it has one degree of freedom less than their number.
+    Args:
+        effect: What each element's own error does.
+        rows: Output of each motor that is measured at itself.
+    """
+    shared = effect.copy()
+    for first, second in combinations(rows, 2):
+        shared[:, :, rows[first], second] += shared[:, :, rows[second], first]
+        shared[:, :, rows[second], first] = 0.0
+    return shared
+
+
+def configuration_covariance(problem: Problem, internal: FloatArray) -> FloatArray:
+    """Covariance (n_param, n_param) that leaving out one place after the other gives, to first order.
+
+    A place is a robot configuration with all that was measured in it: two amplitudes share what the model lacks there.
+    It needs no model of the errors, only that those of different places are independent: what a model lacks
+    in the same way at many lines moves the parameters differently in each place. Few places make it uncertain: it has
+    one degree of freedom less than their number.
 
     Args:
         problem: The problem, at its minimum.
@@ -109,11 +130,13 @@ def configuration_covariance(problem: Problem, internal: FloatArray) -> FloatArr
     n_conf, n_param = len(error), derivative.shape[-1]
     rows = derivative.reshape(n_conf, -1, n_param)
     weighted = problem.fully_weighted(derivative).reshape(rows.shape).conj()
-    each = np.real(np.swapaxes(weighted, 1, 2) @ rows)
-    pull = np.real(np.swapaxes(weighted, 1, 2) @ error.reshape(n_conf, -1, 1))
+    information = np.real(np.swapaxes(weighted, 1, 2) @ rows)
+    pulls = np.real(np.swapaxes(weighted, 1, 2) @ error.reshape(n_conf, -1, 1))
+    places = group_places(problem.frf.configurations)
+    each, pull = (np.array([values[place].sum(axis=0) for place in places]) for values in (information, pulls))
     whole = each.sum(axis=0) + np.diag(0.5 / problem.parameters.prior_std**2)
     moved = np.clip(np.linalg.solve(whole - each, pull)[..., 0], -_LONGEST_STEP, _LONGEST_STEP)
-    return np.asarray((n_conf - 1) / n_conf * moved.T @ moved)
+    return np.asarray((len(places) - 1) / len(places) * moved.T @ moved)
 
 
 def realization_shifts(problem: Problem, found: Influence) -> FloatArray | None:

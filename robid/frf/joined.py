@@ -10,6 +10,7 @@ import numpy as np
 
 from robid.errors import DataError
 from robid.frf.frf import CONFIGURATION_WISE, Frf
+from robid.frf.friction import with_friction_moved
 
 _SAME = ("input_names", "output_names", "torque_unit", "torque_hold", "sampling_period_s", "coefficient_names")
 
@@ -18,7 +19,7 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
     """Joins responses of the same robot and lines, such as those of two amplitudes.
 
     Compensated torque coefficients are the robot's own and shared: each response is moved to where the first one's
-    were subtracted.
+    were subtracted, exactly as a fit moves them.
 
     Args:
         frfs: The responses; configurations may be the same. What only some of them have is left out.
@@ -63,5 +64,4 @@ def _aligned(frf: Frf, first: Frf, blocks: int) -> Frf:
         frf = replace(frf, torque_amplitude=np.pad(frf.torque_amplitude, missing, constant_values=np.nan))
     if frf.coefficient_offset is None or first.coefficient_offset is None or not frf.coefficient_names:
         return frf
-    moved = np.einsum("s,csfoi->cfoi", first.coefficient_offset - frf.coefficient_offset, frf.sensitivity)
-    return replace(frf, response=frf.response + moved)
+    return with_friction_moved(frf, first.coefficient_offset - frf.coefficient_offset)

@@ -35,9 +35,12 @@ class ParameterRow:
         estimate: Fitted value.
         lower: Lower end of the interval.
         upper: Upper end of the interval.
-        relative_std: Predicted relative standard deviation.
+        relative_std: Relative standard deviation after the fit.
         truth: True value of a simulated robot, or None.
         identifiable: Whether the data determine the parameter, fixed before the fit.
+        identified: Whether that is so and the interval after the fit bears it out.
+        predicted_relative_std: Relative deviation predicted before the fit, which decides; None where it is unknown.
+        known_relative_std: Relative deviation known beforehand, or None.
         covered: Whether the interval holds the truth, or None without a truth.
         assumed: Whether the nominal value has no published source.
         note: What the reader should know, such as why it is not identifiable.
@@ -60,6 +63,9 @@ class ParameterRow:
     note: str = ""
     bootstrap: tuple[float, float] | None = None
     realization_relative_std: float | None = None
+    identified: bool = True
+    predicted_relative_std: float | None = None
+    known_relative_std: float | None = None
 
 
 @dataclass(frozen=True)
@@ -165,6 +171,7 @@ class FitContent:
         undetermined: Combinations of parameters that the data do not determine, a sentence each.
         element_errors: The residuals against their covariance, or None where there is none.
         identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
+        interval_rule: What set the width of the intervals, in words.
         validation_campaign: Name of the validation campaign.
         validation_frf: Its frequency responses, or None.
         validation_model: The model's responses there, or None.
@@ -186,6 +193,7 @@ class FitContent:
     undetermined: tuple[str, ...] = ()
     element_errors: ElementErrors | None = None
     identifiable_relative_std: float | None = None
+    interval_rule: str = ""
     validation_campaign: str = ""
     validation_frf: Frf | None = None
     validation_model: ComplexArray | None = None

@@ -84,6 +84,11 @@ def ratio_sentence(torque_unit: str) -> str:
     return f"The torque constant K_t is unknown: {torque_unit} stands for N m, and every value is its ratio to K_t."
 
 
+def rule_sentence(fit: FitContent) -> str:
+    """Says what set the width of the intervals; empty where that is unknown."""
+    return f"The intervals' width is set by {fit.interval_rule}." if fit.interval_rule else ""
+
+
 def widened_sentence(fit: FitContent) -> str:
     """Says by how much the intervals are widened; empty where they are not."""
     if fit.misfit <= 1:
@@ -127,7 +132,6 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         return _nuisance_line(row, threshold)
     half_width = (row.upper - row.lower) / 2
     scale = scale_for(row.estimate or row.nominal, row.unit, half_width)
-    relative = half_width / abs(row.estimate) if row.estimate else float("nan")
     return ParameterLine(
         name=row.name,
         unit=scale.unit,
@@ -135,16 +139,22 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         estimate=scale.text(row.estimate),
         lower=scale.text(row.lower),
         upper=scale.text(row.upper),
-        half_width=percent(relative),
+        half_width=percent(_relative_half_width(row)),
         change=percent(row.estimate / row.nominal - 1, signed=True) if row.nominal else MISSING,
         truth=scale.text(row.truth),
         off_truth=percent(row.estimate / row.truth - 1, signed=True) if row.truth else MISSING,
         covered=row.covered,
         assumed=row.assumed,
         identifiable=row.identifiable,
-        note=row.note if row.identifiable else _reason(row, threshold),
+        note=_note(row, threshold),
         bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
     )
+
+
+def _relative_half_width(row: ParameterRow) -> float:
+    """Half the interval over the estimate, or as it is for what the robot file's value is the zero of."""
+    size = 1.0 if row.kind == NUISANCE else abs(row.estimate)
+    return (row.upper - row.lower) / 2 / size if size else float("nan")
 
 
 def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
@@ -172,7 +182,7 @@ def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
         covered=row.covered,
         assumed=False,
         identifiable=row.identifiable,
-        note=row.note if row.identifiable else _reason(row, threshold),
+        note=_note(row, threshold),
     )
 
 
@@ -195,10 +205,25 @@ def nuisance_lines(fit: FitContent) -> list[ParameterLine]:
     return [parameter_line(row, fit.identifiable_relative_std) for row in fit.parameters if row.kind == NUISANCE]
 
 
+def _note(row: ParameterRow, threshold: float | None) -> str:
+    """Says why a row is not to be relied on, with the figure that decided, before what else there is to know."""
+    reason = _reason(row, threshold)
+    return "; ".join(text for text in (reason, row.note) if text)
+
+
 def _reason(row: ParameterRow, threshold: float | None) -> str:
-    limit = f", above {percent(threshold)}" if threshold is not None and row.relative_std > threshold else ""
-    reason = f"not identifiable: predicted deviation {percent(row.relative_std)}{limit}"
-    return f"{reason}; {row.note}" if row.note else reason
+    limit = 0.0 if threshold is None else threshold
+    if row.identifiable:
+        if row.identified:
+            return ""
+        return f"not identified: the interval came out at ±{percent(_relative_half_width(row))}"
+    decided = row.relative_std if row.predicted_relative_std is None else row.predicted_relative_std
+    if decided > limit > 0:
+        return f"not identifiable: predicted deviation {percent(decided)}, above {percent(limit)}"
+    if row.known_relative_std is None:
+        return f"not identifiable: predicted deviation {percent(decided)}"
+    known = "known beforehand" if row.known_relative_std <= limit else "not identifiable: known beforehand"
+    return f"{known} to {percent(row.known_relative_std)}, and the data were predicted to leave {percent(decided)}"
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,14 @@ def is_collocated(model: LinearModel) -> bool:
     return bool(same) and not model.tilt.any()
 
 
+def motor_rows(model: LinearModel) -> dict[int, int]:
+    """Output of each motor that is measured at itself: elements between two of these are reciprocal."""
+    unit = np.eye(model.n_motor, model.mass.shape[-1])
+    plain = np.asarray(~model.tilt.any(axis=(0, 2)))
+    alike = (model.output[:, :, None] == unit).all(axis=(0, 3)) & plain[:, None]
+    return {int(motor): int(row) for row, motor in np.argwhere(alike)}
+
+
 @dataclass
 class _Solved:
     """One factorisation: pivot rows of the springs, response of the motors, sampled response."""

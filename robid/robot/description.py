@@ -62,6 +62,7 @@ class Motor:
         ripple_nm: Amplitude of the torque ripple [N m].
         ripple_order: Ripple periods per motor turn.
         ripple_phase_rad: Phase `p` of the torque `ripple_nm sin(ripple_order q_m + p)` [rad].
+        inertia_relative_std: Standard deviation of the relative error of the rotor inertia.
     """
 
     inertia_kgm2: float
@@ -72,6 +73,7 @@ class Motor:
     ripple_nm: float = 0.0
     ripple_order: int = 6
     ripple_phase_rad: float = 0.0
+    inertia_relative_std: float = 0.05
 
 
 @dataclass(frozen=True)

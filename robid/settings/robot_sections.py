@@ -75,6 +75,9 @@ class MotorSection(Assumed):
     """A motor and its gear, motor side."""
 
     inertia_kgm2: float = Field(description="Rotor inertia [kg m^2].", gt=0)
+    inertia_relative_std: float = Field(
+        default=0.05, description="Standard deviation of the relative error of the rotor inertia.", gt=0
+    )
     gear_ratio: float = Field(description="Motor turns per arm turn.")
     max_speed_rad_s: float | None = Field(
         default=None, description="Speed limit; that of `model` when not given [rad/s].", gt=0
@@ -96,6 +99,7 @@ class MotorSection(Assumed):
             friction=self.friction.friction(),
             ripple_nm=self.ripple_nm,
             ripple_order=self.ripple_order,
+            inertia_relative_std=self.inertia_relative_std,
         )
 
 

@@ -109,6 +109,8 @@ def arrays(found: FittedExport, rows: list[int]) -> Content:
         **{name: getattr(solution, name) for name in ("names", "kinds", *COLUMNS[3:])},
         "units": found.units,
         "covariance": solution.covariance * np.outer(slope, slope),
+        "degrees_of_freedom": solution.degrees_of_freedom,
+        "interval_rule": solution.interval_rule,
         "confidence": solution.confidence,
         "configuration": np.array(found.chosen)[rows],
         "configurations_rad": solution.configurations[rows],
@@ -185,7 +187,8 @@ def _steps(found: FittedExport, simulate: SimulateOptions, *, friction: bool) ->
 
 def _header(found: FittedExport, names: list[str], angles: FloatArray, *, friction: bool) -> str:
     solution, unit = found.solution, found.frf.torque_unit
-    weak = [name for name, known in zip(solution.names, solution.identifiable, strict=True) if not known]
+    relied = solution.identified | solution.known_beforehand
+    weak = [name for name, known in zip(solution.names, relied, strict=True) if not known]
     shown = [np.array2string(row, precision=3, max_line_width=1000) for row in np.rad2deg(angles)]
     return "\n".join(
         [
@@ -200,7 +203,9 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             if friction
             else "Friction and ripple are left out; viscous friction is damping of q_m.",
             f"Not in here: the delay of {1e3 * found.delay_s:.4g} ms from commanded to applied torque.",
-            f"Not identifiable, do not rely on: {', '.join(weak)}" if weak else "All parameters are identifiable.",
+            f"Not identified, do not rely on: {', '.join(weak)}"
+            if weak
+            else "All parameters are identified or known beforehand.",
             "Keyframes, at rest under gravity with the holding torques; arm-side angles in deg:",
             *(f"  {name}: {row}" for name, row in zip(names, shown, strict=True)),
         ]

@@ -55,7 +55,8 @@ def chosen_frf(fit: Fit, frfs: Sequence[Frf]) -> Frf:
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     """Returns what the elastic model of a campaign is made of; the delay of a log is none."""
     used = loaded.experiment.campaigns[campaign]
-    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **robot_settings(loaded, "mechanics", "sensors")}
+    parts = robot_settings(loaded, "mechanics", "inertia_std", "sensors")
+    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
     settings["delay_s"] = delay_s(loaded, used)
     return settings
 
@@ -86,6 +87,8 @@ def figures(solution: Solution) -> str:
     """Says how the fit ended, in a phrase."""
     best = int(np.sum(solution.start_minimum == 0))
     identifiable = f"{int(np.sum(solution.identifiable))} of {counted(len(solution.names), 'parameter')} identifiable"
+    known = int(np.sum(solution.known_beforehand))
+    identifiable += f" ({known} more known beforehand)" if known else ""
     expected = float(solution.expected_cost.sum())
     ratio = f", {solution.configuration_cost.sum() / expected:.3g} times what noise alone gives" if expected > 0 else ""
     used = solution.start_evaluations

@@ -70,6 +70,7 @@ def fit_content(
         undetermined=solution.undetermined,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
         identifiable_relative_std=settings.identifiable_relative_std,
+        interval_rule=solution.interval_rule,
     )
     if validation is None or settings.validate_on is None:
         return content
@@ -140,6 +141,9 @@ def _parameters(
                 relative_std=float(solution.relative_std[index]),
                 truth=true,
                 identifiable=bool(solution.identifiable[index]),
+                identified=bool(solution.identified[index]),
+                predicted_relative_std=float(solution.predicted_relative_std[index]),
+                known_relative_std=_known(solution.prior_relative_std, index),
                 covered=None if true is None else lower <= true <= upper,
                 bootstrap=_pair(solution.bootstrap_lower, solution.bootstrap_upper, index),
                 realization_relative_std=_at(solution.realization_relative_std, index),
@@ -148,6 +152,10 @@ def _parameters(
             )
         )
     return tuple(rows)
+
+
+def _known(values: FloatArray, index: int) -> float | None:
+    return float(values[index]) if values.size and np.isfinite(values[index]) else None
 
 
 def _at(values: FloatArray | None, index: int) -> float | None:

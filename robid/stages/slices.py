@@ -11,11 +11,12 @@ from robid.settings.slices import to_plain
 from robid.simulate.options import Controller
 
 Part: TypeAlias = Literal[
-    "mechanics", "range", "motor_limits", "friction", "friction_std", "timing", "controller", "sensors"
+    "mechanics", "range", "motor_limits", "friction", "friction_std", "inertia_std", "timing", "controller", "sensors"
 ]
 
 _MOTOR: dict[str, Part] = {
     "inertia_kgm2": "mechanics",
+    "inertia_relative_std": "inertia_std",
     "gear_ratio": "mechanics",
     "max_speed_rad_s": "motor_limits",
     "max_torque_nm": "motor_limits",

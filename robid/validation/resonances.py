@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy.signal import find_peaks
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.options import ElasticOptions
@@ -131,19 +131,20 @@ def tabulate_resonances(
         DataError: If the data and the model do not belong together.
     """
     fitted = fitted_model(robot, solution, frf, options, delay_s)
-    factor = float(norm.ppf(0.5 + 0.5 * options.confidence))
+    tail = 0.5 + 0.5 * options.confidence
+    factor, own_factor = float(norm.ppf(tail)), float(t.ppf(tail, solution.fewest_degrees_of_freedom))
     covariance = _own_covariance(solution, fitted)
     elements = _Elements(fitted, frf)
     rows = []
     for configuration in range(frf.response.shape[0]):
-        free = _own_modes(fitted, covariance, poles(*fitted.linear, configuration), configuration, factor)
+        free = _own_modes(fitted, covariance, poles(*fitted.linear, configuration), configuration, own_factor)
         for motor, name in enumerate(frf.input_names):
             if name not in frf.output_names:
                 continue
             locked = zeros(*fitted.linear, configuration, motor)
             own = {
                 "resonance": free,
-                "antiresonance": _own_modes(fitted, covariance, locked, configuration, factor),
+                "antiresonance": _own_modes(fitted, covariance, locked, configuration, own_factor),
             }
             element = elements.at(configuration, frf.output_names.index(name), motor)
             found = [

@@ -80,6 +80,16 @@ def test_errors_common_to_all_lines_are_held_by_the_bootstrap_only():
     assert held["bootstrap"].mean() > 0.88
 
 
+def test_springs_are_held_where_the_robot_file_has_rotor_inertias_two_percent_off():
+    nominal, true, _, options = two_joint_case()
+    motors = [replace(joint.motor, inertia_kgm2=factor * joint.motor.inertia_kgm2)
+              for joint, factor in zip(true.joints, (1.02, 0.98), strict=True)]  # fmt: skip
+    true = replace(true, joints=tuple(replace(j, motor=m) for j, m in zip(true.joints, motors, strict=True)))
+    exact = exact_frf(true, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3)
+    rows = hits((nominal, true, exact, options), 12, 0.005)["sandwich"]
+    assert rows.mean() > 0.9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "bootstrapped"), [(two_joint_case, 200), (kr300_case, 20)], ids=["two joints", "kr300"]

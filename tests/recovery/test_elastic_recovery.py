@@ -51,7 +51,8 @@ def test_two_masses_without_noise(variant):
     outputs = ("drive", "drive.arm")
     frf = exact_frf(robot, [[0.0]], BENCH_HZ, sampling_period_s=4e-4, delay_s=5e-4, output_names=outputs,
                     declared_noise=1e-6)  # fmt: skip
-    nominal = with_spring_factors(two_mass_robot(viscous=0.0, motor_inertia=5.5e-3, load_inertia=4.0e-3), 0.7, 3.0)
+    wrong = two_mass_robot(viscous=0.0, motor_inertia=5.5e-3, load_inertia=4.0e-3, rotor_std=1e6)
+    nominal = with_spring_factors(wrong, 0.7, 3.0)
     solution = fit_elastic(nominal, frf, replace(VARIANTS[variant], free=EVERYTHING), 4e-4)
     check_recovered(solution, truth_of(robot, 5e-4) | {"drive.link_inertia": 4.752e-3})
 

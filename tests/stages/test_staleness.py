@@ -33,6 +33,13 @@ CASES = [
     ("small.yaml", "count: 6, seed: 1", "count: 6, seed: 2", {"designs/best.h5"} | ESTIMATION | FIT, ""),
     ("small.yaml", "[[20, 30]]", "[[20, 31]]", VALIDATION | CHECK, "configurations.list_deg[0][1]"),
     ("arm.yaml", "relative_std: 0.1", "relative_std: 0.2", FRFS | FIT, "robot.joints[0].motor.friction.relative_std"),
+    (
+        "arm.yaml",
+        "inertia_kgm2: 0.002",
+        "inertia_relative_std: 0.1\n      inertia_kgm2: 0.002",
+        FIT,
+        "inertia_relative_std",
+    ),
     ("arm.yaml", "coulomb_nm: 0.2,", "coulomb_nm: 0.21,", RECORDS | FRFS | FIT, "friction.coulomb_nm"),
     ("arm.yaml", "damping_nms_rad: 80", "damping_nms_rad: 81", ALL, "robot.springs[0].damping_nms_rad"),
     ("arm.yaml", "integral_time_s: 0.1", "integral_time_s: 0.2", ESTIMATION | VALIDATION | FIT, "integral_time_s"),

@@ -121,3 +121,21 @@ def test_a_clipped_step_that_goes_down_is_taken_though_the_model_promises_nothin
         lambda p: 100.0 + p[1], lambda p: Normal(100.0 + p[1], gradient, hessian), np.zeros(2), max_iterations=1
     )
     assert up.cost == 100.0
+
+
+@pytest.mark.parametrize("size", [1.0, 1e6])
+def test_a_step_that_damping_made_small_is_not_convergence(size):
+    # The cost rises in every direction, whatever its derivatives say: all steps are refused.
+    found = minimise(
+        lambda point: size + float(np.abs(point).sum()),
+        lambda _: Normal(size, np.array([-0.5, 0.2]), np.diag([1.0, 2.0])),
+        np.zeros(2),
+        max_iterations=1000,
+    )
+    assert found.status == "stalled"
+    np.testing.assert_array_equal(found.parameters, 0.0)
+
+
+def test_a_small_step_without_damping_is_convergence():
+    found = minimise(lambda _: 1.0, lambda _: Normal(1.0, np.array([1e-2]), np.array([[1e8]])), np.zeros(1))
+    assert found.status == "converged"

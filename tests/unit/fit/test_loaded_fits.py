@@ -180,16 +180,3 @@ def test_responses_of_other_lines_are_not_joined():
     second = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ[1:])
     with pytest.raises(DataError, match="`low` cannot be joined to `high`: excited lines"):
         join([first, second], ("high", "low"))
-
-
-def test_joined_responses_are_brought_to_one_compensation():
-    frf = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ)
-    slope = np.random.default_rng(1).standard_normal((4, 1, 25, 2, 2)) + 0j
-    compensated = replace(
-        frf, sensitivity=slope, coefficient_names=("elbow.level",), coefficient_relative_std=np.array([0.1])
-    )
-    first = replace(compensated, coefficient_offset=np.array([0.2]), response=frf.response + 0.2 * slope[:, 0])
-    second = replace(compensated, coefficient_offset=np.array([-0.1]), response=frf.response - 0.1 * slope[:, 0])
-    found = join([first, second], ("first", "second"))
-    np.testing.assert_allclose(found.response, np.concatenate([first.response, first.response]), rtol=1e-12)
-    assert found.configurations.shape == (8, 2)

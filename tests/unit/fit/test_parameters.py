@@ -7,6 +7,7 @@ import pytest
 
 from exact_systems import springs_everywhere, two_joint_robot
 from robid.errors import SettingsError
+from robid.fit.elastic import draw_starts
 from robid.fit.names import restricted
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import map_parameters
@@ -126,3 +127,22 @@ def test_restricted_options_keep_what_concerns_the_kinds_left():
         bounds={"bearing_1.stiffness": (1.0, 1e9)},
     )
     assert restricted(options, ("link_inertia", "location")).fixed == ("elbow.link_inertia", "forearm.location_x")
+
+
+def test_motor_inertias_are_known_as_the_robot_file_says_and_link_inertias_by_decades():
+    robot = two_joint_robot()
+    first, second = robot.joints
+    robot = replace(robot, joints=(replace(first, motor=replace(first.motor, inertia_relative_std=0.02)), second))
+    found = mapped(robot, free=(*ElasticOptions().free, "link_inertia"), prior_decades=2.0)
+    known = dict(zip(found.names, found.prior_std.tolist(), strict=True))
+    assert known["shoulder.motor_inertia"] == 0.02
+    assert known["elbow.motor_inertia"] == 0.05
+    assert known["shoulder.link_inertia"] == known["gear_1.stiffness"] == pytest.approx(2 * np.log(10))
+
+
+def test_starts_do_not_leave_what_is_known_of_a_motor():
+    found = mapped()
+    starts = np.array(draw_starts(found, ElasticOptions(starts=200, start_decades=2.0))[1:])
+    rotors = np.array(found.kind_of) == "motor_inertia"
+    np.testing.assert_allclose(starts[:, rotors].std(), 0.05, rtol=0.1)
+    assert np.abs(starts[:, np.array(found.kind_of) == "stiffness"]).max() > np.log(50)

@@ -7,11 +7,11 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot
 from robid.errors import DataError
-from robid.fit.friction import friction_move
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import map_parameters
 from robid.fit.problem import make_problem
 from robid.fit.weights import make_weights, make_whitening
+from robid.frf.friction import friction_move
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters

@@ -1,5 +1,7 @@
 """The way from a start to a minimum: minima that lock a joint are left, other parameters keep their start."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -101,3 +103,12 @@ def test_everything_is_counted():
     # Each accepted step asks twice, for the cost and for the normal equations there.
     assert end.evaluations < calls[0] < 2.2 * end.evaluations
     assert end.iterations < end.evaluations
+
+
+def test_an_inertia_that_is_known_beforehand_is_never_lost():
+    strategy = strategy_of(free=("stiffness", "motor_inertia"))
+    names = strategy.coarse.parameters.names
+    vanished = np.where([name.endswith("motor_inertia") for name in names], -8.0, 0.0)
+    weak = replace(strategy.coarse, weight=1e-12 * strategy.coarse.weight)
+    lost = module._lost(weak, vanished)
+    assert {name for name, gone in zip(names, lost, strict=True) if gone} <= set(names[:4])

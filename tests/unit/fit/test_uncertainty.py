@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from realizations import averaged
@@ -21,12 +22,14 @@ from robid.fit.uncertainty import (
     realization_freedom,
     realization_shifts,
     sandwich,
+    structured_covariance,
 )
 from robid.fit.undetermined import undetermined_combinations
 from robid.frf.joined import join
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
+from tolerances import IDENTITY
 
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 50)
 CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [0.1, -0.4]])
@@ -40,7 +43,7 @@ def exact():
 
 def problem_at_truth(frf, options=OPTIONS):
     model = build_model(two_joint_robot())
-    linear = linearize(model, solve_statics(model, frf.configurations))
+    linear = linearize(model, solve_statics(model, frf.configurations), frf.output_names)
     nominal = nominal_parameters(two_joint_robot(), linear, 0.0)
     parameters = map_parameters(two_joint_robot(), nominal, options, (), np.zeros(0))
     return make_problem(frf, linear, parameters, options)[0], np.zeros(len(parameters.names))
@@ -224,6 +227,11 @@ def test_what_differs_between_configurations_widens_the_intervals():
         held.append(((solution.lower <= solution.nominal) & (solution.nominal <= solution.upper))[springs])
         alone.append(solution.realization_relative_std[springs] / solution.relative_std[springs])
     assert np.mean(held) > 0.85
+    assert "; jackknife over 10 places where that is wider" in solution.interval_rule
+    reach = t.ppf(0.975, solution.degrees_of_freedom) * np.sqrt(np.diag(solution.covariance))
+    np.testing.assert_allclose(np.log(solution.upper / solution.estimate)[springs], reach[springs], rtol=IDENTITY)
+    assert (solution.degrees_of_freedom[springs] == 9).any()
+    np.testing.assert_allclose(solution.relative_std[springs] ** 2, np.diag(solution.covariance)[springs])
     assert np.median(alone) < 0.5, "noise alone must say far less, or there is nothing to widen"
 
 
@@ -238,3 +246,24 @@ def test_leaving_out_configurations_says_the_same_as_noise_where_there_is_only_n
     # It errs upward where one configuration tells more of a parameter than the others.
     assert (ratio > 0.9).all()
     assert (ratio < 1.8).all()
+
+
+@pytest.mark.parametrize("estimator", ["lls", "nls"])
+@pytest.mark.parametrize("extra", [(), ("elbow.arm",)])
+def test_reciprocal_elements_share_the_assumed_model_error(estimator, extra):
+    outputs = (*extra, "shoulder", "elbow")
+    frf = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ, declared_noise=1e-9, output_names=outputs)
+    options = replace(OPTIONS, weights=Weights("inflated"), estimator=estimator, prior_decades=1e6)
+    problem, internal = problem_at_truth(frf, options)
+    found = influence(problem, internal)
+    generator = np.random.default_rng(1)
+    shape = (2000, *frf.response.shape)
+    error = 0.02 * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)) / np.sqrt(2)
+    row = len(extra)
+    error[:, :, :, row, 1] = error[:, :, :, row + 1, 0]
+    errors = np.moveaxis(error * frf.response, 0, 1)
+    moves = found.shifts(errors).sum(axis=0)
+    np.testing.assert_allclose(moves.var(axis=0), np.diag(structured_covariance(problem, found)), rtol=0.15)
+    alone = replace(problem, model=replace(problem.model, tilt=np.ones_like(problem.model.tilt)))
+    ratio = np.diag(structured_covariance(problem, found)) / np.diag(structured_covariance(alone, found))
+    assert ratio.max() > 1.2

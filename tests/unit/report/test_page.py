@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from robid.report.content import FitContent, ReportContent, Verdict
+from robid.report.content import FitContent, ParameterRow, ReportContent, Verdict
 from robid.report.figures import band_radius
 from robid.report.numbers import MINUS, MISSING, percent
 from robid.report.page import render, write_report
@@ -274,3 +274,23 @@ def test_key_figures_count_what_the_rows_say(arm_content, bench_content):
     assert {figure.label for figure in key_figures(bench_content.fits[0])} == {
         "Springs identified", "Spring interval", "Resonances off", "Estimation cost",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(("row", "words"), [
+    ({"identifiable": False, "predicted_relative_std": 0.35}, "not identifiable: predicted deviation 35 %, above 20 %"),
+    ({"identifiable": False, "predicted_relative_std": 0.04, "known_relative_std": 0.05},
+     "known beforehand to 5.0 %, and the data were predicted to leave 4.0 %"),
+    ({"identifiable": False, "predicted_relative_std": 0.15, "known_relative_std": 0.23},
+     "not identifiable: known beforehand to 23 %, and the data were predicted to leave 15 %"),
+    ({"predicted_relative_std": 0.019, "identified": False}, "not identified: the interval came out at ±50 %"),
+    ({"predicted_relative_std": 0.019}, ""),
+])  # fmt: skip
+def test_a_row_says_the_figure_that_decided(row, words):
+    line = parameter_line(ParameterRow("gear", "stiffness", "N m/rad", 1.0, 2.0, 1.0, 3.0, 0.019, **row), 0.2)
+    assert line.note == words
+
+
+def test_the_page_says_what_set_the_width(arm_content):
+    fit = replace(arm_content.fits[0], interval_rule="noise; jackknife over 6 places")
+    page = page_text(render(replace(arm_content, fits=(fit,))))
+    assert "The intervals' width is set by noise; jackknife over 6 places." in page

@@ -172,6 +172,7 @@ def test_values_arrive_in_their_units():
     assert len(robot.springs) == 13
     np.testing.assert_allclose([robot.joints[0].lower_rad, robot.joints[0].upper_rad], np.deg2rad([-147, 147]))
     assert robot.joints[0].motor.friction.coulomb_nm == 0.73192436
+    assert robot.joints[0].motor.inertia_relative_std == 0.05
     assert robot.springs[0].stiffness_nm_rad == 4577800
     assert robot.notes
 

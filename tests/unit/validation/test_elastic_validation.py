@@ -160,8 +160,9 @@ def test_statics_are_those_of_the_fitted_springs(nominal):
     frf = exact_frf(soft, NEW, FREQUENCY_HZ, delay_s=DELAY_S)
     values = truth_of(soft) | {"shoulder.viscous": 0.0, "elbow.viscous": 0.0}
     start = fit_elastic(nominal, exact_frf(nominal, SEEN, FREQUENCY_HZ, delay_s=DELAY_S), OPTIONS, DELAY_S)
+    values |= {f"{joint.name}.motor_inertia": joint.motor.inertia_kgm2 for joint in soft.joints}
     estimate = np.array([values[name] for name in start.names])
-    logarithmic = np.array([kind in ("stiffness", "damping") for kind in start.kinds])
+    logarithmic = np.array([kind in ("stiffness", "damping", "motor_inertia") for kind in start.kinds])
     ratio = np.divide(estimate, start.nominal, out=np.ones_like(estimate), where=logarithmic)
     known = replace(start, estimate=estimate, internal=np.where(logarithmic, np.log(ratio), 0.0))
     found = validate_elastic(nominal, known, frf, OPTIONS, DELAY_S, None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,3 +53,9 @@ def friction_move(frf: Frf) -> FrictionMove:
     """
     share = np.linalg.pinv(frf.response)[:, None] @ frf.sensitivity
     return FrictionMove(frf.response, np.ascontiguousarray(np.moveaxis(share, 1, 3)))
+
+
+def with_friction_moved(frf: Frf, scales: FloatArray) -> Frf:
+    """Returns a response and its sensitivity as if the friction had been compensated `scales` (n_coef,) further on."""
+    move = friction_move(frf)
+    return replace(frf, response=move.moved(scales), sensitivity=np.moveaxis(move.slopes(scales), -1, 1))

@@ -1,0 +1,22 @@
+"""Which measurements were made in the same robot configuration, as those of two amplitudes are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid.arrays import FloatArray
+
+_SAME_CONFIGURATION_RAD = 1e-3
+
+
+def group_places(configurations: FloatArray) -> list[list[int]]:
+    """Indices of the measurements in each place: joint angles (n_conf, n_joint) [rad] that agree."""
+    places: list[list[int]] = []
+    for index, angles in enumerate(configurations):
+        for place in places:
+            if np.abs(configurations[place[0]] - angles).max() < _SAME_CONFIGURATION_RAD:
+                place.append(index)
+                break
+        else:
+            places.append([index])
+    return places
