@@ -157,7 +157,7 @@ def _slopes(means: _Means, *, offset: bool | None = None) -> tuple[FloatArray, t
 def _line(x: FloatArray, y: FloatArray, *, offset: bool) -> tuple[float, FloatArray, float] | None:
     """Slope, what it leaves, and by how much a sound slope may differ from 1; None where too little is turned.
 
-    One configuration can only tell a sign; an offset needs a configuration more.
+    One angle can only tell a sign; an offset needs a configuration more.
     """
     used = x - x.mean() if offset else x
     freedom = len(x) - 1 - offset
@@ -165,7 +165,7 @@ def _line(x: FloatArray, y: FloatArray, *, offset: bool) -> tuple[float, FloatAr
         return None
     slope = float(used @ y / (used @ used))
     left = y - slope * used - (y.mean() if offset else 0.0)
-    if freedom == 0 and abs(slope + 1) > 2 * _LEAST_SLOPE:
+    if (freedom == 0 or np.ptp(x) < _SPREAD_RAD) and abs(slope + 1) > 2 * _LEAST_SLOPE:
         return None
     scatter = max(float(np.sqrt(left @ left / max(freedom, 1))), _STATED_RAD)
     quantile = float(student.isf(_FALSE_ALARM / 2, 10 if scatter == _STATED_RAD else max(freedom, 1)))

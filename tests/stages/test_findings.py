@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from default_campaign import CONFIGURATION, ROBOT
 from frf_campaign import make_job, random_record, write_campaign
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
@@ -71,3 +72,20 @@ def test_dropped_samples_stop_the_stage(tmp_path):
     record.torque[0, 1, 2, 1, 200:-1] = record.torque[0, 1, 2, 1, 201:]
     with pytest.raises(DataError, match="realization 2, experiment 3: 1 sample missing in period 2 near sample 20"):
         run_stage(tmp_path, record, n_conf=1)
+
+
+def test_angles_that_contradict_the_robot_file_are_told_and_not_kept(tmp_path):
+    # A corrected robot file must not make the response stale, so nothing of this is in it.
+    record, names = periodic_record(512), tuple(joint.name for joint in ROBOT.joints)
+    offset = ROBOT.motor_per_arm @ CONFIGURATION
+    placed = replace(record, configurations=CONFIGURATION[None], input_names=names, output_names=names)
+    sound, _ = run_stage(tmp_path, replace(placed, position_offset_rad=offset[None]))
+    offset[1] += ROBOT.joints[1].motor.gear_ratio * np.deg2rad(30.0)
+    (tmp_path / "frf.h5").unlink()
+    warnings, notes = run_stage(tmp_path, replace(placed, position_offset_rad=offset[None]))
+    told = (
+        "Campaign estimation: axis_2: off by the same angle in every configuration (30 deg): this points to"
+        " configurations that are swapped or mislabelled."
+    )
+    assert told in warnings
+    assert not any("off by the same angle" in text for text in (*sound, *notes))
