@@ -130,8 +130,8 @@ def _point(job: Job, design: Design) -> tuple[Robot, float, _Knowledge | None]:
     if design.prior is None:
         return robot, delay, None
     solution = model_from_artifact(read_artifact(job.inputs["model"], MODEL))
-    # A misfit widens the fit's intervals, so it counts here too.
-    knowledge = _Knowledge(solution.names, solution.covariance * max(solution.misfit, 1.0))
+    # Its covariance is as wide as its intervals: a misfit is in it already.
+    knowledge = _Knowledge(solution.names, solution.covariance)
     return fitted_robot(robot, solution), fitted_delay_s(solution, delay), knowledge
 
 

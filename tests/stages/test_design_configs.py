@@ -87,9 +87,11 @@ def test_what_the_command_prints_and_what_json_holds(chosen):
 
 
 def test_the_next_configuration_adds_most_to_an_earlier_fit(chosen):
+    """What is known is the covariance that the fit states, misfit and all."""
     solution = model_from_artifact(read_artifact(chosen.runs / "fits/earlier/model.h5", MODEL))
     places = [solution.names.index(name) for name in SPRINGS]
-    known = np.linalg.inv(solution.covariance[np.ix_(places, places)] * max(solution.misfit, 1.0))
+    assert solution.misfit > 1.5, "else a misfit that counts twice would not show"
+    known = np.linalg.inv(solution.covariance[np.ix_(places, places)])
     robot = fitted_robot(load_experiment(chosen.folder / "design.yaml").robot.to_robot(), solution)
     matrices, _ = information_at(chosen, robot, fitted_delay_s(solution, 1e-3))
     gain = [np.linalg.slogdet(known + each)[1] - np.linalg.slogdet(known)[1] for each in matrices]
@@ -161,7 +163,7 @@ def test_settings_that_cannot_be(fresh, design, texts):
 
 def test_a_measured_design_needs_a_source(fresh):
     fresh.change(
-        "    source: {simulate: {<<: *simulate, seed: 2, truth: {spring_factor: 1.3, seed: 1}}}\n", "", file=FILE
+        "    source: {simulate: {<<: *simulate, seed: 2, truth: {spring_factor: 1.3, damper_factor: 3, seed: 1}}}\n", "", file=FILE
     )
     fresh.change(BEST, BEST.replace("candidates", "first").replace("count: 2", "count: 1"), file=FILE)
     refused(fresh, 2, "designs.best.information", "campaign `first` has no `source`", "`information: assumed`")
