@@ -41,25 +41,29 @@ class _Derivatives:
         free = int(self.wanted.columns.sum())
         self.precision = np.concatenate([np.zeros(free), np.where(np.isfinite(known), known, 0.0)])
 
-    def at(self, index: int) -> tuple[ComplexArray, ComplexArray]:
-        """Derivatives (n_freq, n_element, n_all) and relative covariance (n_freq, n_element, n_element).
+    def at(self, index: int, *, plain: bool = False) -> tuple[ComplexArray, ComplexArray]:
+        """Derivatives (n_freq, n_element, n_all) and covariance (n_freq, n_element, n_element) of the log response.
 
-        The elements are those of `vec G`, columns stacked; friction scales are the last nuisances.
+        The elements are the rows of the response one after the other; friction scales are the last nuisances. The
+        covariance is that of the measured response, and friction moves it: both are relative to the measured one,
+        springs and dampers to the modelled one. With `plain` nothing is relative to anything.
         """
         frf = self.frf
         position = solve_statics(self.model, frf.configurations[index : index + 1])
         linear = linearize(self.model, position, frf.output_names)
         nominal = nominal_parameters(self.model.robot, linear, self.delay_s)
         result = response(linear, nominal, frf.frequency_hz, frf.hold_period_s)
-        plain = jacobian(linear, nominal, result, self.wanted.kinds, frf.hold_period_s)[0]
-        plain = plain[..., self.wanted.columns] * self.wanted.scales(nominal, frf.sampling_period_s)
-        friction = np.moveaxis(frf.sensitivity[index], 0, -1)
-        own = np.concatenate([plain, friction], axis=-1) / result.sampled[0][..., None]
-        size = _stacked(result.sampled[0])
-        covariance = frf.full_covariance(index) / (size[:, :, None] * size[:, None, :].conj())
-        covariance = covariance + self.model_error**2 * np.eye(size.shape[1])
-        n_freq, n_all = len(own), own.shape[-1]
-        return own.swapaxes(1, 2).reshape(n_freq, -1, n_all), covariance
+        moved = jacobian(linear, nominal, result, self.wanted.kinds, frf.hold_period_s)[0]
+        moved = moved[..., self.wanted.columns] * self.wanted.scales(nominal, frf.sampling_period_s)
+        modelled, measured = (np.ones_like(each) if plain else each for each in (result.sampled[0], frf.response[index]))
+        friction = np.moveaxis(frf.sensitivity[index], 0, -1) / measured[..., None]
+        own = np.concatenate([moved / modelled[..., None], friction], axis=-1)
+        n_freq, n_out, n_in, n_all = own.shape
+        by_row = np.arange(n_out * n_in).reshape(n_in, n_out).T.ravel()
+        size = measured.reshape(n_freq, -1)
+        covariance = frf.full_covariance(index)[:, by_row][:, :, by_row] / (size[:, :, None] * size[:, None, :].conj())
+        error = self.model_error * np.abs(frf.response[index] / measured).reshape(n_freq, -1)
+        return own.reshape(n_freq, -1, n_all), covariance + error[..., None] ** 2 * np.eye(n_out * n_in)
 
 
 def measured_information(
@@ -168,17 +172,12 @@ def fitted_information(
 
 
 def _importance(frf: Frf, weights: FloatArray | None) -> FloatArray:
-    """Weights (n_conf, n_freq, n_element), elements as in `vec G`."""
+    """Weights (n_conf, n_freq, n_element), rows of the response one after the other."""
     if weights is None:
         return np.ones((*frf.response.shape[:2], frf.response.shape[2] * frf.response.shape[3]))
     n_conf, n_freq, n_out, n_in = frf.response.shape
     check_shape("weights", weights, "n_conf n_freq n_out n_in", n_conf=n_conf, n_freq=n_freq, n_out=n_out, n_in=n_in)
-    return np.asarray(_stacked(weights))
-
-
-def _stacked(values: FloatArray) -> FloatArray:
-    """Elements (..., n_out, n_in) as (..., n_element), columns one after the other."""
-    return values.swapaxes(-1, -2).reshape(*values.shape[:-2], -1)
+    return np.asarray(weights.reshape(n_conf, n_freq, -1))
 
 
 def _check_inputs(robot: Robot, frf: Frf) -> None:

@@ -51,6 +51,33 @@ def test_information_is_the_inverse_covariance_of_the_optimally_weighted_fit(frf
     assert_same(np.linalg.inv(covariance), matrices[index])
 
 
+def soft(robot, factor=2.0):
+    """The robot with springs that are off by a factor."""
+    return replace(
+        robot, springs=tuple(replace(each, stiffness_nm_rad=each.stiffness_nm_rad / factor) for each in robot.springs)
+    )
+
+
+def with_friction(frf, deviation=1e-4):
+    """Compensated friction that scales each column of the response, as a torque's does, by a known relative push."""
+    push = np.array([[0.3, 0.0], [0.0, 0.2j], [0.1j, -0.2]])
+    return replace(
+        frf,
+        sensitivity=push[None, :, None, None, :] * frf.response[:, None],
+        coefficient_names=("a", "b", "c"),
+        coefficient_relative_std=np.full(3, deviation),
+    )
+
+
+def test_springs_that_are_off_leave_errors_and_friction_relative_to_what_was_measured(frf):
+    """As in a fit that starts there: how friction moves the measured response does not depend on the springs."""
+    off, one = soft(ROBOT), with_friction(frf).select([1])
+    options = ElasticOptions(weights=Weights("optimal_full"), prior_decades=1e6)
+    problem, _ = set_up(off, one, options, DELAY_S)
+    covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:8, :8]
+    assert_same(np.linalg.inv(covariance), measured_information(off, one, DELAY_S)[0][0])
+
+
 def test_bread_and_meat_give_the_sandwich_of_the_fit(frf):
     options = ElasticOptions(weights=Weights("user", off_diagonal=0.3, low_cut_hz=5), prior_decades=1e6)
     one = frf.select([1])
