@@ -2,6 +2,7 @@
 
 import itertools
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,11 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.measured import measured_information
+from robid.fit.elastic import set_up
 from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.fit.options import ElasticOptions, Weights
+from robid.fit.uncertainty import sandwich
+from robid.fit.weights import make_weights
 from robid.settings.load import load_experiment
 from tolerances import IDENTITY
 
@@ -110,6 +115,35 @@ def test_a_fit_with_its_own_weights_is_never_better_than_the_best_weights(chosen
     assert "Lost by whole numbers" not in answer.out
 
 
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("fitted", ElasticOptions(weights=Weights("user", off_diagonal=0.3))),
+        ("named", ElasticOptions(weights=Weights("optimal"), correct_torques=False)),
+    ],
+)
+def test_a_design_for_a_fit_promises_what_that_fit_states(chosen, name, options):
+    """Its sandwich at the robot file's values, of the wanted springs with all that is estimated along."""
+    robot = load_experiment(chosen.folder / "design.yaml").robot.to_robot()
+    frf = frf_from_artifact(read_artifact(chosen.runs / "candidates/frf.h5", FRF))
+    design = design_of(chosen, name)
+    options = replace(options, free=("stiffness", "viscous", "delay"), prior_decades=1e6)
+    problem, _ = set_up(robot, frf.select(design.chosen), options, 1e-3)
+    if name == "fitted":
+        # The scale of user weights is that of all candidates, which friction's prior is held against.
+        weights = make_weights(frf, options.weights, options.estimator)[0]
+        problem = replace(problem, weight=weights[design.chosen])
+    covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:2, :2]
+    np.testing.assert_allclose(design.predicted_relative_std, np.sqrt(np.diag(covariance)), rtol=1e-5)
+
+
+def test_a_design_is_stale_with_the_weights_of_its_fit(chosen):
+    chosen.change("{kind: optimal}", "{kind: inflated}", file=FILE)
+    states = chosen.states()
+    assert states["designs/named.h5"][0] == "stale"
+    assert states["designs/fitted.h5"][0] == "fresh"
+
+
 def test_visits_cost_experiments_and_the_way_from_the_first_candidate(chosen):
     design = design_of(chosen, "assumed")
     # 4 realizations of 2 experiments of 2 + 2 periods; joints reach 400/100 rad/s, half of it on the way.
@@ -153,6 +187,14 @@ def refused(shop, code, *texts, command=("run", "design.yaml")):
             ("designs.best.prior", "does not estimate `turn.motor_inertia`, `lift.motor_inertia`"),
         ),
         ("best: {campaign: candidates, weights: {mean: fit}}", ("weights.mean", "`information: measured`")),
+        (
+            "best: {campaign: candidates, information: measured, fit: earlyer, weights: {mean: fit}}",
+            ("designs.best.fit", "did you mean `earlier`?"),
+        ),
+        (
+            "best: {campaign: candidates, fit: earlier, weights: {off_diagonal: 0.3, mean: fit}}",
+            ("designs.best.weights", "the rest comes from the fit"),
+        ),
         ("best: {campaign: candidates, criterion: f}", ("designs.best.criterion",)),
     ],
 )
@@ -163,7 +205,9 @@ def test_settings_that_cannot_be(fresh, design, texts):
 
 def test_a_measured_design_needs_a_source(fresh):
     fresh.change(
-        "    source: {simulate: {<<: *simulate, seed: 2, truth: {spring_factor: 1.3, damper_factor: 3, seed: 1}}}\n", "", file=FILE
+        "    source: {simulate: {<<: *simulate, seed: 2, truth: {spring_factor: 1.3, damper_factor: 3, seed: 1}}}\n",
+        "",
+        file=FILE,
     )
     fresh.change(BEST, BEST.replace("candidates", "first").replace("count: 2", "count: 1"), file=FILE)
     refused(fresh, 2, "designs.best.information", "campaign `first` has no `source`", "`information: assumed`")
@@ -203,7 +247,7 @@ def test_candidates_that_cannot_be_chosen_from(fresh, campaign, design, code, te
     fresh.change("controller:", "floor_m: 0\ncontroller:", file="arm.yaml")
     fresh.change("{random: {count: 6, seed: 1}}", campaign, file=FILE)
     fresh.change(BEST, f"best: {{campaign: candidates, {design}}}", file=FILE)
-    for name in ("next", "fitted", "assumed"):
+    for name in ("next", "fitted", "named", "assumed"):
         line = next(line for line in (fresh.folder / "design.yaml").read_text().splitlines() if f"  {name}: " in line)
         fresh.change(f"{line}\n", "", file=FILE)
     refused(fresh, code, *texts, command=CHOOSE)
