@@ -23,7 +23,8 @@ class FittedInformation:
         bread (n_draw, n_conf, n_all, n_all): `2 Re J^H W J`.
         meat (n_draw, n_conf, n_all, n_all): `2 Re J^H W Lambda W J`; the covariance of the fit is `B^-1 S B^-1` of
             the sums, what is known beforehand added to both.
-        best (n_draw, n_conf, n_all, n_all): Information by optimal weights, `2 Re J^H Lambda^-1 J`.
+        best (n_draw, n_conf, n_all, n_all): Information by optimal weights, `2 Re J^H Lambda^-1 J`, `Lambda` taken
+            for granted as in the meat.
         precision (n_all,): What is known of each parameter beforehand, over its variance.
     """
 

@@ -164,12 +164,10 @@ def fitted_information(
     """
     derivatives = _Derivatives(robot, frf, delay_s, kinds, nuisance, fixed, model_error)
     _check_freedom(frf)
-    # A fit that weighs by the inverse of the same covariance is not corrected for its scatter either.
-    share = 1.0 if whitening is not None else 1 - frf.response.shape[2] / frf.degrees_of_freedom
     found = []
     for index, weight in enumerate(_importance(frf, weights)):
         own, covariance = derivatives.at(index, plain=estimator == "nls")
-        best = share * _best(own, covariance, np.ones_like(weight))
+        best = _best(own, covariance, np.ones_like(weight))
         own = own.real + 0j if estimator == "llsm" else own
         if whitening is None:
             weighted = weight[..., None] * own

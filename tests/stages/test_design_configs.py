@@ -110,6 +110,7 @@ def test_the_next_configuration_adds_most_to_an_earlier_fit(chosen):
 def test_a_fit_with_its_own_weights_is_never_better_than_the_best_weights(chosen):
     fitted, best = design_of(chosen, "fitted"), design_of(chosen, "best")
     assert fitted.efficiency < best.efficiency <= 1 + 1e-9
+    assert all(design_of(chosen, name).efficiency <= 1 + 1e-9 for name in ("named", "allowing"))
     assert fitted.stability is None
     answer = chosen.robid("design-configs", "design.yaml", "--design", "fitted", "--force")
     assert "Lost by whole numbers" not in answer.out
@@ -120,6 +121,7 @@ def test_a_fit_with_its_own_weights_is_never_better_than_the_best_weights(chosen
     [
         ("fitted", ElasticOptions(weights=Weights("user", off_diagonal=0.3))),
         ("named", ElasticOptions(weights=Weights("optimal"), correct_torques=False)),
+        ("allowing", ElasticOptions(weights=Weights(model_error=0.05))),
     ],
 )
 def test_a_design_for_a_fit_promises_what_that_fit_states(chosen, name, options):
@@ -247,7 +249,7 @@ def test_candidates_that_cannot_be_chosen_from(fresh, campaign, design, code, te
     fresh.change("controller:", "floor_m: 0\ncontroller:", file="arm.yaml")
     fresh.change("{random: {count: 6, seed: 1}}", campaign, file=FILE)
     fresh.change(BEST, f"best: {{campaign: candidates, {design}}}", file=FILE)
-    for name in ("next", "fitted", "named", "assumed"):
+    for name in ("next", "fitted", "named", "allowing", "assumed"):
         line = next(line for line in (fresh.folder / "design.yaml").read_text().splitlines() if f"  {name}: " in line)
         fresh.change(f"{line}\n", "", file=FILE)
     refused(fresh, code, *texts, command=CHOOSE)

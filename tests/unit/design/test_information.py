@@ -187,7 +187,8 @@ def shared_parts(n_conf, n_row, n_wanted, n_more, seed):
     return jacobian, generator.uniform(0.2, 5, (n_conf, n_row)), generator.uniform(0.5, 2, (n_conf, n_row))
 
 
-def test_shared_nuisances_go_out_of_the_sum_and_what_is_known_of_them_counts_once():
+@pytest.mark.parametrize("known", [np.zeros(3), np.array([3.0, 0.5, 10])])
+def test_shared_nuisances_go_out_of_the_sum_and_what_is_known_counts_once(known):
     """Against least squares with all residuals of the chosen candidates stacked, and every other choice of as many."""
     jacobian, variance, weight = shared_parts(9, 4, 3, 2, seed=23)
     precision = np.array([0, 0, 0, 0.5, 40])
@@ -195,13 +196,14 @@ def test_shared_nuisances_go_out_of_the_sum_and_what_is_known_of_them_counts_onc
     fitted = FittedInformation(
         bread[None], information(jacobian, 1 / (weight**2 * variance))[None], best[None], precision
     )
-    design = designed(best[:, :3, :3], "abc", count=3, fitted=fitted)
+    design = designed(best[:, :3, :3], "abc", count=3, fitted=fitted, prior=np.diag(known))
+    whole = precision + np.append(known, [0, 0])
 
     def covariance(subset, weights):
         rows, spread = jacobian[list(subset)].reshape(-1, 5), variance[list(subset)].ravel()
         gain = np.linalg.solve(
-            rows.T * weights[list(subset)].ravel() @ rows + np.diag(precision),
-            np.hstack([rows.T * weights[list(subset)].ravel(), np.diag(np.sqrt(precision))]),
+            rows.T * weights[list(subset)].ravel() @ rows + np.diag(whole),
+            np.hstack([rows.T * weights[list(subset)].ravel(), np.diag(np.sqrt(whole))]),
         )
         return (gain * np.append(spread, np.ones(5)) @ gain.T)[:3, :3]
 
