@@ -8,6 +8,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.design.criteria import Criterion, tangent, worth
+from robid.design.fitted import merged
 
 _GAIN = 1e-10
 _SMOOTHING = 1e-6
@@ -20,13 +21,14 @@ class Exchange:
 
     Attributes:
         criterion: `d`, `a` or `e`.
-        parts (n_draw, n_cand, n_part, n_param, n_param): What one experiment of each candidate adds, see `merged`.
-        base (n_draw, n_part, n_param, n_param): What is there without any.
+        parts (n_draw, n_cand, n_part, n_all, n_all): What one experiment of each candidate adds, see `merged`.
+        base (n_draw, n_part, n_all, n_all): What is there without any.
         experiments: Number of experiments.
         distinct: Number of different candidates at most.
         repeats: Whether a candidate may be measured more than once.
         cost (n_cand,): Cost of one experiment.
         budget: What they may cost together.
+        wanted: Number of parameters that the choice is about, the first ones; all when not given.
     """
 
     criterion: Criterion
@@ -37,15 +39,16 @@ class Exchange:
     repeats: bool
     cost: FloatArray
     budget: float
+    wanted: int | None = None
 
     def total(self, counts: IntArray) -> FloatArray:
-        """Total (n_draw, n_part, n_param, n_param) of some numbers of experiments (n_cand,)."""
+        """Total (n_draw, n_part, n_all, n_all) of some numbers of experiments (n_cand,)."""
         used = np.flatnonzero(counts)
         return np.asarray(self.base + np.tensordot(self.parts[:, used], counts[used], (1, 0)))
 
     def worth(self, counts: IntArray) -> float:
         """Worth of some numbers of experiments."""
-        return float(worth(self.criterion, merged(self.total(counts))))
+        return float(worth(self.criterion, merged(self.total(counts), self.wanted)))
 
     def addable(self, counts: IntArray) -> BoolArray:
         """Which candidates may be measured (once more) beside some numbers of experiments."""
@@ -115,7 +118,7 @@ class Exchange:
         indices = np.flatnonzero(allowed)
         if indices.size == 0:
             return -1, 0.0
-        values = worth(self.criterion, merged(total[:, None] + self.parts[:, indices]))
+        values = worth(self.criterion, merged(total[:, None] + self.parts[:, indices], self.wanted))
         return int(indices[np.argmax(values)]), float(values.max())
 
     def _leaves_enough(self, counts: IntArray, index: int) -> bool:
@@ -124,18 +127,6 @@ class Exchange:
         free = self.cost if self.repeats else np.delete(self.cost, np.append(np.flatnonzero(counts), index))
         needed = left * free.min() if self.repeats else np.sort(free)[:left].sum()
         return bool(counts @ self.cost + self.cost[index] + needed <= self.budget * (1 + 1e-12))
-
-
-def merged(parts: FloatArray) -> FloatArray:
-    """Information (..., n_param, n_param) of parts (..., n_part, n_param, n_param).
-
-    One part is the information itself; two are bread and meat of a fit with its own weights, `B S^-1 B`.
-    """
-    bread = parts[..., 0, :, :]
-    if parts.shape[-3] == 1:
-        return np.asarray(bread)
-    whole = bread @ np.linalg.solve(parts[..., 1, :, :], bread)
-    return np.asarray(0.5 * (whole + whole.swapaxes(-1, -2)))
 
 
 def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: int) -> IntArray:

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
+from robid.design.fitted import FittedInformation, merged
 from robid.design.options import DesignOptions
 from robid.design.plan import Plan, checked_plan, choose_counts
 from robid.design.seen import check_different, check_finite, checked_scale, is_regular
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
+_TIGHTENED = 4
+"""How often the bound on a fit with its own weights is made tight at the weights found so far."""
 
 
 @dataclass(frozen=True)
@@ -79,19 +82,6 @@ class Stability:
     chosen_often: FloatArray
 
 
-@dataclass(frozen=True)
-class FittedInformation:
-    """Information that a fit with weights of its own makes of the candidates, see `design_configurations`.
-
-    Attributes:
-        bread (n_conf, n_param, n_param): `2 Re J^H W J`.
-        meat (n_conf, n_param, n_param): `2 Re J^H W Lambda W J`; the fit's covariance is `B^-1 S B^-1` of the sums.
-    """
-
-    bread: FloatArray
-    meat: FloatArray
-
-
 def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> FloatArray:
     """Sums the information of independent residuals per candidate.
 
@@ -136,7 +126,8 @@ def design_configurations(
         prior (n_param, n_param): Information known beforehand, such as the inverse covariance of an earlier fit.
         cost (n_conf,): Cost of one experiment in each candidate.
         fitted: The choice is made for a fit with its own weights. Such information does not add over candidates:
-            exchange maximises it, and its efficiency is against the bound of optimal weights, from `matrices`.
+            exchange maximises it, and its efficiency is against a bound on optimal weights of the same responses.
+            `matrices` are then only what each candidate tells alone.
 
     Raises:
         SettingsError: If there are fewer candidates than configurations to choose, or more of these than experiments,
@@ -160,17 +151,18 @@ def design_configurations(
     if options.criterion != "d":
         # The other criteria depend on the parameters' scale: that of the log-parameters stays.
         scale = np.full(n_param, scale.mean())
-    unit = scale[:, None] * scale
-    parts = draws[:, :, None] if fitted is None else np.stack([fitted.bread, fitted.meat], axis=1)[None]
-    plan = Plan(options, draws / unit, parts / unit, known / unit, price, experiments, budget)
+    plan = _plan(draws, known, scale, fitted, options, price, experiments, budget)
+    if fitted is not None:
+        every = np.ones(n_conf, int)
+        for seen in plan.seen(every):
+            checked_scale(seen, parameter_names, "the candidates, by the weights of the fit,", _FIX)
     relaxed = plan.relaxed()
     counts = choose_counts(plan, relaxed)
     chosen = np.flatnonzero(counts)
     _check_chosen(plan, counts, parameter_names)
     found, own = plan.worth(counts), plan.relaxed(chosen)
-    totals = plan.totals(counts)
-    base = plan.prior + np.zeros_like(totals)
-    deviation = np.diagonal(np.linalg.inv(totals), axis1=1, axis2=2).mean(axis=0)
+    deviation = np.diagonal(np.linalg.inv(plan.totals(counts)), axis1=1, axis2=2).mean(axis=0)
+    beforehand = is_regular(known / np.outer(scale, scale))
     return ConfigurationDesign(
         weights=relaxed.weights,
         gap=relaxed.gap,
@@ -181,7 +173,7 @@ def design_configurations(
         efficiency=found / plan.bound(relaxed),
         choice_efficiency=_choice_efficiency(plan, found, found / plan.bound(relaxed)),
         rounding_loss=1 - found / plan.bound(own),
-        gain=_gain(plan.matrices, base if is_regular(plan.prior) else totals),
+        gain=_gain(plan.parts, plan.sums(np.zeros_like(counts) if beforehand else counts), n_param),
         information=draws.mean(axis=0),
         predicted_relative_std=np.sqrt(deviation) / scale,
         parameter_names=parameter_names,
@@ -209,12 +201,42 @@ def next_configuration(matrices: FloatArray, prior: FloatArray, parameter_names:
     remedy = "Choose configurations without prior first, or fix one of the named parameters in each combination."
     scale = checked_scale(prior, parameter_names, "the earlier experiments", remedy)
     unit = scale[:, None] * scale
-    return _gain(draws / unit, np.repeat(prior[None] / unit, len(draws), axis=0))
+    return _gain(draws[:, :, None] / unit, np.repeat(prior[None, None] / unit, len(draws), axis=0), len(prior))
 
 
-def _gain(matrices: FloatArray, base: FloatArray) -> FloatArray:
-    before = np.linalg.slogdet(base)[1]
-    return np.asarray((np.linalg.slogdet(base[:, None] + matrices)[1] - before[:, None]).mean(axis=0))
+def _plan(
+    draws: FloatArray,
+    known: FloatArray,
+    scale: FloatArray,
+    fitted: FittedInformation | None,
+    options: DesignOptions,
+    price: FloatArray,
+    experiments: int,
+    budget: float,
+) -> Plan:
+    """The choice to be made, over the scale of the log-parameters."""
+    unit = scale[:, None] * scale
+    known = known / unit
+    if fitted is None:
+        matrices = draws / unit
+        return Plan(options, matrices, matrices[:, :, None], known, known[None], price, experiments, budget)
+    own = fitted.scaled(scale)
+    visits = np.full(price.size, budget / price.sum())
+    lowest = np.inf
+    for _ in range(_TIGHTENED):
+        bound, beside = own.bound(known, visits)
+        plan = Plan(options, bound, own.parts(), beside, own.base(known), price, experiments, budget)
+        relaxed = plan.relaxed()
+        if plan.bound(relaxed) >= lowest:
+            break
+        best, lowest, visits = plan, plan.bound(relaxed), budget * relaxed.weights / price
+    return best
+
+
+def _gain(parts: FloatArray, here: FloatArray, count: int) -> FloatArray:
+    before = np.linalg.slogdet(merged(here, count))[1]
+    after = np.linalg.slogdet(merged(here[:, None] + parts, count))[1]
+    return np.asarray((after - before[:, None]).mean(axis=0))
 
 
 def _check_chosen(plan: Plan, counts: IntArray, names: tuple[str, ...]) -> None:
@@ -223,7 +245,7 @@ def _check_chosen(plan: Plan, counts: IntArray, names: tuple[str, ...]) -> None:
     if options.experiments is not None:
         by = f"the best {options.experiments} experiments in at most {options.count} configurations"
         remedy = "Raise experiments or count."
-    for total in plan.prior + np.tensordot(plan.parts[:, :, 0], counts, (1, 0)):
+    for total in plan.seen(counts):
         checked_scale(total, names, by, remedy)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, check_shape
-from robid.design.information import FittedInformation
+from robid.design.fitted import FittedInformation
 from robid.design.wanted import NUISANCE, choose_parameters, eliminated
 from robid.errors import DataError
 from robid.frf.frf import Frf
@@ -41,25 +42,31 @@ class _Derivatives:
         free = int(self.wanted.columns.sum())
         self.precision = np.concatenate([np.zeros(free), np.where(np.isfinite(known), known, 0.0)])
 
-    def at(self, index: int) -> tuple[ComplexArray, ComplexArray]:
-        """Derivatives (n_freq, n_element, n_all) and relative covariance (n_freq, n_element, n_element).
+    def at(self, index: int, *, plain: bool = False) -> tuple[ComplexArray, ComplexArray]:
+        """Derivatives (n_freq, n_element, n_all) and covariance (n_freq, n_element, n_element) of the log response.
 
-        The elements are those of `vec G`, columns stacked; friction scales are the last nuisances.
+        The elements are the rows of the response one after the other; friction scales are the last nuisances. The
+        covariance is that of the measured response, and friction moves it: both are relative to the measured one,
+        springs and dampers to the modelled one. With `plain` nothing is relative to anything.
         """
         frf = self.frf
         position = solve_statics(self.model, frf.configurations[index : index + 1])
         linear = linearize(self.model, position, frf.output_names)
         nominal = nominal_parameters(self.model.robot, linear, self.delay_s)
         result = response(linear, nominal, frf.frequency_hz, frf.hold_period_s)
-        plain = jacobian(linear, nominal, result, self.wanted.kinds, frf.hold_period_s)[0]
-        plain = plain[..., self.wanted.columns] * self.wanted.scales(nominal, frf.sampling_period_s)
-        friction = np.moveaxis(frf.sensitivity[index], 0, -1)
-        own = np.concatenate([plain, friction], axis=-1) / result.sampled[0][..., None]
-        size = _stacked(result.sampled[0])
-        covariance = frf.full_covariance(index) / (size[:, :, None] * size[:, None, :].conj())
-        covariance = covariance + self.model_error**2 * np.eye(size.shape[1])
-        n_freq, n_all = len(own), own.shape[-1]
-        return own.swapaxes(1, 2).reshape(n_freq, -1, n_all), covariance
+        moved = jacobian(linear, nominal, result, self.wanted.kinds, frf.hold_period_s)[0]
+        moved = moved[..., self.wanted.columns] * self.wanted.scales(nominal, frf.sampling_period_s)
+        modelled, measured = (
+            np.ones_like(each) if plain else each for each in (result.sampled[0], frf.response[index])
+        )
+        friction = np.moveaxis(frf.sensitivity[index], 0, -1) / measured[..., None]
+        own = np.concatenate([moved / modelled[..., None], friction], axis=-1)
+        n_freq, n_out, n_in, n_all = own.shape
+        by_row = np.arange(n_out * n_in).reshape(n_in, n_out).T.ravel()
+        size = measured.reshape(n_freq, -1)
+        covariance = frf.full_covariance(index)[:, by_row][:, :, by_row] / (size[:, :, None] * size[:, None, :].conj())
+        error = self.model_error * np.abs(frf.response[index] / measured).reshape(n_freq, -1)
+        return own.reshape(n_freq, -1, n_all), covariance + error[..., None] ** 2 * np.eye(n_out * n_in)
 
 
 def measured_information(
@@ -107,12 +114,7 @@ def measured_information(
     importance = _importance(frf, weights)
     matrices = []
     for index, weight in enumerate(importance):
-        own, covariance = derivatives.at(index)
-        used = weight > 0
-        both = used[:, :, None] & used[:, None, :]
-        root = np.linalg.cholesky(np.where(both, covariance, np.eye(used.shape[1])))
-        rows = np.linalg.solve(root, np.sqrt(weight)[..., None] * own).reshape(-1, own.shape[-1])
-        found = 2 * np.real(rows.conj().T @ rows) * ((freedom - n_out) / freedom if corrected else 1.0)
+        found = _best(*derivatives.at(index), weight) * ((freedom - n_out) / freedom if corrected else 1.0)
         matrices.append(eliminated([found], derivatives.precision, len(derivatives.names))[0])
     return np.array(matrices), derivatives.names
 
@@ -123,62 +125,78 @@ def fitted_information(
     delay_s: float,
     weights: FloatArray,
     *,
+    whitening: ComplexArray | None = None,
+    estimator: Literal["lls", "nls", "llsm"] = "lls",
     kinds: Sequence[str] = ("stiffness", "damping"),
     nuisance: Sequence[str] = NUISANCE,
     fixed: Sequence[str] = (),
     model_error: float = 0.0,
 ) -> tuple[FittedInformation, tuple[str, ...]]:
-    """What a fit of the log response with weights of its own makes of each configuration.
+    """What a fit with weights of its own makes of each configuration.
 
-    The covariance of such a fit is a sandwich, which does not add over configurations, but its two parts do. Each
-    configuration has nuisance parameters of its own.
+    The covariance of such a fit is a sandwich, which does not add over configurations, but its two parts do. As in
+    the fit, nuisance parameters, the friction scales last, are the same in all configurations, and what the robot
+    file knows of friction counts once, in the unit of the weights.
 
     Args:
         robot: Nominal robot.
         frf: Response with its covariance.
         delay_s: Nominal delay from recorded to applied torque [s].
-        weights (n_conf, n_freq, n_out, n_in): Weights of the squared residuals in the fit.
+        weights (n_conf, n_freq, n_out, n_in): Weights of the squared residuals as the fit computes them, 0 for what
+            it drops: over the variance of a residual, not merely in proportion.
+        whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line in place of the
+            weights' root, where the fit takes correlations into account.
+        estimator: Residual of the fit: of the logarithm, of the plain response, of the logarithm's real part.
         kinds: As for `measured_information`.
         nuisance: Kinds that are estimated along.
         fixed: Names of single parameters that are known.
         model_error: Relative model error that the covariance allows for, besides.
 
     Returns:
-        Bread and meat of every configuration, and the parameters' names.
+        Parts of every configuration, for one draw, and the names of the wanted parameters.
 
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
-        DataError: If the inputs are not the robot's motors.
+        DataError: If the inputs are not the robot's motors, or the covariance has no inverse.
 
     Source:
-        Wernholt and Moberg (2008), eq. 5, in its logarithmic form.
+        Wernholt and Moberg (2008), eq. 5, and its logarithmic forms.
     """
     derivatives = _Derivatives(robot, frf, delay_s, kinds, nuisance, fixed, model_error)
-    breads, meats = [], []
+    _check_freedom(frf)
+    found = []
     for index, weight in enumerate(_importance(frf, weights)):
-        own, covariance = derivatives.at(index)
-        weighted = weight[..., None] * own
+        own, covariance = derivatives.at(index, plain=estimator == "nls")
+        best = _best(own, covariance, np.ones_like(weight))
+        own = own.real + 0j if estimator == "llsm" else own
+        if whitening is None:
+            weighted = weight[..., None] * own
+        else:
+            weighted = whitening[index].conj().swapaxes(1, 2) @ (whitening[index] @ own)
         n_all = own.shape[-1]
         bread = 2 * np.real(own.reshape(-1, n_all).conj().T @ weighted.reshape(-1, n_all))
         meat = 2 * np.real(weighted.reshape(-1, n_all).conj().T @ (covariance @ weighted).reshape(-1, n_all))
-        both = eliminated([bread, meat], derivatives.precision, len(derivatives.names))
-        breads.append(both[0])
-        meats.append(both[1])
-    return FittedInformation(np.array(breads), np.array(meats)), derivatives.names
+        found.append((bread, meat, best))
+    bread, meat, best = (np.array(part)[None] for part in zip(*found, strict=True))
+    return FittedInformation(bread, meat, best, derivatives.precision), derivatives.names
+
+
+def _best(own: ComplexArray, covariance: ComplexArray, weight: FloatArray) -> FloatArray:
+    """Information (n_all, n_all) by the inverse covariance, what has no weight left out."""
+    used = weight > 0
+    both = used[:, :, None] & used[:, None, :]
+    root = np.linalg.cholesky(np.where(both, covariance, np.eye(used.shape[1])))
+    rows = np.linalg.solve(root, np.sqrt(weight)[..., None] * own).reshape(-1, own.shape[-1])
+    return np.asarray(2 * np.real(rows.conj().T @ rows))
 
 
 def _importance(frf: Frf, weights: FloatArray | None) -> FloatArray:
-    """Weights (n_conf, n_freq, n_element), elements as in `vec G`."""
+    """Weights (n_conf, n_freq, n_element), rows of the response one after the other."""
     if weights is None:
         return np.ones((*frf.response.shape[:2], frf.response.shape[2] * frf.response.shape[3]))
     n_conf, n_freq, n_out, n_in = frf.response.shape
     check_shape("weights", weights, "n_conf n_freq n_out n_in", n_conf=n_conf, n_freq=n_freq, n_out=n_out, n_in=n_in)
-    return np.asarray(_stacked(weights))
-
-
-def _stacked(values: FloatArray) -> FloatArray:
-    """Elements (..., n_out, n_in) as (..., n_element), columns one after the other."""
-    return values.swapaxes(-1, -2).reshape(*values.shape[:-2], -1)
+    return np.asarray(weights.reshape(n_conf, n_freq, -1))
 
 
 def _check_inputs(robot: Robot, frf: Frf) -> None:

@@ -172,8 +172,8 @@ class DesignWeights:
     mean: Literal["importance", "fit"] = field(
         default="importance",
         metadata={
-            "description": "They multiply the inverse covariance, or they are the weights that a fit will use: the"
-            " choice is then made for the covariance of that fit."
+            "description": "They multiply the inverse covariance, or they are the user weights that a fit will have,"
+            " scaled and cut at 10 dB as in the fit: the choice is then made for the covariance of that fit."
         },
     )
 
@@ -200,7 +200,10 @@ class InformationOptions:
         default=("stiffness", "damping"), metadata={"description": "Kinds of parameters that are wanted."}
     )
     nuisance: tuple[NuisanceKind, ...] = field(
-        default=("viscous", "delay"), metadata={"description": "Kinds that are estimated along, in each configuration."}
+        default=("viscous", "delay"),
+        metadata={
+            "description": "Kinds that are estimated along, in each configuration; with `mean: fit` once for all."
+        },
     )
     fixed: tuple[str, ...] = field(
         default=(), metadata={"description": "Names of single parameters that are known, as in a fit."}

@@ -8,7 +8,8 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.design.criteria import worth
-from robid.design.exchange import Exchange, best_exchange, efficient_rounding, merged
+from robid.design.exchange import Exchange, best_exchange, efficient_rounding
+from robid.design.fitted import merged, reduced
 from robid.design.options import DesignOptions
 from robid.design.relaxed import Relaxed, relaxed_design
 from robid.design.seen import is_regular
@@ -26,10 +27,12 @@ class Plan:
 
     Attributes:
         options: Criterion, numbers and limits.
-        matrices (n_draw, n_cand, n_param, n_param): Information of one experiment in each candidate.
-        parts (n_draw, n_cand, n_part, n_param, n_param): What adds up over experiments: the information alone, or
-            bread and meat of a fit with its own weights.
-        prior (n_param, n_param): What is known beforehand.
+        matrices (n_draw, n_cand, n_param, n_param): Information of one experiment in each candidate, or for a fit
+            with its own weights what its sums never exceed.
+        parts (n_draw, n_cand, n_part, n_all, n_all): What adds up over experiments: the information alone, or
+            bread and meat of a fit with its own weights, nuisances last.
+        prior (n_param, n_param): What is known beforehand, beside `matrices`; may be one for each draw.
+        base (n_part, n_all, n_all): The same beside `parts`.
         cost (n_cand,): Cost of one experiment.
         experiments: Number of experiments.
         budget: What they may cost together.
@@ -39,14 +42,28 @@ class Plan:
     matrices: FloatArray
     parts: FloatArray
     prior: FloatArray
+    base: FloatArray
     cost: FloatArray
     experiments: int
     budget: float
 
     def totals(self, counts: IntArray) -> FloatArray:
         """Total information (n_draw, n_param, n_param) of some numbers of experiments, a fit's own included."""
+        return merged(self.sums(counts), self.wanted)
+
+    def sums(self, counts: IntArray) -> FloatArray:
+        """Sums (n_draw, n_part, n_all, n_all) of the parts."""
         used = np.flatnonzero(counts)
-        return merged(self.prior + np.tensordot(self.parts[:, used], counts[used], (1, 0)))
+        return np.asarray(self.base + np.tensordot(self.parts[:, used], counts[used], (1, 0)))
+
+    def seen(self, counts: IntArray) -> FloatArray:
+        """What some numbers of experiments see (n_draw, n_param, n_param), by the weights that are used."""
+        return reduced(self.sums(counts), self.wanted)[:, 0]
+
+    @property
+    def wanted(self) -> int:
+        """Number of parameters that the choice is about."""
+        return int(self.matrices.shape[-1])
 
     def worth(self, counts: IntArray) -> float:
         """Worth of some numbers of experiments."""
@@ -104,8 +121,7 @@ def choose_counts(plan: Plan, relaxed: Relaxed) -> IntArray:
     counts = best_exchange(once, visits[pool], plan.options.restarts, plan.options.seed)
     whole = np.zeros(plan.cost.size, int)
     whole[pool] = counts
-    seen = plan.prior + np.tensordot(plan.matrices, whole, (1, 0))
-    if problem.repeats and all(is_regular(total) for total in seen):
+    if problem.repeats and all(is_regular(total) for total in plan.seen(whole)):
         used = np.flatnonzero(whole)
         own = np.zeros(plan.cost.size)
         own[used] = plan.relaxed(used).weights / plan.cost[used]
@@ -116,16 +132,20 @@ def choose_counts(plan: Plan, relaxed: Relaxed) -> IntArray:
 
 
 def _exchange(plan: Plan, relaxed: Relaxed, pool: IntArray) -> Exchange:
-    optimal = np.einsum("i,dijk->djk", relaxed.weights / plan.cost, plan.matrices)
+    visits = relaxed.weights / plan.cost
+    if plan.parts.shape[2] > 1:
+        # Other weights than the optimal ones may see nothing where these see all.
+        visits = np.full(visits.size, visits.mean())
     return Exchange(
         criterion=plan.options.criterion,
         parts=plan.parts[:, pool],
-        base=plan.prior + _FLOOR * np.repeat(optimal[:, None], plan.parts.shape[2], axis=1),
+        base=plan.base + _FLOOR * np.einsum("i,dipjk->dpjk", visits, plan.parts),
         experiments=plan.experiments,
         distinct=plan.options.count,
         repeats=plan.options.experiments is not None,
         cost=plan.cost[pool],
         budget=plan.budget,
+        wanted=plan.wanted,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypeAlias
 
+from robid.design.options import DesignWeights
 from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Design, Experiment
 from robid.settings.parameter_names import parameter_names
@@ -26,6 +27,7 @@ def check_designs(experiment: Experiment, robot: RobotFile | None) -> _Found:
         if design.prior is not None and design.prior not in experiment.fits:
             known = experiment.fits
             yield (*field, "prior"), f"there is no fit `{design.prior}`; {suggest(design.prior, known)}"
+        yield from _fit(field, experiment, design)
         if robot is not None:
             yield from _parameters(field, experiment, design, robot)
 
@@ -47,6 +49,19 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> _Fo
         yield (*field, "information"), message
     if design.information == "assumed" and design.weights.mean == "fit":
         yield (*field, "weights", "mean"), "a fit's own weights need the responses' covariance: `information: measured`"
+
+
+def _fit(field: FieldPath, experiment: Experiment, design: Design) -> _Found:
+    if design.fit is None:
+        return
+    if design.fit not in experiment.fits:
+        yield (*field, "fit"), f"there is no fit `{design.fit}`; {suggest(design.fit, experiment.fits)}"
+    if design.weights != DesignWeights(mean="fit"):
+        message = (
+            f"a choice for fit `{design.fit}` needs `weights: {{mean: fit}}` and nothing beside it: the rest comes from"
+            " the fit"
+        )
+        yield (*field, "weights"), message
 
 
 def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot: RobotFile) -> _Found:

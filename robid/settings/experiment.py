@@ -231,6 +231,11 @@ class Design(CostOptions, InformationOptions, DesignOptions):
         description="Name of an earlier fit: what it knows counts beforehand, and its estimates take the place of the"
         " robot file's values. The configuration that adds most to it comes first.",
     )
+    fit: Name | None = Field(
+        default=None,
+        description="Name of the fit that the choice is for, with `weights: {mean: fit}`: its estimator and weights"
+        " take the place of user weights with the design's `off_diagonal` and `low_cut_hz`.",
+    )
 
     def options(self) -> DesignOptions:
         """Returns the options of the algorithm."""

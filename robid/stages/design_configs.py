@@ -21,12 +21,14 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.stages.configurations import design_inputs
 from robid.stages.design_information import Gathered, gather_information
+from robid.stages.design_weights import fit_options
 from robid.stages.slices import Part, delay_s, line_settings, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted
 from robid.stages.terminal import section_table
 
 _WIDE_GAP = 0.01
 _READ: tuple[Part, ...] = ("mechanics", "range", "timing")
+_READ_OF_FIT = ("estimator", "weights", "correct_torques")
 _READ_FOR_COST: tuple[Part, ...] = ("motor_limits",)
 
 
@@ -49,6 +51,8 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     if design.information == "measured":
         settings |= {f"{section}.pooled_lines": campaign.estimate.pooled_lines, "delay_s": delay_s(loaded, campaign)}
         inputs["frf"] = f"{design.campaign}/frf.h5"
+        if (fit := fit_options(loaded.experiment, design)) is not None:
+            settings[f"designs.{owner}.for"] = {name: to_plain(getattr(fit, name)) for name in _READ_OF_FIT}
     else:
         settings |= {
             f"{section}.configurations": to_plain(campaign.configurations),

@@ -13,12 +13,14 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.design.candidates import candidate_information
-from robid.design.information import FittedInformation
+from robid.design.fitted import FittedInformation
 from robid.design.lines import choose_lines
 from robid.design.measured import fitted_information, measured_information
 from robid.design.options import DesignWeights, InformationOptions
 from robid.design.stability import halves
 from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.fit.options import ElasticOptions
+from robid.fit.weights import assumed_error, make_whitening
 from robid.frf.frf import Frf
 from robid.frf.halves import by_realizations
 from robid.robot.description import Robot
@@ -26,11 +28,11 @@ from robid.settings.experiment import Design
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot
 from robid.stages.configurations import configurations_of
+from robid.stages.design_weights import UNREAD, fit_options, fit_weights
 from robid.stages.slices import delay_s, require_controller
 from robid.stages.stage import Job
 
 _CHUNK = 20
-_UNREAD = ("coherence", "silent_level", "silent_noise", "silent_doubt", "uncompensated_response", "torque_amplitude")
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Gathered:
         names: Names of the parameters.
         configurations (n_conf, n_joint): The candidates [rad].
         halves (n_way, 2, n_conf, n_param, n_param): The same by half the realizations each; n_way may be 0.
-        fitted: What a fit with weights of its own makes of them, or None.
+        fitted: What a fit with weights of its own makes of them, under each draw, or None.
         prior (n_param, n_param): What an earlier fit knows, or None.
     """
 
@@ -73,6 +75,8 @@ class _Measured(_Task):
     frf: Path
     row: int
     pooled: int
+    fit: ElasticOptions | None
+    weights: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -98,14 +102,13 @@ def gather_information(job: Job) -> Gathered:
     tasks: Sequence[_Task] = _measured(job, robots, delay) if measured else _assumed(job, robots, delay)
     job.progress.expect(len(tasks), "configurations" if measured else "parts")
     found = job.map(_information, tasks, lambda _index, _result: job.progress.advance())
-    names, fitted = found[0].names, [each.fitted for each in found if each.fitted is not None]
-    bread, meat = ([getattr(each, part) for each in fitted] for part in ("bread", "meat"))
+    names = found[0].names
     return Gathered(
         matrices=np.concatenate([each.matrices for each in found], axis=1),
         names=names,
         configurations=np.concatenate([each.configurations for each in found]),
         halves=np.concatenate([each.halves for each in found], axis=2),
-        fitted=FittedInformation(np.concatenate(bread), np.concatenate(meat)) if fitted else None,
+        fitted=_joined([each.fitted for each in found if each.fitted is not None], axis=1),
         prior=None if knowledge is None else knowledge.about(names),
     )
 
@@ -130,8 +133,8 @@ def _point(job: Job, design: Design) -> tuple[Robot, float, _Knowledge | None]:
     if design.prior is None:
         return robot, delay, None
     solution = model_from_artifact(read_artifact(job.inputs["model"], MODEL))
-    # A misfit widens the fit's intervals, so it counts here too.
-    knowledge = _Knowledge(solution.names, solution.covariance * max(solution.misfit, 1.0))
+    # Its covariance is as wide as its intervals: a misfit is in it already.
+    knowledge = _Knowledge(solution.names, solution.covariance)
     return fitted_robot(robot, solution), fitted_delay_s(solution, delay), knowledge
 
 
@@ -158,12 +161,27 @@ def _assumed(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Assumed
 
 
 def _measured(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Measured]:
-    design = job.loaded.experiment.designs[job.owner]
-    pooled = job.loaded.experiment.campaigns[design.campaign].estimate.pooled_lines
-    path = job.inputs["frf"]
+    experiment = job.loaded.experiment
+    design = experiment.designs[job.owner]
+    pooled = experiment.campaigns[design.campaign].estimate.pooled_lines
+    path, fit = job.inputs["frf"], fit_options(experiment, design)
+    rows = range(read_outline(path, FRF).n_rows)
+    weights = None if fit is None else fit_weights(path, fit)
+    about = design.about()
     return [
-        _Measured(robots, design.about(), delay, path, row, pooled) for row in range(read_outline(path, FRF).n_rows)
+        _Measured(robots, about, delay, path, row, pooled, fit, None if weights is None else weights[row : row + 1])
+        for row in rows
     ]
+
+
+def _joined(parts: Sequence[FittedInformation], axis: int) -> FittedInformation | None:
+    """The parts of sums over more draws (axis 0) or configurations (axis 1)."""
+    if not parts:
+        return None
+    bread, meat, best = (
+        np.concatenate([getattr(each, name) for each in parts], axis=axis) for name in ("bread", "meat", "best")
+    )
+    return FittedInformation(bread, meat, best, parts[0].precision)
 
 
 def _information(task: _Task) -> _Found:
@@ -195,21 +213,20 @@ def _assumed_information(task: _Task) -> _Found:
 
 def _measured_information(task: _Measured) -> _Found:
     about = task.about
-    frf = frf_from_artifact(read_artifact(task.frf, FRF, row=task.row, leave_out=_UNREAD))
-    weights = _weights(about.weights, frf.frequency_hz, *frf.response.shape[2:])[None]
-    kinds, nuisance, fixed, delay, error = about.free, about.nuisance, about.fixed, task.delay_s, about.model_error
-    importance = weights if about.weights.mean == "importance" else None
+    left_out = UNREAD if task.fit is None else (*UNREAD, "realization_error")
+    frf = frf_from_artifact(read_artifact(task.frf, FRF, row=task.row, leave_out=left_out))
+    importance = None if task.fit else _weights(about.weights, frf.frequency_hz, *frf.response.shape[2:])[None]
 
     def information(robot: Robot, response: Frf) -> tuple[FloatArray, tuple[str, ...]]:
         return measured_information(
             robot,
             response,
-            delay,
-            kinds=kinds,
-            nuisance=nuisance,
-            fixed=fixed,
+            task.delay_s,
+            kinds=about.free,
+            nuisance=about.nuisance,
+            fixed=about.fixed,
             weights=importance,
-            model_error=error,
+            model_error=about.model_error,
         )
 
     found = [information(robot, frf) for robot in task.robots]
@@ -219,20 +236,34 @@ def _measured_information(task: _Measured) -> _Found:
         [information(task.robots[0], by_realizations(frf, half, task.pooled))[0] for half in way]
         for way in halves(n_real)
     ]
-    fitted = None
-    if about.weights.mean == "fit":
-        fitted, _ = fitted_information(
-            task.robots[0],
-            frf,
-            delay,
-            weights,
-            kinds=kinds,
-            nuisance=nuisance,
-            fixed=fixed,
-            model_error=error,
-        )
     shape = (len(ways), 2, *matrices.shape[1:])
-    return _Found(matrices, names, frf.configurations, np.array(ways).reshape(shape), fitted)
+    return _Found(matrices, names, frf.configurations, np.array(ways).reshape(shape), _fitted(task, frf))
+
+
+def _fitted(task: _Measured, frf: Frf) -> FittedInformation | None:
+    """What the fit that the design is for makes of one candidate, under each draw."""
+    about, options, weights = task.about, task.fit, task.weights
+    if options is None or weights is None:
+        return None
+    if not options.correct_torques:
+        frf = replace(frf, sensitivity=frf.sensitivity[:, :0], coefficient_relative_std=np.zeros(0))
+    correlated = options.weights.kind == "optimal_full"
+    found = [
+        fitted_information(
+            robot,
+            frf,
+            task.delay_s,
+            weights,
+            whitening=make_whitening(frf, weights > 0, options.estimator) if correlated else None,
+            estimator=options.estimator,
+            kinds=about.free,
+            nuisance=about.nuisance,
+            fixed=about.fixed,
+            model_error=max(about.model_error, float(assumed_error(options.weights))),
+        )[0]
+        for robot in task.robots
+    ]
+    return _joined(found, axis=0)
 
 
 def _weights(weights: DesignWeights, frequency_hz: FloatArray, n_out: int, n_in: int) -> FloatArray:

@@ -2,6 +2,7 @@
 
 import itertools
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,11 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.measured import measured_information
+from robid.fit.elastic import set_up
 from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.fit.options import ElasticOptions, Weights
+from robid.fit.uncertainty import sandwich
+from robid.fit.weights import make_weights
 from robid.settings.load import load_experiment
 from tolerances import IDENTITY
 
@@ -87,9 +92,11 @@ def test_what_the_command_prints_and_what_json_holds(chosen):
 
 
 def test_the_next_configuration_adds_most_to_an_earlier_fit(chosen):
+    """What is known is the covariance that the fit states, misfit and all."""
     solution = model_from_artifact(read_artifact(chosen.runs / "fits/earlier/model.h5", MODEL))
     places = [solution.names.index(name) for name in SPRINGS]
-    known = np.linalg.inv(solution.covariance[np.ix_(places, places)] * max(solution.misfit, 1.0))
+    assert solution.misfit > 1.5, "else a misfit that counts twice would not show"
+    known = np.linalg.inv(solution.covariance[np.ix_(places, places)])
     robot = fitted_robot(load_experiment(chosen.folder / "design.yaml").robot.to_robot(), solution)
     matrices, _ = information_at(chosen, robot, fitted_delay_s(solution, 1e-3))
     gain = [np.linalg.slogdet(known + each)[1] - np.linalg.slogdet(known)[1] for each in matrices]
@@ -103,9 +110,40 @@ def test_the_next_configuration_adds_most_to_an_earlier_fit(chosen):
 def test_a_fit_with_its_own_weights_is_never_better_than_the_best_weights(chosen):
     fitted, best = design_of(chosen, "fitted"), design_of(chosen, "best")
     assert fitted.efficiency < best.efficiency <= 1 + 1e-9
+    assert all(design_of(chosen, name).efficiency <= 1 + 1e-9 for name in ("named", "allowing"))
     assert fitted.stability is None
     answer = chosen.robid("design-configs", "design.yaml", "--design", "fitted", "--force")
     assert "Lost by whole numbers" not in answer.out
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("fitted", ElasticOptions(weights=Weights("user", off_diagonal=0.3))),
+        ("named", ElasticOptions(weights=Weights("optimal"), correct_torques=False)),
+        ("allowing", ElasticOptions(weights=Weights(model_error=0.05))),
+    ],
+)
+def test_a_design_for_a_fit_promises_what_that_fit_states(chosen, name, options):
+    """Its sandwich at the robot file's values, of the wanted springs with all that is estimated along."""
+    robot = load_experiment(chosen.folder / "design.yaml").robot.to_robot()
+    frf = frf_from_artifact(read_artifact(chosen.runs / "candidates/frf.h5", FRF))
+    design = design_of(chosen, name)
+    options = replace(options, free=("stiffness", "viscous", "delay"), prior_decades=1e6)
+    problem, _ = set_up(robot, frf.select(design.chosen), options, 1e-3)
+    if name == "fitted":
+        # The scale of user weights is that of all candidates, which friction's prior is held against.
+        weights = make_weights(frf, options.weights, options.estimator)[0]
+        problem = replace(problem, weight=weights[design.chosen])
+    covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:2, :2]
+    np.testing.assert_allclose(design.predicted_relative_std, np.sqrt(np.diag(covariance)), rtol=1e-5)
+
+
+def test_a_design_is_stale_with_the_weights_of_its_fit(chosen):
+    chosen.change("{kind: optimal}", "{kind: inflated}", file=FILE)
+    states = chosen.states()
+    assert states["designs/named.h5"][0] == "stale"
+    assert states["designs/fitted.h5"][0] == "fresh"
 
 
 def test_visits_cost_experiments_and_the_way_from_the_first_candidate(chosen):
@@ -151,6 +189,14 @@ def refused(shop, code, *texts, command=("run", "design.yaml")):
             ("designs.best.prior", "does not estimate `turn.motor_inertia`, `lift.motor_inertia`"),
         ),
         ("best: {campaign: candidates, weights: {mean: fit}}", ("weights.mean", "`information: measured`")),
+        (
+            "best: {campaign: candidates, information: measured, fit: earlyer, weights: {mean: fit}}",
+            ("designs.best.fit", "did you mean `earlier`?"),
+        ),
+        (
+            "best: {campaign: candidates, fit: earlier, weights: {off_diagonal: 0.3, mean: fit}}",
+            ("designs.best.weights", "the rest comes from the fit"),
+        ),
         ("best: {campaign: candidates, criterion: f}", ("designs.best.criterion",)),
     ],
 )
@@ -161,7 +207,9 @@ def test_settings_that_cannot_be(fresh, design, texts):
 
 def test_a_measured_design_needs_a_source(fresh):
     fresh.change(
-        "    source: {simulate: {<<: *simulate, seed: 2, truth: {spring_factor: 1.3, seed: 1}}}\n", "", file=FILE
+        "    source: {simulate: {<<: *simulate, seed: 2, truth: {spring_factor: 1.3, damper_factor: 3, seed: 1}}}\n",
+        "",
+        file=FILE,
     )
     fresh.change(BEST, BEST.replace("candidates", "first").replace("count: 2", "count: 1"), file=FILE)
     refused(fresh, 2, "designs.best.information", "campaign `first` has no `source`", "`information: assumed`")
@@ -201,7 +249,7 @@ def test_candidates_that_cannot_be_chosen_from(fresh, campaign, design, code, te
     fresh.change("controller:", "floor_m: 0\ncontroller:", file="arm.yaml")
     fresh.change("{random: {count: 6, seed: 1}}", campaign, file=FILE)
     fresh.change(BEST, f"best: {{campaign: candidates, {design}}}", file=FILE)
-    for name in ("next", "fitted", "assumed"):
+    for name in ("next", "fitted", "named", "allowing", "assumed"):
         line = next(line for line in (fresh.folder / "design.yaml").read_text().splitlines() if f"  {name}: " in line)
         fresh.change(f"{line}\n", "", file=FILE)
     refused(fresh, code, *texts, command=CHOOSE)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robid.design.criteria import worth
-from robid.design.exchange import Exchange, best_exchange, efficient_rounding, merged
+from robid.design.exchange import Exchange, best_exchange, efficient_rounding
+from robid.design.fitted import merged
 from robid.design.relaxed import relaxed_design
 
 

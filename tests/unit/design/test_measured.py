@@ -1,17 +1,24 @@
 """Information by measured covariance against the fit's own sandwich and against assumed noise."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
 from exact_systems import exact_frf, two_joint_robot
 from robid.design.candidates import candidate_information
+from robid.design.fitted import merged
+from robid.design.information import design_configurations
 from robid.design.measured import fitted_information, measured_information
+from robid.design.options import DesignOptions
 from robid.errors import DataError, SettingsError
 from robid.fit.elastic import set_up
 from robid.fit.options import ElasticOptions, Weights
+from robid.fit.problem import make_problem
 from robid.fit.uncertainty import sandwich
+from robid.fit.weights import make_weights
 
 ROBOT = two_joint_robot()
 CONFIGURATIONS = np.array([[0.3, 0.4], [0.1, -1.2], [0.7, 1.0]])
@@ -37,6 +44,18 @@ def fit_covariance(frf, options, n_param):
     return sandwich(problem, np.zeros(len(problem.parameters.names)))[:n_param, :n_param], problem
 
 
+def told(found, configurations, count):
+    """Information about the first parameters that a fit to some of the configurations gives."""
+    parts = found.parts()[0, list(configurations)].sum(axis=0)
+    return merged(found.base(np.zeros((count, count))) + parts, count)
+
+
+def louder(frf):
+    """The same with errors that matter beside a model error and what is known of friction, some above 10 dB."""
+    scale = np.array([[1e8, 3e9], [1e10, 2e8]]) * np.arange(1, 1 + len(frf.response))[:, None, None]
+    return replace(frf, element_scale=scale * np.ones(frf.element_scale.shape))
+
+
 def assert_same(first, second):
     """Relative difference in every direction."""
     np.testing.assert_allclose(np.linalg.eigvals(np.linalg.solve(first, second)).real, 1, rtol=1e-5)
@@ -51,21 +70,121 @@ def test_information_is_the_inverse_covariance_of_the_optimally_weighted_fit(frf
     assert_same(np.linalg.inv(covariance), matrices[index])
 
 
+def soft(robot, factor=2.0):
+    """The robot with springs that are off by a factor."""
+    return replace(
+        robot, springs=tuple(replace(each, stiffness_nm_rad=each.stiffness_nm_rad / factor) for each in robot.springs)
+    )
+
+
+def with_friction(frf, deviation=1e-4):
+    """Compensated friction that scales each column of the response, as a torque's does, by a known relative push."""
+    push = np.array([[0.3, 0.0], [0.0, 0.2j], [0.1j, -0.2]])
+    return replace(
+        frf,
+        sensitivity=push[None, :, None, None, :] * frf.response[:, None],
+        coefficient_names=("a", "b", "c"),
+        coefficient_relative_std=np.full(3, deviation),
+    )
+
+
+def test_springs_that_are_off_leave_errors_and_friction_relative_to_what_was_measured(frf):
+    """As in a fit that starts there: how friction moves the measured response does not depend on the springs."""
+    off, one = soft(ROBOT), with_friction(frf).select([1])
+    options = ElasticOptions(weights=Weights("optimal_full"), prior_decades=1e6)
+    problem, _ = set_up(off, one, options, DELAY_S)
+    covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:8, :8]
+    assert_same(np.linalg.inv(covariance), measured_information(off, one, DELAY_S)[0][0])
+
+
 def test_bread_and_meat_give_the_sandwich_of_the_fit(frf):
     options = ElasticOptions(weights=Weights("user", off_diagonal=0.3, low_cut_hz=5), prior_decades=1e6)
     one = frf.select([1])
     covariance, problem = fit_covariance(one, options, 8)
-    found, _ = fitted_information(ROBOT, one, DELAY_S, problem.weight)
-    inverse = np.linalg.inv(found.bread[0])
-    assert_same(covariance, inverse @ found.meat[0] @ inverse)
+    found, names = fitted_information(ROBOT, one, DELAY_S, problem.weight)
+    assert_same(np.linalg.inv(covariance), told(found, [0], len(names)))
+
+
+@pytest.mark.parametrize("estimator", ["lls", "llsm", "nls"])
+@pytest.mark.parametrize("kind", ["user", "inflated", "optimal", "optimal_full"])
+def test_parts_of_configurations_give_the_sandwich_of_the_fit_to_all_of_them(frf, kind, estimator):
+    """Springs off by 2, friction known to 10 %: nuisances are shared, and what is known of them counts once."""
+    options = ElasticOptions(weights=Weights(kind, off_diagonal=0.3), estimator=estimator, prior_decades=1e6)
+    off, noisy = soft(ROBOT), with_friction(louder(frf), deviation=0.1)
+    problem, _ = set_up(off, noisy, options, DELAY_S)
+    covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:8, :8]
+    error = 0.02 if kind == "inflated" else 0.0
+    found, names = fitted_information(
+        off, noisy, DELAY_S, problem.weight, whitening=problem.whitening, estimator=estimator, model_error=error
+    )
+    assert_same(np.linalg.inv(covariance), told(found, [0, 1, 2], len(names)))
+
+
+SUBSETS = list(combinations(range(8), 4))
+
+
+@pytest.fixture(scope="module")
+def eight():
+    """A noisy response in eight configurations, and the problem of a fit to any four of them.
+
+    Errors are 2 % of an element's median, a factor of 1.6 more or less in each, as in a sound campaign.
+    """
+    configurations = np.random.default_rng(4).uniform([-1.5, -2], [1.5, 2], (8, 2))
+    exact = exact_frf(ROBOT, configurations, np.geomspace(2, 60, 25), declared_noise=0.02, delay_s=DELAY_S)
+    uneven = np.exp(np.random.default_rng(5).normal(0, 0.5, exact.element_scale.shape))
+    found = replace(exact, element_scale=uneven)
+    drawn = np.random.default_rng(6).normal(0, np.sqrt(0.5), (2, *exact.response.shape))
+    noise = np.sqrt(found.element_variance()) * (drawn[0] + 1j * drawn[1])
+    found = with_friction(replace(found, response=found.response + noise), deviation=0.1)
+    return found, [set_up(ROBOT, found.select(subset), ElasticOptions(), DELAY_S)[0] for subset in SUBSETS]
+
+
+def ranked(found, true):
+    """Rank correlation of what parts promise with what a fit has, and what their choice loses of its deviations."""
+    promised = [np.linalg.slogdet(told(found, subset, 8))[1] for subset in SUBSETS]
+    lost = np.exp((np.max(true) - true[int(np.argmax(promised))]) / (2 * 8)) - 1
+    return spearmanr(promised, true).statistic, lost
+
+
+@pytest.mark.parametrize("kind", ["user", "inflated", "optimal"])
+def test_subsets_rank_as_by_the_covariance_that_the_fit_ends_with(eight, kind):
+    """The design has weights from all eight and the noisy response, the fit its own from four and its model.
+
+    They part where the two disagree on what lies below 10 dB, hence 0.95 and not 1.
+    """
+    frf, problems = eight
+    options = ElasticOptions(weights=Weights(kind, off_diagonal=0.3))
+    true = []
+    for one in problems:
+        end = np.zeros(len(one.parameters.names))
+        problem, _ = make_problem(one.frf, one.model, one.parameters, options, end)
+        true.append(-np.linalg.slogdet(sandwich(problem, end)[:8, :8])[1])
+    weights, dropped = make_weights(frf, options.weights, options.estimator)
+    assert dropped > 0
+    error = 0.02 if kind == "inflated" else 0.0
+    found, names = fitted_information(ROBOT, frf, DELAY_S, weights, model_error=error)
+    rank, lost = ranked(found, true)
+    assert rank > 0.95
+    assert lost < 0.02
+    raw = np.broadcast_to(np.where(np.eye(2) > 0, 1, 0.3), weights.shape)
+    worse, more = ranked(fitted_information(ROBOT, frf, DELAY_S, raw, model_error=error)[0], true)
+    assert worse < 0.9
+    assert more > lost
+    alone, _ = measured_information(ROBOT, frf, DELAY_S)
+    design = design_configurations(alone, frf.configurations, names, DesignOptions(count=4), fitted=found)
+    best = max(SUBSETS, key=lambda subset: np.linalg.slogdet(told(found, subset, 8))[1])
+    assert tuple(design.chosen) == best
+    covariance = np.linalg.inv(told(found, best, 8))
+    np.testing.assert_allclose(design.predicted_relative_std, np.sqrt(np.diag(covariance)), rtol=1e-6)
+    assert 0 < design.efficiency <= 1
 
 
 def test_no_weights_of_a_fit_beat_the_optimal_ones(frf):
     weights = np.random.default_rng(1).uniform(0.1, 2, frf.response.shape)
-    optimal, _ = measured_information(ROBOT, frf, DELAY_S, corrected=False)
+    optimal, names = measured_information(ROBOT, frf, DELAY_S, corrected=False)
     fitted, _ = fitted_information(ROBOT, frf, DELAY_S, weights)
-    own = fitted.bread @ np.linalg.solve(fitted.meat, fitted.bread)
-    for best, less in zip(optimal, own, strict=True):
+    for index, best in enumerate(optimal):
+        less = told(fitted, [index], len(names))
         scale = np.sqrt(np.diag(best))
         assert np.linalg.eigvalsh((best - less) / (scale[:, None] * scale)).min() > -1e-9
 
