@@ -25,6 +25,7 @@ from robid.pipeline import (
     examine,
     execute,
     fresh_at,
+    grade_of,
     graph,
     require_inputs,
     run_all,
@@ -41,12 +42,14 @@ from robid.stages.export_excitation import (
     export_excitation,
 )
 from robid.stages.report_content import gather
-from robid.stages.stage import Stage
+from robid.stages.stage import Graded, Stage
 from robid.stages.terminal import Shell, dataset_table, make_console, section_table, status_table
 from robid.studies.study import run_study
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _PROBLEM, _INTERRUPTED = 5, 130
+_TRUST = 2
+_STRICT = "Exit with 5 unless the model can be trusted, even where it predicts well."
 
 app = typer.Typer(
     help="Identifies the elastic dynamics of a robot from its own motor signals.",
@@ -129,6 +132,8 @@ def _add_stage(stage: Stage) -> None:
     described = f"Name of the {stage.owned_by}; may be left out when there is only one."
     owner_option = typer.Option(f"--{stage.owned_by}", help=described, hidden=is_whole)
 
+    strict_option = typer.Option("--strict", help=_STRICT, hidden=stage.owned_by != "fit")
+
     def command(
         experiment: ExperimentFile,
         owner: Annotated[str | None, owner_option] = None,
@@ -138,6 +143,7 @@ def _add_stage(stage: Stage) -> None:
         ] = None,
         output: Annotated[Path | None, typer.Option("--output", help="Write here instead.")] = None,
         force: Annotated[bool, typer.Option("--force", help="Replace an output that differs.")] = False,
+        strict: Annotated[bool, strict_option] = False,
         as_json: AsJson = False,
         backend: Backend = None,
         workers: Workers = None,
@@ -146,12 +152,14 @@ def _add_stage(stage: Stage) -> None:
         del debug
         run = _open(experiment, run_dir, backend, workers)
         node = choose_node(run, stage.name, owner)
-        return _run_stage(run, node, inputs or [], output, force=force, as_json=as_json)
+        return _run_stage(run, node, inputs or [], output, force=force, strict=strict, as_json=as_json)
 
     app.command(stage.name, help=stage.does)(command)
 
 
-def _run_stage(run: Run, node: Node, named: list[Path], output: Path | None, *, force: bool, as_json: bool) -> int:
+def _run_stage(
+    run: Run, node: Node, named: list[Path], output: Path | None, *, force: bool, strict: bool, as_json: bool
+) -> int:
     shell = _shell(run, as_json=as_json)
     inputs = require_inputs(run, node, named)
     target = output or run.path(node.output)
@@ -168,18 +176,28 @@ def _run_stage(run: Run, node: Node, named: list[Path], output: Path | None, *, 
         with make_map(run.backend, run.workers) as parallel_map, shell.progress(node.output) as progress:
             figures = execute(run, node, inputs, target, parallel_map, progress)
         outcome, text = "made", f"{figures} ({duration(time.monotonic() - begun)})"
-    problem = node.stage.problem(target)
+    problem, grade = node.stage.problem(target), grade_of(run, node, target)
     if as_json:
-        told = {"outcome": outcome, "text": text, "problem": problem, **node.stage.told(target)}
+        told = {"outcome": outcome, "text": text, "problem": problem, **_graded(grade), **node.stage.told(target)}
         _print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
     else:
         shell.say(f"{target}  {outcome}: {text}")
         shown = node.stage.show(target, run.loaded) if outcome == "made" else None
         if shown is not None:
             shell.out.print(shown)
-    if problem:
-        shell.warn(problem)
-    return _PROBLEM if problem else 0
+    for warning in filter(None, (problem, _doubts(grade))):
+        shell.warn(warning)
+    return _PROBLEM if problem or (grade is not None and grade.fails(strict=strict)) else 0
+
+
+def _graded(grade: Graded | None) -> dict[str, Any]:
+    """What `--json` says of a grade."""
+    return {} if grade is None else {"grade": grade.value, "grade_sentence": grade.sentence}
+
+
+def _doubts(grade: Graded | None) -> str:
+    """What a grade below the best warns of."""
+    return grade.sentence if grade is not None and grade.value < _TRUST else ""
 
 
 for _stage in STAGES:
@@ -190,14 +208,15 @@ def _tell(shell: Shell, result: Result) -> None:
     seconds = f" ({duration(result.seconds)})" if result.outcome == "made" else ""
     colon = ": " if result.text else ""
     shell.note(result.node.output, f"{result.outcome}{colon}{result.text}{seconds}")
-    if result.problem:
-        shell.warn(result.problem)
+    for warning in filter(None, (result.problem, _doubts(result.grade))):
+        shell.warn(warning)
 
 
 @app.command("run")
 def run_experiment(
     experiment: ExperimentFile,
     run_dir: RunFolder = None,
+    strict: Annotated[bool, typer.Option("--strict", help=_STRICT)] = False,
     as_json: AsJson = False,
     backend: Backend = None,
     workers: Workers = None,
@@ -215,12 +234,13 @@ def run_experiment(
     if as_json:
         rows = {fit.name: [dataclasses.asdict(row) for row in fit.parameters] for fit in content.fits}
         nodes = [
-            {"output": result.node.output} | {"outcome": result.outcome, "text": result.text, "problem": result.problem}
+            {"output": result.node.output, "outcome": result.outcome, "text": result.text, "problem": result.problem}
+            | _graded(result.grade)
             for result in results
         ]
         verdict = dataclasses.asdict(content.verdict)
         _print_json({"nodes": nodes, "parameters": rows, "verdict": verdict, "report": report})
-        return _PROBLEM if any(result.problem for result in results) else 0
+        return _PROBLEM if any(result.fails(strict=strict) for result in results) else 0
     for fit in content.fits:
         if len(content.fits) > 1:
             shell.say(f"\nfit {fit.name}")
@@ -230,7 +250,7 @@ def run_experiment(
             shell.say(f"advice: {fit.advice}")
     shell.say(f"\n{content.verdict.text}")
     shell.say(f"report: {report}")
-    return _PROBLEM if any(result.problem for result in results) else 0
+    return _PROBLEM if any(result.fails(strict=strict) for result in results) else 0
 
 
 @app.command("study")

@@ -15,7 +15,7 @@ from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.settings.load import LoadedExperiment
 from robid.stages import report
 from robid.stages.freshness import State, compare, input_hashes
-from robid.stages.stage import Job, Plan, Progress, Stage, check_room
+from robid.stages.stage import Graded, Job, Plan, Progress, Stage, check_room
 
 _SMALL_BYTES = 1e6
 
@@ -45,6 +45,7 @@ class Result:
         outcome: `made`, `fresh` or `skipped`.
         text: Its key figures, or why it was skipped.
         problem: What went wrong numerically.
+        grade: How far to trust the model, where the node says so.
         seconds: Time it took [s].
     """
 
@@ -53,6 +54,11 @@ class Result:
     text: str
     problem: str = ""
     seconds: float = 0.0
+    grade: Graded | None = None
+
+    def fails(self, *, strict: bool) -> bool:
+        """Whether the command exits with 5 for it."""
+        return bool(self.problem) or (self.grade is not None and self.grade.fails(strict=strict))
 
 
 @dataclass(frozen=True)
@@ -153,7 +159,7 @@ def run_all(
             if state.blocked:
                 result = Result(node, "skipped", state.why)
             elif state.status == "fresh":
-                result = Result(node, "fresh", "", state.problem)
+                result = Result(node, "fresh", "", state.problem, grade=grade_of(run, node))
             else:
                 inputs = {name: run.path(path) for name, path in node.plan.inputs.items() if not states[path].blocked}
                 begun = time.monotonic()
@@ -161,10 +167,15 @@ def run_all(
                     text = execute(run, node, inputs, run.path(node.output), parallel_map, shown)
                 state = State("fresh", problem=node.stage.problem(run.path(node.output)))
                 states.update(dict.fromkeys(node.plan.outputs, state))
-                result = Result(node, "made", text, state.problem, time.monotonic() - begun)
+                result = Result(node, "made", text, state.problem, time.monotonic() - begun, grade_of(run, node))
             results.append(result)
             tell(result)
     return results
+
+
+def grade_of(run: Run, node: Node, output: Path | None = None) -> Graded | None:
+    """Reads how far to trust the model of a node's output; None where the node does not say."""
+    return node.stage.grade(run.loaded, node.owner, output or run.path(node.output))
 
 
 def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:

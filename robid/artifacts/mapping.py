@@ -66,14 +66,14 @@ def to_datasets(
     return datasets, attributes
 
 
-def from_datasets(cls: type[Instance], artifact: Artifact) -> Instance:
-    """Puts a dataclass together again.
+def from_datasets(cls: type[Instance], artifact: Artifact, prefix: str = "") -> Instance:
+    """Puts a dataclass together again, from what lies below a prefix such as `grade/`.
 
     Raises:
         ArtifactError: If the artifact lacks a field that has no default and may not be None.
     """
     missing: list[str] = []
-    instance = _build(cls, artifact, "", missing)
+    instance = _build(cls, artifact, prefix, missing)
     if instance is None or missing:
         raise ArtifactError(
             f"The {artifact.kind.name} lacks {', '.join(missing)}.",

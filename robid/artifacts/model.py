@@ -6,15 +6,20 @@ Schema history:
     1.2: `start_evaluations`.
     1.3: `degrees_of_freedom`, `interval_rule`, what was known beforehand and the relative half width; `covariance` and
         `relative_std` hold no quantile any more where a jackknife set them.
+    1.4: the grade of the fit by itself.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from robid.artifacts.artifact import Artifact, Kind, Provenance
+from robid.artifacts.grade import GRADE_COLUMNS
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.fit.solution import Solution
+from robid.validation.grade import Grade
 
-MODEL = Kind("model", "1.3", "robid fit")
+MODEL = Kind("model", "1.4", "robid fit")
 
 _PARAMETER, _START, _TIED = ("parameter",), ("start",), ("tied",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
@@ -67,9 +72,23 @@ _TABLE = {
 }
 
 
-def model_to_artifact(solution: Solution, provenance: Provenance) -> Artifact:
-    """Turns a fit's solution into an artifact."""
-    return Artifact(MODEL, *to_datasets(solution, _TABLE), provenance)
+@dataclass(frozen=True)
+class _Graded:
+    grade: Grade
+
+
+def model_to_artifact(solution: Solution, provenance: Provenance, grade: Grade | None = None) -> Artifact:
+    """Turns a fit's solution, and what it is worth by itself, into an artifact."""
+    datasets, attributes = to_datasets(solution, _TABLE)
+    if grade is not None:
+        more = to_datasets(_Graded(grade), GRADE_COLUMNS)
+        datasets, attributes = {**datasets, **more[0]}, {**attributes, **more[1]}
+    return Artifact(MODEL, datasets, attributes, provenance)
+
+
+def grade_from_artifact(artifact: Artifact) -> Grade | None:
+    """The grade of the fit by itself; None in files of older versions."""
+    return from_datasets(Grade, artifact, "grade/") if "grade/value" in artifact.attributes else None
 
 
 def model_from_artifact(artifact: Artifact) -> Solution:

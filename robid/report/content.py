@@ -16,11 +16,27 @@ class Verdict:
 
     Attributes:
         text: One sentence.
-        level: `ok` when the result can be used as it is, `warn` when the reader has to look closer.
+        level: `ok` when the result can be used as it is, `warn` when the reader has to look closer, `bad` when it
+            must not be used.
     """
 
     text: str
-    level: Literal["ok", "warn"]
+    level: Literal["ok", "warn", "bad"]
+
+
+@dataclass(frozen=True)
+class GradeRow:
+    """How far to trust a fit.
+
+    Attributes:
+        value: 2 to trust, 1 predicts but single parameters may be off, 0 not to be used.
+        sentence: The grade and why it is no better.
+        doubts: Everything that speaks against the fit with its likely cause, a clause each.
+    """
+
+    value: int
+    sentence: str
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -172,6 +188,7 @@ class FitContent:
         element_errors: The residuals against their covariance, or None where there is none.
         identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
         interval_rule: What set the width of the intervals, in words.
+        grade: How far to trust it; None where that is unknown.
         validation_campaign: Name of the validation campaign.
         validation_frf: Its frequency responses, or None.
         validation_model: The model's responses there, or None.
@@ -194,6 +211,7 @@ class FitContent:
     element_errors: ElementErrors | None = None
     identifiable_relative_std: float | None = None
     interval_rule: str = ""
+    grade: GradeRow | None = None
     validation_campaign: str = ""
     validation_frf: Frf | None = None
     validation_model: ComplexArray | None = None

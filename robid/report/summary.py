@@ -42,7 +42,9 @@ def identified_phrase(fit: FitContent) -> str:
     """Says how many springs, or parameters without any, are identified, and how closely."""
     springs = _springs(fit.parameters)
     chosen = springs or list(fit.parameters)
-    found = sum(row.identifiable for row in chosen)
+    if fit.grade is not None and fit.grade.value == 0:
+        return f"{len(chosen)} {'springs' if springs else 'parameters'} were fitted"
+    found = sum(row.identifiable and row.identified for row in chosen)
     noun = ("spring" if springs else "parameter") + ("" if len(chosen) == 1 else "s")
     text = f"{found} of {len(chosen)} {noun} identified"
     half_width = _median_half_width(springs)
@@ -77,8 +79,10 @@ def _identified(fit: FitContent) -> KeyFigure | None:
         return None
     chosen = _springs(fit.parameters) or list(fit.parameters)
     what = "Springs identified" if _springs(fit.parameters) else "Parameters identified"
-    found = sum(row.identifiable for row in chosen)
-    every = sum(row.identifiable for row in fit.parameters)
+    if fit.grade is not None and fit.grade.value == 0:
+        return None
+    found = sum(row.identifiable and row.identified for row in chosen)
+    every = sum(row.identifiable and row.identified for row in fit.parameters)
     detail = "" if len(chosen) == len(fit.parameters) else f"{every} of {len(fit.parameters)} parameters"
     return KeyFigure(what, f"{found} of {len(chosen)}", detail)
 

@@ -20,7 +20,8 @@ from robid.settings.experiment import Experiment, Fit
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.stages.slices import delay_s, robot_settings
-from robid.stages.stage import Job, Plan, Stage, counted
+from robid.stages.stage import Graded, Job, Plan, Stage, counted
+from robid.validation.assessment import assess_fit
 
 
 def _owners(experiment: Experiment) -> tuple[str, ...]:
@@ -72,8 +73,22 @@ def _run(job: Job) -> str:
         return job.map(function, tasks, lambda _index, _result: job.progress.advance())
 
     solution = fit_elastic(robot, frf, fit.options(), delay_s(job.loaded, campaign), told)
-    write_artifact(job.output, model_to_artifact(solution, job.provenance(STAGE.name, fit.seed)))
+    grade = assess_fit(robot, solution, frf, fit.options(), delay_s(job.loaded, campaign))
+    write_artifact(job.output, model_to_artifact(solution, job.provenance(STAGE.name, fit.seed), grade))
     return figures(solution)
+
+
+def graded(path: Path) -> Graded | None:
+    """Reads the grade that an artifact holds."""
+    attributes = inspect_artifact(path)["attributes"]
+    if "grade/value" not in attributes:
+        return None
+    return Graded(int(attributes["grade/value"]), str(attributes["grade/sentence"]))
+
+
+def _grade(loaded: LoadedExperiment, owner: str, output: Path) -> Graded | None:
+    """Where a fit is validated, the validation owns the grade."""
+    return graded(output) if loaded.experiment.fits[owner].validate_on is None else None
 
 
 def with_torque_unit(unit: str, torque_unit: str) -> str:
@@ -118,4 +133,5 @@ STAGE = Stage(
     _plan,
     _run,
     _problem,
+    grade=_grade,
 )

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from robid.artifacts.atomic import read_json
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.validation import VALIDATION, validation_from_artifact
 from robid.design.excitation import UNITS, Plan
@@ -41,10 +42,12 @@ from robid.stages.plausible import contradictions
 from robid.stages.report_fit import fit_content
 from robid.stages.validate import truth_input
 from robid.validation.elastic import Validation
+from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST, Grade
 from robid.validation.plausible_evidence import gather_evidence
 from robid.validation.recovery import recovery_sentence
 
 _SHORT = 8
+_LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,8 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> 
     fits = []
     for name, solution in run.solutions.items():
         truth = _truth(loaded, folder, name)
-        fits.append(fit_content(loaded, name, solution, run.frfs, truth, run.validations.get(name)))
+        grade = run.validations[name].grade if name in run.validations else run.grades.get(name)
+        fits.append(fit_content(loaded, name, solution, run.frfs, truth, run.validations.get(name), grade))
     content = ReportContent(
         title=loaded.experiment.name,
         verdict=_verdict(fits, run.validations),
@@ -116,6 +120,7 @@ class _Run:
     shapes: dict[str, list[int]]
     frfs: dict[str, Frf]
     solutions: dict[str, Solution]
+    grades: dict[str, Grade | None]
     validations: dict[str, Validation]
 
 
@@ -128,6 +133,7 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
     designs = there(experiment.designs, "designs/{}.h5")
     models = there(experiment.fits, "fits/{}/model.h5")
     validations = there(experiment.fits, "fits/{}/validation.h5")
+    read = {name: read_artifact(path, MODEL) for name, path in models.items()}
     return _Run(
         designs={name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in designs.items()},
         excitations={
@@ -135,7 +141,8 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
         },
         shapes={name: inspect_artifact(folder / name / "record.h5")["datasets"]["torque"]["shape"] for name in frfs},
         frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
-        solutions={name: model_from_artifact(read_artifact(path, MODEL)) for name, path in models.items()},
+        solutions={name: model_from_artifact(model) for name, model in read.items()},
+        grades={name: grade_from_artifact(model) for name, model in read.items()},
         validations={
             name: validation_from_artifact(read_artifact(path, VALIDATION)) for name, path in validations.items()
         },
@@ -159,17 +166,14 @@ def _verdict(fits: list[FitContent], validations: dict[str, Validation]) -> Verd
     texts = [
         f"{content.name}: {text}" if len(fits) > 1 else text for content, text in zip(fits, sentences, strict=True)
     ]
-    fine = all(
-        content.status == "converged" and not content.advice and (validation is None or validation.ok)
-        for content in fits
-        for validation in [validations.get(content.name)]
-    )
-    return Verdict(" ".join(texts), "ok" if fine else "warn")
+    return Verdict(" ".join(texts), _LEVELS[min(DO_NOT_USE if fit.grade is None else fit.grade.value for fit in fits)])
 
 
 def _sentences(content: FitContent, validation: Validation | None) -> str:
     """Says of one fit what is identified, whether the model holds, and what is known of the truth."""
-    found = [f"The fit has not converged ({content.status})."] if content.status != "converged" else []
+    found = []
+    if content.grade is not None:
+        found.append(content.grade.sentence)
     found.append(f"{identified_phrase(content)}.")
     found.append(widened_sentence(content))
     if validation is None:

@@ -11,11 +11,12 @@ from robid.arrays import FloatArray
 from robid.fit.model_error import ModelError
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
-from robid.report.content import CostRow, ElementErrors, FitContent, ParameterRow, ResonanceRow, StartRow
+from robid.report.content import CostRow, ElementErrors, FitContent, GradeRow, ParameterRow, ResonanceRow, StartRow
 from robid.settings.load import LoadedExperiment
 from robid.stages.fit import chosen_frf, with_torque_unit
 from robid.stages.slices import delay_s
 from robid.validation.elastic import Validation
+from robid.validation.grade import Grade
 from robid.validation.resonances import ResonanceTable, tabulate_resonances
 
 _ASSUMED = {
@@ -35,6 +36,7 @@ def fit_content(
     frfs: dict[str, Frf],
     truth: dict[str, float],
     validation: Validation | None,
+    grade: Grade | None = None,
 ) -> FitContent:
     """Turns a fit, its data and its validation into rows.
 
@@ -45,6 +47,7 @@ def fit_content(
         frfs: Frequency responses of each campaign.
         truth: True values by parameter name; empty for a measured robot.
         validation: Its validation, if any.
+        grade: How far to trust it, if that is known.
     """
     settings = loaded.experiment.fits[name]
     campaign = loaded.experiment.campaigns[settings.campaign]
@@ -71,6 +74,7 @@ def fit_content(
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
         identifiable_relative_std=settings.identifiable_relative_std,
         interval_rule=solution.interval_rule,
+        grade=None if grade is None else GradeRow(grade.value, grade.sentence, tuple(d.sentence for d in grade.doubts)),
     )
     if validation is None or settings.validate_on is None:
         return content

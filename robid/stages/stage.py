@@ -108,6 +108,18 @@ class Job:
 
 
 @dataclass(frozen=True)
+class Graded:
+    """How far to trust a model: 2 to trust, 1 it predicts but single parameters may be off, 0 not to be used."""
+
+    value: int
+    sentence: str
+
+    def fails(self, *, strict: bool) -> bool:
+        """Whether a command that gives this grade exits with 5."""
+        return self.value < (2 if strict else 1)
+
+
+@dataclass(frozen=True)
 class Stage:
     """A command of the chain.
 
@@ -123,6 +135,7 @@ class Stage:
         show: Lays out from its output what its command prints below its line; None for nothing.
         told: Reads from its output what `--json` adds to its answer.
         takes_what_is_there: Whether it runs without inputs that a numerical problem has kept from being made.
+        grade: Reads from its output how far to trust the model, and why; None where it does not say.
     """
 
     name: str
@@ -136,6 +149,7 @@ class Stage:
     show: Callable[[Path, LoadedExperiment], Group | None] = lambda *_: None
     told: Callable[[Path], dict[str, Any]] = lambda _: {}
     takes_what_is_there: bool = False
+    grade: Callable[[LoadedExperiment, str, Path], Graded | None] = lambda *_: None
 
 
 def measured_campaigns(experiment: Experiment) -> tuple[str, ...]:

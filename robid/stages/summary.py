@@ -12,7 +12,16 @@ from robid.report.summary import average_and_worst, effort, resonance_errors
 from robid.stages.report_content import Gathered
 
 _CLOSE = 0.02
-_VALIDATION = ("ok", "cost_ratio", "average_cost", "worst_cost", "median_error_db", "worst_error_db")
+_VALIDATION = (
+    "ok",
+    "cost_ratio",
+    "average_cost",
+    "worst_cost",
+    "median_error_db",
+    "worst_error_db",
+    "motor_error_db",
+    "motor_error_deg",
+)
 
 
 def summarize(gathered: Gathered) -> dict[str, float]:
@@ -32,6 +41,8 @@ def summarize(gathered: Gathered) -> dict[str, float]:
     for name, validation in gathered.validations.items():
         for key in _VALIDATION:
             found[f"fits.{name}.validation.{key}"] = float(getattr(validation, key))
+        if validation.resonance_shift is not None:
+            found[f"fits.{name}.validation.resonance_shift"] = validation.resonance_shift
     return found | _cubic(content.fits, found)
 
 
@@ -55,6 +66,8 @@ def _cubic(fits: Sequence[FitContent], found: dict[str, float]) -> dict[str, flo
 
 def _fit(fit: FitContent) -> dict[str, float]:
     found: dict[str, float] = {"converged": float(fit.status == "converged"), "misfit": fit.misfit}
+    if fit.grade is not None:
+        found["grade"] = fit.grade.value
     for row in fit.parameters:
         name = row.name if row.kind in ("delay", "friction", "location") else f"{row.name}.{row.kind}"
         found |= {f"parameters.{name}.{key}": value for key, value in _parameter(row).items()}

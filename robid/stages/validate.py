@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from robid.artifacts.atomic import read_json
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, model_from_artifact
-from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
+from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact
+from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.validation import VALIDATION, validation_to_artifact
 from robid.settings.experiment import Experiment, Fit
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
-from robid.stages.fit import model_settings
+from robid.stages.fit import graded, model_settings
 from robid.stages.slices import delay_s
 from robid.stages.stage import Job, Plan, Stage
 from robid.validation.elastic import Validation, validate_elastic
@@ -44,13 +42,16 @@ def _validation_payload(loaded: LoadedExperiment, fit: Fit) -> float | None:
 
 def _run(job: Job) -> str:
     fit = job.loaded.experiment.fits[job.owner]
+    model = read_artifact(job.inputs["model"], MODEL)
+    alone = grade_from_artifact(model)
     validation = validate_elastic(
         job.loaded.robot.to_robot(_validation_payload(job.loaded, fit)),
-        model_from_artifact(read_artifact(job.inputs["model"], MODEL)),
+        model_from_artifact(model),
         frf_from_artifact(read_artifact(job.inputs["frf"], FRF)),
         fit.options(),
         delay_s(job.loaded, job.loaded.experiment.campaigns[fit.campaign]),
         read_json(job.inputs["truth"])["values"] if "truth" in job.inputs else None,
+        () if alone is None else alone.doubts,
     )
     write_artifact(job.output, validation_to_artifact(validation, job.provenance(STAGE.name)))
     return figures(validation)
@@ -62,11 +63,6 @@ def figures(validation: Validation) -> str:
     return f"{validation.verdict}. {known}" if known else validation.verdict
 
 
-def _problem(output: Path) -> str:
-    attributes = inspect_artifact(output)["attributes"]
-    return "" if attributes["ok"] else f"the model {attributes['verdict']}"
-
-
 STAGE = Stage(
     "validate",
     "Holds a fitted model against a campaign that its fit never saw.",
@@ -75,5 +71,5 @@ STAGE = Stage(
     _owners,
     _plan,
     _run,
-    _problem,
+    grade=lambda _loaded, _owner, output: graded(output),
 )

@@ -32,5 +32,5 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     if is_unexplained(solution):
         fitted = fitted_model(robot, solution, frf, options, delay_s)
         doubts += misfit_doubts(robot, solution, fitted, options, delay_s)
-    doubts += parameter_doubts(robot, solution, frf.sampling_period_s)
+    doubts += parameter_doubts(robot, solution, frf.sampling_period_s, options.prior_decades)
     return grade_fit(solution, ordered(doubts))

@@ -55,7 +55,7 @@ def error_ratios(fitted: FittedModel, modelled: ComplexArray, assumed: float) ->
     error = np.abs(np.log(np.where(used, fitted.measured / modelled, 1.0))) ** 2
     allowed = problem.frf.element_variance() / np.abs(modelled) ** 2 + assumed**2
     sums: FloatArray = np.where(used, error / allowed, 0.0).sum(axis=(1, 2, 3))
-    return sums / used.sum(axis=(1, 2, 3))
+    return np.asarray(sums / used.sum(axis=(1, 2, 3)))
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class OwnErrors:
 
     def by_motor(self, errors: FloatArray) -> FloatArray:
         """Median (n_in,) over lines and configurations; NaN for a motor without any."""
-        return _median(errors.reshape(1, -1, errors.shape[-1]))[0]
+        return np.asarray(_median(errors.reshape(1, -1, errors.shape[-1]))[0])
 
 
 def own_errors(fitted: FittedModel, modelled: ComplexArray) -> OwnErrors:
