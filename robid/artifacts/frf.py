@@ -4,6 +4,7 @@ Schema history:
     1.0: first version.
     1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
     1.2: `torque_amplitude`, `realization_error`.
+    1.3: `compensation`, `line_correlation`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.frf.frf import Frf
 
-FRF = Kind("frf", "1.2", "robid estimate-frf")
+FRF = Kind("frf", "1.3", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -63,6 +64,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "torque_amplitude": Column(
             frf.torque_unit, ("configuration", "frequency", "input", "block"), "Half amplitudes in every experiment"
         ),
+        "line_correlation": Column("1", ("configuration", "frequency", "next"), "Of errors at overlapping windows"),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)
 

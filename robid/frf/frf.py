@@ -32,6 +32,7 @@ CONFIGURATION_WISE = (
     "silent_doubt",
     "uncompensated_response",
     "torque_amplitude",
+    "line_correlation",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -88,6 +89,9 @@ class Frf:
         torque_amplitude (n_conf, n_freq, n_in, n_block): Half the complex amplitude of every torque in every
             experiment of all realizations, compensation subtracted; its power is twice its square. NaN for an
             experiment that there is not; None in files of older versions [N m].
+        compensation: Which laws were subtracted: `none`, `nominal` or `silent_lines`; "" in files of older versions.
+        line_correlation (n_conf, n_freq, n_next): Correlation of each line's error with those of the next lines, of
+            estimators whose windows overlap; None where lines are independent.
     """
 
     frequency_hz: FloatArray
@@ -122,6 +126,8 @@ class Frf:
     silent_doubt: FloatArray | None = None
     realization_error: ComplexArray | None = None
     torque_amplitude: ComplexArray | None = None
+    compensation: str = ""
+    line_correlation: FloatArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
