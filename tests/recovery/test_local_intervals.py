@@ -55,13 +55,14 @@ def make_record(estimator, seed):
 
 @pytest.mark.parametrize("estimator", ["local", "local_periodic"])
 def test_claimed_deviation_is_the_one_over_noise(estimator):
-    estimates, claimed, alone = [], [], []
+    estimates, claimed, alone, blamed = [], [], [], []
     options = EstimateOptions(estimator, local_half_width_lines=5, compensation="none")
     for seed in range(RUNS):
         frf = estimate_frf(make_record(estimator, seed), options)
         solution = fit_elastic(ROBOT, frf, OPTIONS, DELAY_S)
         estimates.append(solution.internal)
         claimed.append(np.sqrt(np.diag(solution.covariance)))
+        blamed.append(solution.model_error.share_correlated)
         separate = fit_elastic(ROBOT, replace(frf, line_correlation=None), OPTIONS, DELAY_S)
         alone.append(np.sqrt(np.diag(separate.covariance)))
     spread = np.std(estimates, axis=0, ddof=1)
@@ -70,3 +71,5 @@ def test_claimed_deviation_is_the_one_over_noise(estimator):
     told = f"scatter over claim {ratio.round(2)}, {before.round(2)} with lines taken as independent"
     print(f"\n{estimator}: {', '.join(solution.names)}: {told}")
     np.testing.assert_allclose(ratio, 1.0, atol=0.15)
+    # Five per cent of right models are blamed for correlated residuals; three binomial deviations above.
+    assert np.mean(blamed) < 0.12
