@@ -163,8 +163,9 @@ def design_excitation(
     # The vectors are short: on a busy machine BLAS threads would only wait for each other.
     with threadpool_limits(1, user_api="blas"):
         amplitude = _amplitude(options, rms, len(excited), loop)
-        phase = np.array([_phases(options, amplitude, excited, index, loop) for index in range(realizations)])
-    spectrum = multisine(amplitude, phase)
+        turn = _turns(options, n_motor, len(excited), realizations)
+        phase = np.array([_phases(options, amplitude, excited, index, turn, loop) for index in range(realizations)])
+    spectrum = multisine(amplitude, phase, turn)
     reference = time_signal(spectrum, excited, samples_per_period(options.period_s, sampling_period_s))
     return Excitation(
         reference=reference,
@@ -187,12 +188,27 @@ def _amplitude(options: ExcitationOptions, rms: FloatArray, n_lines: int, loop: 
     return sensitivity_amplitude(flat, _needed(loop), options.inject, *noise)
 
 
+def _turns(options: ExcitationOptions, n_motor: int, n_lines: int, realizations: int) -> FloatArray | None:
+    """Random phases (n_real, n_exp, n_lines) of each experiment and line, or None."""
+    if not options.random_block_phases:
+        return None
+    return np.random.default_rng([options.seed, 4]).uniform(0, 2 * np.pi, (realizations, n_motor, n_lines))
+
+
 def _phases(
-    options: ExcitationOptions, amplitude: FloatArray, lines: IntArray, realization: int, loop: NominalLoop | None
+    options: ExcitationOptions,
+    amplitude: FloatArray,
+    lines: IntArray,
+    realization: int,
+    turn: FloatArray | None,
+    loop: NominalLoop | None,
 ) -> FloatArray:
     """Phases (n_motor, n_lines) of one realization; a start beyond one per motor goes to the worst motor so far."""
     n_motor, n_lines = amplitude.shape
     shifts = np.angle(orthogonal_matrix(n_motor))
+    own = None if turn is None else turn[realization]
+    if own is not None:
+        shifts = shifts[:, :, None] + own
     generators = [np.random.default_rng([options.seed, 2, realization, motor]) for motor in range(n_motor)]
     phases, crest = np.zeros(amplitude.shape), np.full(n_motor, np.inf)
     for _ in range(max(options.phase_starts, n_motor)):
@@ -205,7 +221,7 @@ def _phases(
         return phases
     loop = _needed(loop)
     speed = 1j * loop.omega[:, None, None] * loop.gains(loop.central(), options.inject)[1]
-    return reduce_crest_with_motion(phases, amplitude, lines, speed, iterations=options.phase_iterations)
+    return reduce_crest_with_motion(phases, amplitude, lines, speed, own, iterations=options.phase_iterations)
 
 
 def _needed(loop: NominalLoop | None) -> NominalLoop:

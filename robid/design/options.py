@@ -47,6 +47,13 @@ class ExcitationOptions:
             "ge": 1,
         },
     )
+    random_block_phases: bool = field(
+        default=False,
+        metadata={
+            "description": "Random phases for each experiment and line of a multisine's block: it stays orthogonal, no"
+            " signal repeats, and peaks are higher."
+        },
+    )
     crest_at: Literal["reference", "reference_and_motion"] = field(
         default="reference",
         metadata={

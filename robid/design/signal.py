@@ -97,6 +97,8 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
         problems += _sweep_problems(options, n_sample, sampling_period_s)
     if options.signal != "multisine" and (options.amplitude, options.crest_at) != ("flat", "reference"):
         problems.append("only a multisine is shaped by the robot (leave out amplitude and crest_at)")
+    if options.signal != "multisine" and options.random_block_phases:
+        problems.append("only a multisine keeps its shape under random phases (leave out random_block_phases)")
     if options.slow_motion_rad_s > 0:
         problems += _slow_problems(options)
     if options.signal == "fourier" and options.at_rest and options.count <= len(_ORDERS[options.inject]):

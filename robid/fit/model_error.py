@@ -81,6 +81,11 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     limit = f.ppf(_LEVEL, rows * np.maximum(kept, 0.5), 2 * np.maximum(known, 0.5))
     level = np.where(ratio > limit, _level(square, variance / bias, kept), 0.0)
     correlation, pairs = _correlation(np.where(used, residual / np.sqrt(variance), 0.0), used)
+    if frf.line_correlation is not None:
+        # Windows that overlap correlate residuals without any error of the model.
+        alike = frf.line_correlation.mean(axis=1)
+        correlation = correlation - alike[:, :1, None]
+        pairs = pairs / (1 + 2 * (alike**2).sum(axis=1))[:, None, None]
     return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(rows * np.maximum(pairs, 1)))
 
 

@@ -94,7 +94,26 @@ def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
     moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)
     moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
     meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + assumed.conj().T @ assumed)
+    meat = meat + _between_lines(scaled, moved, problem.frf.line_correlation)
     return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
+
+
+def _between_lines(scaled: ComplexArray, moved: ComplexArray, correlation: FloatArray | None) -> FloatArray:
+    """What errors that neighbouring lines share add to the sandwich's inside (n_param, n_param).
+
+    Args:
+        scaled (n_conf, n_freq, n_out, n_in, n_param): What the errors move.
+        moved: The same times the covariance of the errors.
+        correlation (n_conf, n_freq, n_next): Of each line's error with the next lines', or None.
+    """
+    n_param = scaled.shape[-1]
+    total = np.zeros((n_param, n_param))
+    for ahead in range(1, 1 + (0 if correlation is None else min(correlation.shape[2], scaled.shape[1] - 1))):
+        share = np.asarray(correlation)[:, :-ahead, ahead - 1, None, None, None]
+        for here, there in ((slice(None, -ahead), slice(ahead, None)), (slice(ahead, None), slice(None, -ahead))):
+            left = (share * scaled[:, here]).reshape(-1, n_param)
+            total += np.real(left.conj().T @ moved[:, there].reshape(-1, n_param))
+    return total
 
 
 def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:

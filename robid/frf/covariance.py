@@ -7,6 +7,9 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 
+_STANDS_OUT = 4.0  # standard deviations of a sum of chance correlations
+_FEWEST = 2.0  # degrees of freedom below which inverted variances have no use
+
 
 def total_covariance(residual: ComplexArray, n_in: int, pooled: int) -> tuple[ComplexArray | None, float]:
     """Covariance of one experiment's output residual over realizations.
@@ -17,14 +20,51 @@ def total_covariance(residual: ComplexArray, n_in: int, pooled: int) -> tuple[Co
         pooled: Neighbouring lines pooled.
 
     Returns:
-        Covariance (n_freq, n_out, n_out) and its complex degrees of freedom; None and 0 without freedom left.
+        Covariance (n_freq, n_out, n_out) and its complex degrees of freedom, fewer where experiments repeat each
+        other's residual; None and 0 without freedom left.
     """
     n_real, n_freq, _, n_exp = residual.shape
     freedom = n_exp * n_real - n_in
     if n_real < 2 or freedom < 1:
         return None, 0.0
     covariance = _outer(residual.transpose(1, 2, 0, 3)) / freedom
-    return pool(covariance, pooled), float(freedom * min(pooled, n_freq))
+    counted = freedom * min(pooled, n_freq)
+    effective = counted * distinct_experiments(residual) / n_exp
+    return pool(covariance, pooled), float(max(effective, min(counted, _FEWEST)))
+
+
+def distinct_experiments(residual: ComplexArray) -> float:
+    """Independent experiments that have the scatter of a block's residuals.
+
+    Signals that repeat up to their sign repeat the friction: what one experiment of the block shows, others show
+    again. n experiments whose residuals have the correlations `rho` are as good as `n^2 / sum |rho|^2`. Chance
+    correlations do not come back in other realizations, so products of different ones count; a sum that does not
+    stand out counts as none.
+
+    Args:
+        residual (n_real, n_freq, n_out, n_exp): `Y - G U` of the period averages.
+
+    Returns:
+        From 1 to `n_exp`, harmonic mean over the outputs.
+
+    Source:
+        Satterthwaite (1946), of a variance from correlated samples.
+    """
+    n_real, n_freq, _, n_exp = residual.shape
+    if n_exp < 2 or n_real < 2:
+        return float(n_exp)
+    power = (np.abs(residual) ** 2).mean(axis=(0, 3), keepdims=True)
+    rows = np.divide(residual, np.sqrt(power), out=np.zeros_like(residual), where=power > 0).transpose(0, 2, 3, 1)
+    cross = rows @ np.swapaxes(rows, -1, -2).conj()
+    size = np.sqrt(np.real(np.diagonal(cross, axis1=-2, axis2=-1)))
+    product = size[..., :, None] * size[..., None, :]
+    correlation = np.divide(cross, product, out=np.zeros_like(cross), where=product > 0) * (1 - np.eye(n_exp))
+    couples = n_real * (n_real - 1)
+    common = np.abs(correlation.sum(axis=0)) ** 2 - (np.abs(correlation) ** 2).sum(axis=0)
+    excess = common.sum(axis=(1, 2)) / couples
+    chance = n_exp * np.sqrt(2 / couples) / n_freq
+    excess = np.where(excess > _STANDS_OUT * chance, excess, 0.0)
+    return float(max(1.0, n_exp**2 / np.mean(n_exp + excess)))
 
 
 def noise_covariance(scatter: ComplexArray, freedom: int, pooled: int) -> tuple[ComplexArray | None, float]:

@@ -60,6 +60,7 @@ class _Found:
     total_freedom: float
     derivative: ComplexArray
     realization_error: ComplexArray | None = None
+    line_correlation: FloatArray | None = None
 
 
 def estimate_frf(
@@ -126,7 +127,16 @@ def estimate_frf(
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_doubt=levels.doubt[None],
         torque_amplitude=np.concatenate(list(blocks.torque), axis=-1)[None],
+        compensation=_used(laws),
+        line_correlation=None if found.line_correlation is None else found.line_correlation[None],
     )
+
+
+def _used(laws: tuple[TorqueLaw, ...] | None) -> str:
+    """Which compensation some laws are."""
+    if laws is None:
+        return "none"
+    return "silent_lines" if any(law.identified_std is not None for law in laws) else "nominal"
 
 
 def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> _Spectra:
@@ -181,7 +191,8 @@ def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -
     """An estimate over neighbouring lines; its covariance is that of the local fits' residuals."""
     fit = local_fit(spectra.blocks, windows, options)
     derivative = windows.joined(spectra.removed.derivative)
-    return _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative)
+    shared = fit.line_correlation if fit.line_correlation.size else None
+    return _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative, line_correlation=shared)
 
 
 def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:

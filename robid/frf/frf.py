@@ -35,6 +35,7 @@ CONFIGURATION_WISE = (
     "mean_torque",
     "mean_position",
     "motion_rms",
+    "line_correlation",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -95,6 +96,9 @@ class Frf:
             over all samples, and None in files of older versions.
         mean_position (n_conf, n_out): Mean output as recorded: motor angles, and what else was measured [rad].
         motion_rms (n_conf, n_out): RMS of the output about its mean [rad].
+        compensation: Which laws were subtracted: `none`, `nominal` or `silent_lines`; "" in files of older versions.
+        line_correlation (n_conf, n_freq, n_next): Correlation of each line's error with those of the next lines, of
+            estimators whose windows overlap; None where lines are independent.
     """
 
     frequency_hz: FloatArray
@@ -132,6 +136,8 @@ class Frf:
     mean_torque: FloatArray | None = None
     mean_position: FloatArray | None = None
     motion_rms: FloatArray | None = None
+    compensation: str = ""
+    line_correlation: FloatArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""

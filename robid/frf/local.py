@@ -10,6 +10,7 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import BlockEstimate
 from robid.frf.options import EstimateOptions
+from robid.frf.overlap import realization_scale, window_correlation
 from robid.frf.spectra import Blocks
 
 LOCAL = ("local", "local_periodic")
@@ -58,11 +59,14 @@ class LocalEstimate(BlockEstimate):
         covariance (n_freq, n_out, n_out): Covariance of one experiment's output residual.
         freedom: Complex degrees of freedom of each.
         element_scale (n_out, n_in): Variance of each element over that of the product, mean over the lines.
+        line_correlation (n_freq, n_next): Correlation of each line's error with those of the next lines, whose
+            windows hold the same bins; the denominator's part is taken to be alike.
     """
 
     covariance: ComplexArray
     freedom: float
     element_scale: FloatArray
+    line_correlation: FloatArray
 
 
 def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int) -> int:
@@ -165,11 +169,20 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         products = _flat(_products(windows.offset[:, :, None] ** degrees, explained), silence)
         denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.size, -1))
         observed = observed + denominator.change
-    return _estimate(fit, observed, denominator, freedom, n_in, indirect=indirect)
+    n_real = blocks.torque.shape[0]
+    return _estimate(fit, observed, denominator, freedom, n_in, n_real, windows, indirect=indirect)
 
 
 def _estimate(
-    fit: _Fit, observed: ComplexArray, denominator: _Denominator | None, freedom: float, n_in: int, *, indirect: bool
+    fit: _Fit,
+    observed: ComplexArray,
+    denominator: _Denominator | None,
+    freedom: float,
+    n_in: int,
+    n_real: int,
+    windows: Windows,
+    *,
+    indirect: bool,
 ) -> LocalEstimate:
     """Reads the response off a fit; of an indirect one the first observations are the torques."""
     centre, output = fit.centre(observed, n_in), fit.residual(observed)
@@ -181,19 +194,20 @@ def _estimate(
         output = _output_part(output, response, n_in)
     gain = turn @ fit.gain(n_in)
     covariance = np.einsum("fro,frp->fop", output, output.conj()) / freedom
-    scale: FloatArray = np.ones(response.shape[1:])
+    scale = realization_scale(gain, output, fit.orthonormal, covariance, n_real)
     if denominator is not None:
         slope = turn[:, None] @ denominator.sensitivity(n_in)
         slope = _output_part(slope, response[:, None], n_in) if indirect else slope
-        scale = _element_scale(slope, denominator.covariance(freedom), gain, covariance)
-    return LocalEstimate(response, np.swapaxes(gain, 1, 2)[None], covariance, freedom, scale)
+        scale = scale * _element_scale(slope, denominator.covariance(freedom), gain, covariance)
+    correlation = window_correlation(gain, windows.index)
+    return LocalEstimate(response, np.swapaxes(gain, 1, 2)[None], covariance, freedom, scale, correlation)
 
 
 class _Fit:
     """Least squares of all lines at once by QR."""
 
     def __init__(self, columns: ComplexArray, n_in: int) -> None:
-        self._orthonormal, self._triangle = np.linalg.qr(columns)
+        self.orthonormal, self._triangle = np.linalg.qr(columns)
         size = np.linalg.norm(self._triangle, axis=1).reshape(len(columns), -1, n_in).max(axis=1)
         scaled = self._triangle / np.tile(size, columns.shape[2] // n_in)[:, None]
         if not (size > 0).all() or np.linalg.cond(scaled).max() > _CONDITION_LIMIT:
@@ -212,11 +226,11 @@ class _Fit:
 
     def residual(self, observed: ComplexArray) -> ComplexArray:
         """What the model leaves of the observations."""
-        return np.asarray(observed - self._orthonormal @ (self._adjoint @ observed))
+        return np.asarray(observed - self.orthonormal @ (self._adjoint @ observed))
 
     @property
     def _adjoint(self) -> ComplexArray:
-        return np.asarray(np.swapaxes(self._orthonormal.conj(), 1, 2))
+        return np.asarray(np.swapaxes(self.orthonormal.conj(), 1, 2))
 
 
 class _Denominator:

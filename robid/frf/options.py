@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+IDENTIFYING = frozenset({"auto", "silent_lines"})
+"""Compensations that look at the silent lines."""
+
 
 @dataclass(frozen=True)
 class EstimateOptions:
@@ -42,11 +45,11 @@ class EstimateOptions:
             "ge": 0,
         },
     )
-    compensation: Literal["none", "nominal", "silent_lines"] = field(
+    compensation: Literal["auto", "none", "nominal", "silent_lines"] = field(
         default="nominal",
         metadata={
             "description": "Friction and ripple subtracted from the torque: none, the robot file's, or what the lines"
-            " that are not excited show."
+            " that are not excited show; `auto`, the default of logs: `silent_lines` where it can be, else `nominal`."
         },
     )
     silent_configurations: int = field(

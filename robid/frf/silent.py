@@ -12,18 +12,14 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import logarithmic
 from robid.frf.compensation import Motion, friction_spectrum, record_motion, ripple_spectra
+from robid.frf.laws import LawEstimate, law_of, values_of
 from robid.frf.spectra import Blocks, record_blocks
 from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 
-COEFFICIENTS = ("coulomb", "breakaway", "stribeck", "presliding", "lag", "ripple_sin", "ripple_cos")
-"""Coulomb level [N m], excess of breakaway over it, logarithms of Stribeck speed and of presliding deflection or
-smoothing speed, lag [samples], ripple over its amplitude."""
-
 _MIN_LINES = 14  # two for each coefficient
 _MIN_EXCITED = 4
-_MIN_EXPLAINED = 0.5
-_SIGNIFICANT = 2.0  # friction as strong as the noise
+_CONDITION_LIMIT = 1e8
 _ITERATIONS = 12
 _TOLERANCE = 0.1  # of the standard deviation
 _REALIZATIONS = 2
@@ -35,25 +31,6 @@ _SMOOTHINGS_RAD_S = (0.1, 0.4, 1.6, 6.4)
 _STRIBECK_RAD_S = 3.0
 _ROUNDS = 3
 _FLOOR = 1e-3
-
-
-@dataclass(frozen=True)
-class LawEstimate:
-    """Torque laws of all motors as one configuration shows them.
-
-    Attributes:
-        values (n_in, 7): The values of `COEFFICIENTS`.
-        covariance (n_in, 7, 7): Their covariance, robust against errors that all experiments share at a line.
-        bristle (n_in,): Whether the law has memory.
-        explained (n_in,): Share of the silent lines' torque above noise that the law explains.
-        significance (n_in,): Silent lines' torque power over that of noise; infinite without a noise estimate.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    bristle: BoolArray
-    explained: FloatArray
-    significance: FloatArray
 
 
 @dataclass(frozen=True)
@@ -122,7 +99,7 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
         METHODS sec. 4.
     """
     silent = _silent(record, start, delay_s, oversampling)
-    values, bristle = _values(start), np.array([law.presliding_rad > 0 for law in start])
+    values, bristle = values_of(start), np.array([law.presliding_rad > 0 for law in start])
     origin = values.copy()
     for _ in range(_ITERATIONS):
         torque, derivative = _linearise(silent, values, bristle)
@@ -141,71 +118,8 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
     significance = np.divide(before, noise, out=np.full_like(before, np.inf), where=noise > 0)
     explained = 1 - np.maximum(after - noise, 0) / np.maximum(before - noise, np.finfo(float).tiny)
     covariance = np.array([_step(error[:, :, m], derivative[:, :, :, m], 0 * origin[m])[1] for m in range(len(values))])
-    return LawEstimate(values, covariance, bristle, explained, significance)
-
-
-def combine_laws(
-    estimates: Sequence[LawEstimate], start: Sequence[TorqueLaw], stated: Sequence[TorqueLaw], names: Sequence[str]
-) -> tuple[tuple[TorqueLaw, ...], tuple[str, ...]]:
-    """Joins the estimates of several configurations to one law per motor.
-
-    The covariance of the weighted mean is widened by the estimates' scatter where that is larger.
-
-    Args:
-        estimates: One per configuration, all started from the same laws.
-        start: The laws they started from.
-        stated: The laws of the robot file.
-        names: Names of the motors.
-
-    Returns:
-        The laws with their deviations and their distance from the robot file's, and notes.
-
-    Raises:
-        DataError: If a law explains too little of what the silent lines show.
-    """
-    explained = np.median([estimate.explained for estimate in estimates], axis=0)
-    significant = np.median([estimate.significance for estimate in estimates], axis=0) > _SIGNIFICANT
-    poor = significant & (explained < _MIN_EXPLAINED)
-    if poor.any():
-        shares = zip(names, explained, poor, strict=True)
-        worst = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share, is_poor in shares if is_poor)
-        raise DataError(
-            f"friction and ripple explain too little of the torque at the silent lines: {worst}",
-            where="compensation: silent_lines",
-            remedy="use `compensation: nominal` or `none`; look for saturation, backlash or a wrong delay",
-        )
-    combined, notes = [], []
-    for motor, law in enumerate(start):
-        if significant[motor]:
-            combined.append(_distance(_combine(estimates, motor, law), stated[motor]))
-        else:
-            combined.append(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0))
-            notes.append(f"Motor {names[motor]}: the silent lines show noise only, nothing was compensated.")
-    return tuple(combined), tuple(notes)
-
-
-def _combine(estimates: Sequence[LawEstimate], motor: int, law: TorqueLaw) -> TorqueLaw:
-    values = np.array([estimate.values[motor] for estimate in estimates])
-    information = np.linalg.inv([estimate.covariance[motor] for estimate in estimates])
-    covariance = np.linalg.inv(information.sum(axis=0))
-    mean = covariance @ np.einsum("cij,cj->i", information, values)
-    scatter = np.einsum("ci,cij,cj->", values - mean, information, values - mean)
-    freedom = (len(values) - 1) * len(mean)
-    deviation = np.sqrt(np.diag(covariance) * max(1.0, scatter / freedom if freedom else 1.0))
-    fitted = _law(law, mean)
-    level = np.hypot(deviation[0] * (1 + mean[1]), fitted.coulomb_nm * deviation[1])
-    speeds = deviation[2] * fitted.stribeck_rad_s, deviation[3] * fitted.width
-    std = (deviation[0], level, *speeds, deviation[4], *(deviation[5:] * (law.ripple_nm > 0)))
-    return replace(fitted, identified_std=tuple(float(value) for value in std))
-
-
-def _distance(law: TorqueLaw, stated: TorqueLaw) -> TorqueLaw:
-    """The law with its distance from the robot file's, where that has friction of the same kind."""
-    ripple = (law.ripple_sin - stated.ripple_sin, law.ripple_cos - stated.ripple_cos)
-    if stated.coulomb_nm == 0 or (stated.presliding_rad > 0) != (law.presliding_rad > 0):
-        return replace(law, offset=(0.0, 0.0, 0.0, *ripple))
-    relative = (law.coulomb_nm / stated.coulomb_nm - 1, law.width / stated.width - 1)
-    return replace(law, offset=(*relative, law.lag_samples - stated.lag_samples, *ripple))
+    form_share = np.maximum(after - noise, 0) / np.maximum(after, np.finfo(float).tiny)
+    return LawEstimate(values, covariance, bristle, explained, significance, form_share, _torque_peak(record))
 
 
 def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampling: int = 2) -> _Silent:
@@ -220,8 +134,32 @@ def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampl
             remedy="use `grid: odd` and fewer excited lines, a longer period, or `compensation: nominal`",
         )
     blocks = record_blocks(record, lines)
+    _check_blocks(blocks, np.flatnonzero(excited))
     motion = record_motion(record, lines, delay_s, oversampling)
     return _Silent(blocks, motion, excited, tuple(laws), ripple_spectra(motion, laws))
+
+
+def _check_blocks(blocks: Blocks, excited: IntArray) -> None:
+    """Refuses experiments from which no response can be inverted."""
+    n_in, n_exp = blocks.torque.shape[2:]
+    problem = "" if n_exp == n_in else f"{n_exp} experiments are no full block of {n_in} motors"
+    moved = blocks.acceleration[:, excited, :n_in]
+    for kind, spectra in (("torque", blocks.torque[:, excited]), ("motion", moved)):
+        # NaN has no condition either.
+        if not problem and not (np.isfinite(spectra).all() and np.linalg.cond(spectra).max() < _CONDITION_LIMIT):
+            problem = f"the experiments do not tell the motors' {kind} apart"
+    if problem:
+        raise DataError(
+            f"{problem}: friction cannot be identified",
+            where="compensation: silent_lines",
+            remedy="record full blocks of experiments that move every motor, or use `compensation: nominal` or `none`",
+        )
+
+
+def _torque_peak(record: Record) -> FloatArray:
+    """Largest torque (n_in,) of all periods, the mean of each experiment taken off."""
+    torque = record.torque[0]
+    return np.asarray(np.abs(torque - torque.mean(axis=(2, 3), keepdims=True)).max(axis=(0, 1, 2, 3)))
 
 
 def _telling(lines: IntArray, excited: BoolArray) -> BoolArray:
@@ -244,7 +182,7 @@ def _linearise(silent: _Silent, values: FloatArray, bristle: BoolArray) -> tuple
 
     def friction(moved: FloatArray) -> ComplexArray:
         laws = [
-            _law(replace(law, presliding_rad=float(kind)), row)
+            law_of(replace(law, presliding_rad=float(kind)), row)
             for law, row, kind in zip(silent.laws, moved, bristle, strict=True)
         ]
         return friction_spectrum(silent.motion, laws)
@@ -324,38 +262,3 @@ def _powers(silent: _Silent, error: ComplexArray, removed: ComplexArray) -> tupl
     weight = 1 / (after + _FLOOR * np.median(after, axis=0))
     weight *= _telling(blocks.lines, silent.excited)[quiet, None]
     return (weight * before).sum(axis=0), (weight * after).sum(axis=0), (weight * noise).sum(axis=0)
-
-
-def _values(laws: Sequence[TorqueLaw]) -> FloatArray:
-    """The values (n_in, 7) of `COEFFICIENTS` of some laws with friction."""
-    return np.array(
-        [
-            [
-                law.coulomb_nm,
-                law.static_nm / law.coulomb_nm - 1,
-                np.log(law.stribeck_rad_s),
-                np.log(law.width),
-                law.lag_samples,
-                law.ripple_sin,
-                law.ripple_cos,
-            ]
-            for law in laws
-        ]
-    )
-
-
-def _law(law: TorqueLaw, values: FloatArray) -> TorqueLaw:
-    """A law of the same kind with other values."""
-    coulomb, breakaway, stribeck, width, lag, sine, cosine = values.tolist()
-    bristle = law.presliding_rad > 0
-    return replace(
-        law,
-        coulomb_nm=coulomb,
-        static_nm=coulomb * (1 + breakaway),
-        stribeck_rad_s=float(np.exp(stribeck)),
-        presliding_rad=float(np.exp(width)) if bristle else 0.0,
-        smoothing_rad_s=0.0 if bristle else float(np.exp(width)),
-        lag_samples=lag,
-        ripple_sin=sine,
-        ripple_cos=cosine,
-    )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 import pydantic.dataclasses
@@ -219,6 +220,17 @@ class Campaign(Section):
     estimate: EstimateOptions = Field(
         default_factory=EstimateOptions, description="How the record becomes a frequency response."
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _logs_look_at_their_silent_lines(cls, values: Any) -> Any:  # noqa: ANN401
+        """Compensates logs by `auto` unless told otherwise: nobody knows their friction's form beforehand."""
+        if not isinstance(values, Mapping) or not isinstance(values.get("source"), Mapping):
+            return values
+        estimate = values.get("estimate", {})
+        if "acquire" not in values["source"] or not isinstance(estimate, Mapping) or "compensation" in estimate:
+            return values
+        return {**values, "estimate": {**estimate, "compensation": "auto"}}
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)

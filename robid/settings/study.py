@@ -129,5 +129,5 @@ Study: TypeAlias = Annotated[FrfStudy | WernholtStudy | ZimmermannStudy, Field(d
 
 
 def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:
-    """Returns the values that an option of the estimate may have."""
-    return get_args(get_type_hints(EstimateOptions)[option])
+    """Returns the values that an option of the estimate may have; `auto` is one of the others, chosen by the data."""
+    return tuple(name for name in get_args(get_type_hints(EstimateOptions)[option]) if name != "auto")

@@ -29,7 +29,7 @@ def reduce_crest(
         phases (n_lines,): Starting phases [rad].
         amplitudes (n_lines,): Amplitudes [any unit].
         lines (n_lines,): DFT lines.
-        shifts (n_shift,): Phase added to all lines in each copy [rad].
+        shifts (n_shift,) or (n_shift, n_lines): Phase added to all lines, or to each, in each copy [rad].
         iterations: Iterations at each exponent; 0 returns the start.
 
     Returns:
@@ -39,12 +39,18 @@ def reduce_crest(
         Guillaume, Schoukens, Pintelon and Kollar (1991), Crest-factor minimization using nonlinear Chebyshev
         approximation methods (the L2p norm).
     """
-    norm = _CopiesNorm(amplitudes, lines, shifts)
+    norm = (_CopiesNorm if shifts.ndim == 1 else _TurnedNorm)(amplitudes, lines, shifts)
     return _descend(norm, phases, iterations)
 
 
 def reduce_crest_with_motion(
-    phases: FloatArray, amplitudes: FloatArray, lines: IntArray, response: ComplexArray, *, iterations: int
+    phases: FloatArray,
+    amplitudes: FloatArray,
+    lines: IntArray,
+    response: ComplexArray,
+    turn: FloatArray | None = None,
+    *,
+    iterations: int,
 ) -> FloatArray:
     """Lowers the peaks of all motors' multisines and of the motion they cause, over the experiments of a block.
 
@@ -53,12 +59,13 @@ def reduce_crest_with_motion(
         amplitudes (n_motor, n_lines): Amplitudes [any unit].
         lines (n_lines,): DFT lines.
         response (n_lines, n_out, n_motor): From references to motion [any unit].
+        turn (n_exp, n_lines): Phases that all motors have in common in an experiment [rad]; none by default.
         iterations: Iterations at each exponent; 0 returns the start.
 
     Returns:
         Phases (n_motor, n_lines) [rad]; the largest peak over RMS of all signals is never above the start's.
     """
-    norm = _BlockNorm(amplitudes, lines, response)
+    norm = _BlockNorm(amplitudes, lines, response, turn)
     return _descend(norm, phases.ravel(), iterations)[0].reshape(phases.shape)
 
 
@@ -126,14 +133,32 @@ class _CopiesNorm(_Norm):
         return np.real(1j * self.amplitudes * np.exp(1j * phases) * projected)
 
 
+class _TurnedNorm(_Norm):
+    """One motor's multisine in all experiments: copies whose every line is shifted by its own phase."""
+
+    def __init__(self, amplitudes: FloatArray, lines: IntArray, shifts: FloatArray) -> None:
+        super().__init__(lines)
+        self.rotated = amplitudes / np.sqrt(np.sum(amplitudes**2) / 2) * np.exp(1j * shifts)
+
+    def signals(self, phases: FloatArray) -> FloatArray:
+        return np.real(self.analytic(self.rotated * np.exp(1j * phases)))
+
+    def gradient(self, phases: FloatArray, force: FloatArray) -> FloatArray:
+        return np.asarray(np.real(1j * self.rotated * np.exp(1j * phases) * self.project(force)).sum(axis=0))
+
+
 class _BlockNorm(_Norm):
     """All motors' multisines and the motion they cause in all experiments of a block."""
 
-    def __init__(self, amplitudes: FloatArray, lines: IntArray, response: ComplexArray) -> None:
+    def __init__(
+        self, amplitudes: FloatArray, lines: IntArray, response: ComplexArray, turn: FloatArray | None = None
+    ) -> None:
         super().__init__(lines)
         n_motor = len(amplitudes)
         check_shape("response", response, "n_lines n_out n_motor", n_lines=len(lines), n_motor=n_motor)
         self.turns = orthogonal_matrix(n_motor)[:, :, None] * amplitudes[:, None]
+        if turn is not None:
+            self.turns = self.turns * np.exp(1j * turn)
         motion = np.sqrt(np.sum(np.abs(response) ** 2 * (amplitudes.T[:, None] ** 2), axis=(0, 2)) / 2)
         size = np.sqrt(np.sum(amplitudes**2, axis=1) / 2)
         alone = np.broadcast_to(np.diag(1 / size), (len(lines), n_motor, n_motor))

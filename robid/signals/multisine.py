@@ -34,16 +34,17 @@ def orthogonal_matrix(size: int) -> ComplexArray:
     return np.asarray(np.exp(2j * np.pi * (np.outer(index, index) % size) / size))
 
 
-def multisine(amplitude: FloatArray, phase: FloatArray) -> ComplexArray:
+def multisine(amplitude: FloatArray, phase: FloatArray, turn: FloatArray | None = None) -> ComplexArray:
     """Spreads one multisine per motor over an orthogonal block of experiments.
 
     Args:
         amplitude (n_motor, n_lines): Amplitude of each line [any unit].
         phase (n_real, n_motor, n_lines): Phases, new in each realization [rad].
+        turn (n_real, n_exp, n_lines): Phases that all motors have in common in an experiment [rad]; none by default.
 
     Returns:
-        Complex amplitudes `R = R_diag T` (n_real, n_exp, n_lines, n_motor), n_exp = n_motor; the signal is the
-        real part of their sum over the lines.
+        Complex amplitudes `R = R_diag T D` (n_real, n_exp, n_lines, n_motor), n_exp = n_motor, D diagonal with the
+        turns; the signal is the real part of their sum over the lines.
 
     Source:
         Wernholt and Moberg (2008), sec. 4; METHODS sec. 2.
@@ -51,7 +52,11 @@ def multisine(amplitude: FloatArray, phase: FloatArray) -> ComplexArray:
     n_motor, n_lines = amplitude.shape
     check_shape("phase", phase, "n_real n_motor n_lines", n_motor=n_motor, n_lines=n_lines)
     diagonal = amplitude * np.exp(1j * phase)
-    return np.asarray(np.einsum("rik,ie->reki", diagonal, orthogonal_matrix(n_motor)))
+    block = np.einsum("rik,ie->reki", diagonal, orthogonal_matrix(n_motor))
+    if turn is None:
+        return np.asarray(block)
+    check_shape("turn", turn, "n_real n_exp n_lines", n_real=len(phase), n_exp=n_motor, n_lines=n_lines)
+    return np.asarray(block * np.exp(1j * turn)[..., None])
 
 
 def time_signal(spectrum: ComplexArray, lines: IntArray, n_sample: int) -> FloatArray:

@@ -15,11 +15,13 @@ from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
+from robid.errors import DataError
 from robid.frf.checks import is_finding
 from robid.frf.estimate import READS_REFERENCE, estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
-from robid.frf.options import EstimateOptions
-from robid.frf.silent import LawEstimate, combine_laws, identify_laws, start_laws
+from robid.frf.laws import LawEstimate, combine_laws
+from robid.frf.options import IDENTIFYING, EstimateOptions
+from robid.frf.silent import identify_laws, start_laws
 from robid.robot.description import Motor
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
@@ -100,6 +102,22 @@ def _identified(
     return laws, (f"{told}: they explain at least {share:.3g} % of each motor's torque there.", *notes)
 
 
+def _chosen(
+    job: Job, path: Path, n_conf: int, stated: tuple[TorqueLaw, ...], delay: float
+) -> tuple[tuple[TorqueLaw, ...], tuple[str, ...]]:
+    """Laws from the silent lines; where these refuse, under `auto`, the robot file's, and why."""
+    try:
+        return _identified(job, path, n_conf, stated, delay)
+    except DataError as error:
+        if job.campaign.estimate.compensation != "auto":
+            raise
+        known = any(law.coulomb_nm > 0 for law in stated)
+        instead = "the robot file's was subtracted (`nominal`)" if known else "the robot file has none to subtract"
+        note = f"Friction could not be identified at the silent lines, {instead}: {error.what}."
+        job.progress.warn(note)
+        return stated, (note,)
+
+
 def _estimate_part(task: _Task) -> _Brief:
     unread = () if task.options.estimator in READS_REFERENCE else ("reference",)
     record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index, leave_out=unread))
@@ -115,8 +133,8 @@ def _run(job: Job) -> str:
     n_conf = read_outline(path, RECORD).n_rows
     notes: tuple[str, ...] = ()
     laws, delay = stated_laws(job.loaded, job.campaign, options)
-    if options.compensation == "silent_lines" and laws is not None:
-        laws, notes = _identified(job, path, n_conf, laws, delay)
+    if options.compensation in IDENTIFYING and laws is not None:
+        laws, notes = _chosen(job, path, n_conf, laws, delay)
     parts = Parts(job.output, FRF, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))

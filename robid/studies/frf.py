@@ -13,8 +13,9 @@ from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
-from robid.frf.options import EstimateOptions
-from robid.frf.silent import combine_laws, identify_laws, start_laws
+from robid.frf.laws import combine_laws
+from robid.frf.options import IDENTIFYING, EstimateOptions
+from robid.frf.silent import identify_laws, start_laws
 from robid.pipeline import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
@@ -156,7 +157,7 @@ class _Outcome:
 
 def _identified(record: Record, estimators: tuple[Estimator, ...]) -> tuple[TorqueLaw, ...] | str | None:
     """Laws that the silent lines of a group show, why there are none, or None where nobody asks."""
-    asking = [each for each in estimators if each.options.compensation == "silent_lines"]
+    asking = [each for each in estimators if each.options.compensation in IDENTIFYING]
     if not asking or asking[0].laws is None:
         return None
     stated, delay = asking[0].laws, asking[0].delay_s
@@ -169,7 +170,9 @@ def _identified(record: Record, estimators: tuple[Estimator, ...]) -> tuple[Torq
 
 def _estimate(record: Record, estimator: Estimator, identified: tuple[TorqueLaw, ...] | str | None) -> _Outcome:
     """Estimates; a refusal becomes NaN with its reason."""
-    laws = identified if estimator.options.compensation == "silent_lines" else estimator.laws
+    laws = identified if estimator.options.compensation in IDENTIFYING else estimator.laws
+    if isinstance(laws, str) and estimator.options.compensation == "auto":
+        laws = estimator.laws
     if isinstance(laws, str):
         return _refused(record, laws)
     try:

@@ -167,6 +167,26 @@ def test_too_few_silent_lines_are_a_data_error(shop):
     assert "`compensation: nominal`" in answer.flat
 
 
+@pytest.mark.parametrize(
+    ("lines", "used", "note"),
+    [
+        ("count: 14, period_s: 1", "silent_lines", "they explain at least"),
+        ("count: 34, period_s: 0.5, grid: full, detection_share: 0", "nominal", "(`nominal`): only "),
+    ],
+)
+def test_auto_takes_the_silent_lines_where_it_can_and_says_what_it_took(shop, lines, used, note):
+    shop.change("{compensation: nominal}", "{compensation: auto, silent_configurations: 1}")
+    shop.change("period_s: 0.5, low_hz: 4, high_hz: 80, count: 14", f"low_hz: 4, high_hz: 80, {lines}")
+    shop.change("{from: best}", "{list_deg: [[20, 30]]}")
+    for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf"):
+        answer = shop.robid(stage, "small.yaml", "--campaign", "estimation")
+        assert answer.code == 0, answer.err
+    frf = frf_from_artifact(read_artifact(shop.runs / "estimation/frf.h5", FRF))
+    assert frf.compensation == used
+    assert any(note in one for one in frf.notes)
+    assert (note in answer.flat) == (used == "nominal")
+
+
 def test_a_run_ends_with_table_verdict_and_report(done):
     answer = done.robid("run", "small.yaml")
     assert answer.code == 0

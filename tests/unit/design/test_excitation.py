@@ -1,6 +1,7 @@
 """The designed reference: RMS, lines, phases and crest factors."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,6 +38,17 @@ def test_default_excitation_is_flat_enough_and_fast():
     excitation = design_excitation(ExcitationOptions(), 6, 1, STEP)
     assert time.process_time() - start < 5
     assert excitation.crest_factor.max() <= 1.85
+
+
+def test_random_block_phases_keep_lines_rms_and_orthogonality_and_are_searched():
+    options = replace(OPTIONS, random_block_phases=True, phase_iterations=60)
+    found = design_excitation(options, 2, 2, STEP)
+    block = np.moveaxis(found.spectrum, 1, -1)
+    gram = block @ np.swapaxes(block, -1, -2).conj()
+    assert np.abs(gram[..., 0, 1]).max() < 1e-12 * np.abs(gram[..., 0, 0]).max()
+    np.testing.assert_allclose(np.sqrt(np.mean(found.reference**2, axis=2)), np.broadcast_to([8, 12], (2, 2, 2)))
+    drawn = design_excitation(replace(options, phase_iterations=0), 2, 2, STEP)
+    assert found.crest_factor.max() < 0.9 * drawn.crest_factor.max()
 
 
 @pytest.mark.parametrize(("rms", "word"), [((1.0,), "1 values for 2 motors"), ((1.0, -2.0), "motor 2 is not positive")])

@@ -221,6 +221,7 @@ def test_ripple_and_friction_of_the_slow_motion_stay_off_the_excited_lines(grid)
         ({"signal": "fourier", "at_rest": True, "count": 3}, "use at least 4 lines"),
         ({"signal": "fourier", "count": 300}, "do not fit"),
         ({"signal": "chirp", "amplitude": "sensitivity"}, "only a multisine is shaped"),
+        ({"signal": "chirp", "random_block_phases": True}, "leave out random_block_phases"),
     ],
 )
 def test_what_cannot_be_made_is_said(changes, words):

@@ -207,6 +207,46 @@ def test_covariance_of_fewer_experiments_against_monte_carlo(denominator, noise)
     np.testing.assert_allclose(spread / np.mean(claimed), 1.0, atol=0.15)
 
 
+@pytest.mark.parametrize("estimator", ["local", "local_periodic"])
+def test_neighbouring_lines_say_how_much_data_they_share(estimator):
+    """A mean over the lines scatters as the lines' correlation says, and not as if they were independent."""
+    runs, means, claimed, alone = 80, [], [], []
+    for seed in range(runs):
+        if estimator == "local":
+            reference = np.random.default_rng(5).standard_normal((2, 1024, 2))
+            record = as_record(*played(reference, drive(), disturbance=0.2, seed=seed), band(1024))
+        else:
+            record = multisine_record(1, noise=5e-3, seed=seed)
+        frf = estimate_frf(record, EstimateOptions(estimator=estimator, compensation="none"))
+        deviation = np.sqrt(frf.element_variance()[0])
+        correlation = np.eye(len(deviation))
+        for ahead in range(1, 1 + frf.line_correlation.shape[2]):
+            here = np.arange(len(deviation) - ahead)
+            correlation[here, here + ahead] = correlation[here + ahead, here] = frf.line_correlation[0, here, ahead - 1]
+        means.append(frf.response[0].mean(axis=0))
+        claimed.append(np.einsum("foi,fl,loi->oi", deviation, correlation, deviation) / len(deviation) ** 2)
+        alone.append((deviation**2).sum(axis=0) / len(deviation) ** 2)
+    spread = np.var(means, axis=0, ddof=1).mean()
+    np.testing.assert_allclose(np.sqrt(spread / np.mean(claimed)), 1.0, atol=0.12)
+    assert np.sqrt(spread / np.mean(alone)) > 1.25
+
+
+def test_scale_of_realizations_gathers_what_errs_alike_in_one():
+    """Of distortion that follows the inputs of each realization alike, windows know the variance of every element."""
+    runs, found, claimed = 60, [], []
+    for seed in range(runs):
+        record = multisine_record(2, realizations=4, noise=1e-4, seed=seed)
+        share = 0.01 * np.random.default_rng([7, seed]).standard_normal((4, 1, 1, 1, 1))
+        own = np.array([1.0, 0.0])  # only the first motor's torque is wrong, by a factor of each realization's own
+        frf = estimate_frf(replace(record, torque=record.torque * (1 + share * own)), PERIODIC)
+        found.append(frf.response[0])
+        claimed.append(frf.element_variance()[0])
+    spread = np.var(found, axis=0, ddof=1).mean(axis=0)
+    stated = np.mean(claimed, axis=(0, 1))
+    # The first motor's column errs by its torque's factor; the deviation of 60 runs is known to a tenth.
+    np.testing.assert_allclose(np.sqrt(spread[:, 0] / stated[:, 0]), 1.0, atol=0.25)
+
+
 def test_sparse_lines_are_refused():
     with pytest.raises(DataError, match="too empty"):
         estimate_frf(multisine_record(2, spacing=40), LOCAL)

@@ -8,8 +8,9 @@ import pytest
 from robid.errors import DataError
 from robid.frf.compensation import disturbance, record_motion
 from robid.frf.estimate import estimate_frf
+from robid.frf.laws import combine_laws
 from robid.frf.options import EstimateOptions
-from robid.frf.silent import combine_laws, identify_laws, start_laws
+from robid.frf.silent import identify_laws, start_laws
 from robid.frf.spectra import line_amplitudes
 from robid.signals.friction import KINDS, TorqueLaw
 from robid.signals.multisine import multisine, time_signal
@@ -91,6 +92,7 @@ def test_blind_identification_returns_law_and_response():
     np.testing.assert_allclose(found.uncompensated_response[0], plain)
     assert found.law_names[:2] == ("first.coulomb_nm", "first.static_nm")
     np.testing.assert_allclose(found.law_values[:2], laws[0].values[:2])
+    assert found.compensation == "silent_lines"
 
 
 def test_file_is_the_start_and_its_distance_is_told():
@@ -124,6 +126,17 @@ def test_configurations_join_by_their_information():
     assert 0.3 < np.median(ratio) < 0.8, ratio
 
 
+def test_an_error_of_form_does_not_average_over_configurations():
+    start = (BRISTLE, CURVE)
+    estimates = [identify_laws(make_record(start, noise=0.1, seed=seed), start, DELAY_S) for seed in range(4)]
+    assert np.mean([each.form_share for each in estimates]) < 0.2
+    wrong = [replace(each, form_share=np.ones(MOTORS)) for each in estimates]
+    alike = [replace(wrong[0], values=wrong[0].values.copy()) for _ in range(4)]
+    one = combine_laws(alike[:1], start, start, NAMES)[0][1]
+    four = combine_laws(alike, start, start, NAMES)[0][1]
+    np.testing.assert_allclose(four.values_std[:5], one.values_std[:5])
+
+
 def test_motor_without_friction_is_left_alone():
     free = tuple(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0) for law in (BRISTLE, CURVE))
     record = make_record(
@@ -138,6 +151,30 @@ def test_motor_without_friction_is_left_alone():
 def test_what_no_law_explains_is_refused():
     with pytest.raises(DataError, match=r"explain too little .* first .*second"):
         identify(make_record((BRISTLE, CURVE), unexplained=2.0), UNKNOWN)
+
+
+def test_a_level_that_no_motor_could_overcome_is_refused():
+    record = make_record((BRISTLE, CURVE))
+    start = start_laws(record, UNKNOWN, DELAY_S)
+    found = identify_laws(record, start, DELAY_S)
+    torque = record.torque[0]
+    highest = np.abs(torque - torque.mean(axis=(2, 3), keepdims=True)).max(axis=(0, 1, 2, 3))
+    np.testing.assert_allclose(found.torque_peak, highest)
+    combine_laws([found], start, UNKNOWN, NAMES)
+    weak = replace(found, torque_peak=np.array([highest[0], 0.3]))
+    with pytest.raises(DataError, match=r"whole torque: second \(0\.4") as caught:
+        combine_laws([weak], start, UNKNOWN, NAMES)
+    assert caught.value.exit_code == 4
+    assert "`compensation: nominal`" in caught.value.remedy
+
+
+def test_experiments_that_determine_no_response_are_refused():
+    record = make_record((BRISTLE, CURVE))
+    still = replace(record, position=record.position * np.array([1.0, 0.0]))
+    single = replace(record, torque=record.torque[:, :, :1], position=record.position[:, :, :1])
+    for poor in (still, single):
+        with pytest.raises(DataError, match="friction cannot be identified"):
+            start_laws(poor, UNKNOWN, DELAY_S)
 
 
 def test_too_few_silent_lines_are_refused():

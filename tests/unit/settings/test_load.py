@@ -338,6 +338,17 @@ def test_a_log_needs_the_fits_outputs_and_compensation_in_its_unit(tmp_path):
     assert "fits.springs.validate_on: `fresh` measures one, two.arm, but the fit reads one, two" in told
 
 
+def test_logs_look_at_their_silent_lines_unless_told_otherwise(tmp_path):
+    experiment = _replaced(EXPERIMENT, "{list_deg: [[10, 20], [-80, 40]]}", "{list_deg: [[10, 20]]}")
+    experiment = _replaced(experiment, ", validate_on: fresh", "")
+    for written, chosen in (("{compensation: none}", "none"), ("{pooled_lines: 1}", "auto"), (None, "auto")):
+        old = "    estimate: {compensation: none}\n"
+        log = _replaced(LOG, old, "" if written is None else f"    estimate: {written}\n")
+        loaded = load_experiment(_write(tmp_path, _replaced(experiment, "source: *source\n", log)))
+        assert loaded.experiment.campaigns["fresh"].estimate.compensation == chosen
+        assert loaded.experiment.campaigns["measured"].estimate.compensation == "nominal"
+
+
 def test_a_log_may_use_even_lines_too(tmp_path):
     experiment = _replaced(EXPERIMENT, "{list_deg: [[10, 20], [-80, 40]]}", "{list_deg: [[10, 20]]}")
     experiment = _replaced(experiment, "source: *source\n", LOG)

@@ -6,7 +6,7 @@ from scipy.optimize import check_grad
 
 from robid.design.lines import choose_lines
 from robid.design.options import ExcitationOptions
-from robid.signals.crest import _BlockNorm, _CopiesNorm, reduce_crest, reduce_crest_with_motion
+from robid.signals.crest import _BlockNorm, _CopiesNorm, _TurnedNorm, reduce_crest, reduce_crest_with_motion
 from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
 
 LINES = np.array([11, 13, 15, 17, 21, 25, 31, 37, 45, 55, 67, 81])
@@ -52,6 +52,21 @@ def test_gradient_and_peak_over_references_and_motion(lines):
     both = [time_signal(each, lines, 16384) for each in (spectrum, np.einsum("koi,eki->eko", response, spectrum))]
     peaks = [np.abs(each).max(axis=1) / np.sqrt(np.mean(each**2, axis=(0, 1))) for each in both]
     assert norm.peak(phases.ravel()) == pytest.approx(max(each.max() for each in peaks), rel=0.01)
+
+
+def test_gradients_over_experiments_with_phases_of_their_own():
+    generator = np.random.default_rng(9)
+    amplitudes = generator.uniform(0.5, 2, (3, len(LINES)))
+    phases, turn = generator.uniform(0, 6, (2, 3, len(LINES)))
+    shifts = np.angle(orthogonal_matrix(3))[1][:, None] + turn
+    one = _TurnedNorm(amplitudes[1], LINES, shifts)
+    error = check_grad(lambda x: one(x, 3)[0], lambda x: one(x, 3)[1], phases[1], epsilon=1e-7)
+    assert error < 1e-5 * np.linalg.norm(one(phases[1], 3)[1])
+    block = _BlockNorm(amplitudes, LINES, random_response(len(LINES), 2, 3), turn)
+    error = check_grad(lambda x: block(x, 3)[0], lambda x: block(x, 3)[1], phases.ravel(), epsilon=1e-7)
+    assert error < 1e-5 * np.linalg.norm(block(phases.ravel(), 3)[1])
+    played = time_signal(multisine(amplitudes, phases[None], turn[None])[0], LINES, 16384)
+    assert one.peak(phases[1]) == pytest.approx(crest_factor(played)[:, 1].max(), rel=0.01)
 
 
 def test_one_signal_beats_random_draws_and_schroeder():

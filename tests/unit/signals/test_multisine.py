@@ -37,6 +37,19 @@ def test_spectra_are_the_diagonal_times_the_orthogonal_matrix():
             np.testing.assert_allclose(gram, 3 * np.diag(amplitude[:, line] ** 2), atol=1e-12)
 
 
+@pytest.mark.parametrize("size", [2, 3, 6])
+def test_turned_experiments_stay_orthogonal_and_none_repeats(size):
+    generator = np.random.default_rng(2)
+    phase, turn = generator.uniform(0, 6, (2, 2, size, 9))
+    spectrum = multisine(np.ones((size, 9)), phase, turn)
+    block = np.moveaxis(spectrum, 1, -1)
+    gram = block @ np.swapaxes(block, -1, -2).conj()
+    np.testing.assert_allclose(gram, np.broadcast_to(size * np.eye(size), gram.shape), atol=1e-12)
+    signals = np.swapaxes(spectrum, 2, 3).reshape(2, -1, size, 9)
+    alike = np.abs(np.einsum("reik,rfik->rief", signals, signals.conj())) / 9
+    assert alike[..., ~np.eye(size, dtype=bool)].max() < 0.95
+
+
 def test_time_signal_is_the_sum_of_cosines_and_obeys_parseval():
     generator = np.random.default_rng(2)
     spectrum = generator.normal(size=(len(LINES), 1)) + 1j * generator.normal(size=(len(LINES), 1))

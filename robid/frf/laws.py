@@ -1,0 +1,160 @@
+"""Torque laws of several configurations as one, with what no law of the family explains in their deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray
+from robid.errors import DataError
+from robid.signals.friction import TorqueLaw
+
+COEFFICIENTS = ("coulomb", "breakaway", "stribeck", "presliding", "lag", "ripple_sin", "ripple_cos")
+"""Coulomb level [N m], excess of breakaway over it, logarithms of Stribeck speed and of presliding deflection or
+smoothing speed, lag [samples], ripple over its amplitude."""
+
+_MIN_EXPLAINED = 0.5
+_SIGNIFICANT = 2.0  # friction as strong as the noise
+
+
+@dataclass(frozen=True)
+class LawEstimate:
+    """Torque laws of all motors as one configuration shows them.
+
+    Attributes:
+        values (n_in, 7): The values of `COEFFICIENTS`.
+        covariance (n_in, 7, 7): Their covariance, robust against errors that all experiments share at a line.
+        bristle (n_in,): Whether the law has memory.
+        explained (n_in,): Share of the silent lines' torque above noise that the law explains.
+        significance (n_in,): Silent lines' torque power over that of noise; infinite without a noise estimate.
+        form_share (n_in,): Share of what the law leaves there that is not noise: the error of the law's form.
+        torque_peak (n_in,): Largest torque that was measured, its mean taken off.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    bristle: BoolArray
+    explained: FloatArray
+    significance: FloatArray
+    form_share: FloatArray
+    torque_peak: FloatArray
+
+
+def combine_laws(
+    estimates: Sequence[LawEstimate], start: Sequence[TorqueLaw], stated: Sequence[TorqueLaw], names: Sequence[str]
+) -> tuple[tuple[TorqueLaw, ...], tuple[str, ...]]:
+    """Joins the estimates of several configurations to one law per motor.
+
+    What a law leaves beyond noise is the error of its form, alike in every configuration: that share of the covariance
+    does not fall with their number. The estimates' scatter widens it where that is larger.
+
+    Args:
+        estimates: One per configuration, all started from the same laws.
+        start: The laws they started from.
+        stated: The laws of the robot file.
+        names: Names of the motors.
+
+    Returns:
+        The laws with their deviations and their distance from the robot file's, and notes.
+
+    Raises:
+        DataError: If a law explains too little of what the silent lines show, or its level is above all torque that
+            ever moved the motor.
+    """
+    explained = np.median([estimate.explained for estimate in estimates], axis=0)
+    significant = np.median([estimate.significance for estimate in estimates], axis=0) > _SIGNIFICANT
+    poor = significant & (explained < _MIN_EXPLAINED)
+    if poor.any():
+        shares = zip(names, explained, poor, strict=True)
+        worst = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share, is_poor in shares if is_poor)
+        raise DataError(
+            f"friction and ripple explain too little of the torque at the silent lines: {worst}",
+            where="compensation: silent_lines",
+            remedy="use `compensation: nominal` or `none`; look for saturation, backlash or a wrong delay",
+        )
+    combined, notes = [], []
+    for motor, law in enumerate(start):
+        if significant[motor]:
+            combined.append(_distance(_combine(estimates, motor, law), stated[motor]))
+        else:
+            combined.append(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0))
+            notes.append(f"Motor {names[motor]}: the silent lines show noise only, nothing was compensated.")
+    _refuse_absurd(combined, np.max([estimate.torque_peak for estimate in estimates], axis=0), names)
+    return tuple(combined), tuple(notes)
+
+
+def _refuse_absurd(laws: Sequence[TorqueLaw], peak: FloatArray, names: Sequence[str]) -> None:
+    """A motor that moves has overcome its friction: a level above its largest torque was not seen, but extrapolated."""
+    absurd = [
+        f"{name} ({law.coulomb_nm:.3g}, the largest torque is {most:.3g})"
+        for name, law, most in zip(names, laws, peak, strict=True)
+        if not law.coulomb_nm <= most
+    ]
+    if absurd:
+        raise DataError(
+            f"friction at the silent lines would need more than the motor's whole torque: {', '.join(absurd)}",
+            where="compensation: silent_lines",
+            remedy="raise the excitation until the motors slide, or use `compensation: nominal` or `none`",
+        )
+
+
+def _combine(estimates: Sequence[LawEstimate], motor: int, law: TorqueLaw) -> TorqueLaw:
+    values = np.array([estimate.values[motor] for estimate in estimates])
+    information = np.linalg.inv([estimate.covariance[motor] for estimate in estimates])
+    covariance = np.linalg.inv(information.sum(axis=0))
+    mean = covariance @ np.einsum("cij,cj->i", information, values)
+    scatter = np.einsum("ci,cij,cj->", values - mean, information, values - mean)
+    freedom = (len(values) - 1) * len(mean)
+    shared = 1 + (len(values) - 1) * float(np.mean([estimate.form_share[motor] for estimate in estimates]))
+    deviation = np.sqrt(np.diag(covariance) * max(shared, scatter / freedom if freedom else 1.0))
+    fitted = law_of(law, mean)
+    level = np.hypot(deviation[0] * (1 + mean[1]), fitted.coulomb_nm * deviation[1])
+    speeds = deviation[2] * fitted.stribeck_rad_s, deviation[3] * fitted.width
+    std = (deviation[0], level, *speeds, deviation[4], *(deviation[5:] * (law.ripple_nm > 0)))
+    return replace(fitted, identified_std=tuple(float(value) for value in std))
+
+
+def _distance(law: TorqueLaw, stated: TorqueLaw) -> TorqueLaw:
+    """The law with its distance from the robot file's, where that has friction of the same kind."""
+    ripple = (law.ripple_sin - stated.ripple_sin, law.ripple_cos - stated.ripple_cos)
+    if stated.coulomb_nm == 0 or (stated.presliding_rad > 0) != (law.presliding_rad > 0):
+        return replace(law, offset=(0.0, 0.0, 0.0, *ripple))
+    relative = (law.coulomb_nm / stated.coulomb_nm - 1, law.width / stated.width - 1)
+    return replace(law, offset=(*relative, law.lag_samples - stated.lag_samples, *ripple))
+
+
+def values_of(laws: Sequence[TorqueLaw]) -> FloatArray:
+    """The values (n_in, 7) of `COEFFICIENTS` of some laws with friction."""
+    return np.array(
+        [
+            [
+                law.coulomb_nm,
+                law.static_nm / law.coulomb_nm - 1,
+                np.log(law.stribeck_rad_s),
+                np.log(law.width),
+                law.lag_samples,
+                law.ripple_sin,
+                law.ripple_cos,
+            ]
+            for law in laws
+        ]
+    )
+
+
+def law_of(law: TorqueLaw, values: FloatArray) -> TorqueLaw:
+    """A law of the same kind with other values."""
+    coulomb, breakaway, stribeck, width, lag, sine, cosine = values.tolist()
+    bristle = law.presliding_rad > 0
+    return replace(
+        law,
+        coulomb_nm=coulomb,
+        static_nm=coulomb * (1 + breakaway),
+        stribeck_rad_s=float(np.exp(stribeck)),
+        presliding_rad=float(np.exp(width)) if bristle else 0.0,
+        smoothing_rad_s=0.0 if bristle else float(np.exp(width)),
+        lag_samples=lag,
+        ripple_sin=sine,
+        ripple_cos=cosine,
+    )
