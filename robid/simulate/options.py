@@ -73,7 +73,7 @@ class Imperfections:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Truth:
     """Seeded deviations of the simulated robot from the robot file."""
 
