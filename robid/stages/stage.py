@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -123,6 +123,8 @@ class Stage:
         show: Lays out from its output what its command prints below its line; None for nothing.
         told: Reads from its output what `--json` adds to its answer.
         takes_what_is_there: Whether it runs without inputs that a numerical problem has kept from being made.
+        vouched: Says why its main output does not vouch for the others, empty when it does; raises an `ArtifactError`
+            where another one is foreign.
     """
 
     name: str
@@ -136,6 +138,7 @@ class Stage:
     show: Callable[[Path, LoadedExperiment], Group | None] = lambda *_: None
     told: Callable[[Path], dict[str, Any]] = lambda _: {}
     takes_what_is_there: bool = False
+    vouched: Callable[[Sequence[Path]], str] = lambda _: ""
 
 
 def measured_campaigns(experiment: Experiment) -> tuple[str, ...]:
