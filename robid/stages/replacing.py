@@ -11,14 +11,15 @@ from robid.artifacts.store import kind_of
 from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
 from robid.settings.load import LoadedExperiment
+from robid.stages.export_content import COLUMNS
 from robid.stages.report import read_stamp
 from robid.stages.stage import Plan, Stage
 
 _HEAD_BYTES = 4096
 _MARKS = {
-    ".xml": b"elastic model identified by robid ",
-    ".mat": b"MATLAB 5.0 MAT-file, written by robid",
-    ".csv": b"robid",
+    ".xml": (b"elastic model identified by robid ",),
+    ".mat": (b"MATLAB 5.0 MAT-file, written by robid",),
+    ".csv": (",".join(COLUMNS).encode(), b"# Excitation of campaign "),
 }
 
 
@@ -108,7 +109,8 @@ def _is_export(path: Path) -> bool:
     if path.suffix == ".npz":
         return zipfile.is_zipfile(path) and "robid_version.npy" in zipfile.ZipFile(path).namelist()
     with path.open("rb") as file:
-        return _MARKS.get(path.suffix, b"robid") in file.read(_HEAD_BYTES)
+        head = file.read(_HEAD_BYTES)
+    return any(mark in head for mark in _MARKS.get(path.suffix, ()))
 
 
 def _read_json(path: Path) -> object:

@@ -48,6 +48,32 @@ def test_an_output_replaces_only_its_own_kind(done, command, target, what, spell
     assert not path.is_file() or path.read_bytes() == kept
 
 
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ("csv", "parameters.csv"),
+        ("json", "parameters.json"),
+        ("mjcf", "model.xml"),
+        ("mat", "model.mat"),
+        ("statespace", "s.npz"),
+        ("statespace", "s.json"),
+    ],
+)
+def test_an_export_replaces_one_that_was_edited(done, form, name):
+    command = ("export", "small.yaml", "--format", form, "--output", name)
+    assert done.robid(*command).code == 0
+    path = done.folder / name
+    made = path.read_bytes()
+    if name == "s.npz":
+        path.write_bytes(made + b"\0")
+    else:
+        path.write_bytes(made.rstrip() + b" \n")
+    done.refuse(3, "--force", command=command)
+    answer = done.robid(*command, "--force")
+    assert answer.code == 0, answer.err
+    assert path.read_bytes() == made
+
+
 def test_files_beside_an_output_are_kept_as_well(done):
     other = done.folder / "elsewhere"
     other.mkdir()
