@@ -33,8 +33,8 @@ study: $(STAMP) ## run a study, as in make study NAME=frf
 	@[ -f "configs/studies/$(NAME).yaml" ] || { echo "name a study, as in make study NAME=frf; there are: $(notdir $(basename $(wildcard configs/studies/*.yaml)))"; exit 2; }
 	$(BIN)/robid study configs/studies/$(NAME).yaml
 
-test: $(STAMP) ## run the tests
-	$(BIN)/python -m pytest -q -m "not slow"
+test: $(STAMP) ## run the tests, on all cores
+	$(BIN)/python -m pytest -q -m "not slow" -n auto --dist worksteal
 
 test-slow: $(STAMP) ## run the tests that take minutes
 	$(BIN)/python -m pytest -q -s -m slow

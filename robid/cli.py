@@ -13,6 +13,7 @@ import typer
 
 import robid
 from robid.artifacts.atomic import read_json
+from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.artifacts.store import inspect_artifact
 from robid.backends.map import make_map
 from robid.errors import ArtifactError, RobidError
@@ -41,6 +42,7 @@ from robid.stages.export_excitation import (
     excitation_export_plan,
     export_excitation,
 )
+from robid.stages.replacing import check_outputs, settings_files
 from robid.stages.report_content import gather
 from robid.stages.stage import Graded, Stage
 from robid.stages.terminal import Shell, dataset_table, make_console, section_table, status_table
@@ -163,18 +165,21 @@ def _run_stage(
     shell = _shell(run, as_json=as_json)
     inputs = require_inputs(run, node, named)
     target = output or run.path(node.output)
-    state = fresh_at(node, inputs, target)
+    check_outputs(run.loaded, node.stage, node.plan, inputs, target)
     outcome, text = "fresh", "nothing to do"
-    if force or state.status != "fresh":
-        if state.status == "stale" and not force:
-            raise state.unreadable or ArtifactError(
-                f"The output is there, but differs ({state.why}).",
-                where=str(target),
-                remedy="`--force` replaces it; what was made from it is stale then",
-            )
-        begun = time.monotonic()
-        with make_map(run.backend, run.workers) as parallel_map, shell.progress(node.output) as progress:
-            figures = execute(run, node, inputs, target, parallel_map, progress)
+    if force or fresh_at(node, inputs, target).status != "fresh":
+        with locked(_lock(run, target), run.command(node)):
+            # Another process may have made it meanwhile.
+            state = fresh_at(node, inputs, target)
+            if state.status == "stale" and not force:
+                raise state.unreadable or ArtifactError(
+                    f"The output is there, but differs ({state.why}).",
+                    where=str(target),
+                    remedy="`--force` replaces it; what was made from it is stale then",
+                )
+            begun = time.monotonic()
+            with make_map(run.backend, run.workers) as parallel_map, shell.progress(node.output) as progress:
+                figures = execute(run, node, inputs, target, parallel_map, progress)
         outcome, text = "made", f"{figures} ({duration(time.monotonic() - begun)})"
     problem, grade = node.stage.problem(target), grade_of(run, node, target)
     if as_json:
@@ -198,6 +203,12 @@ def _graded(grade: Graded | None) -> dict[str, Any]:
 def _doubts(grade: Graded | None) -> str:
     """What a grade below the best warns of."""
     return grade.sentence if grade is not None and grade.value < _TRUST else ""
+
+
+def _lock(run: Run, target: Path) -> Path:
+    """Lock of the run folder, or of a file elsewhere."""
+    inside = target.resolve().is_relative_to(run.folder.resolve())
+    return run.path(FOLDER_LOCK) if inside else target.with_name(target.name + FOLDER_LOCK)
 
 
 for _stage in STAGES:
@@ -227,7 +238,8 @@ def run_experiment(
     run = _open(experiment, run_dir, backend, workers)
     shell = _shell(run, as_json=as_json)
 
-    results = run_all(run, lambda node: shell.progress(node.output), lambda result: _tell(shell, result))
+    with locked(run.path(FOLDER_LOCK), f"robid run {experiment}"):
+        results = run_all(run, lambda node: shell.progress(node.output), lambda result: _tell(shell, result))
     present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
     content = gather(run.loaded, run.folder, present).content
     report = str(run.path("report.html"))
@@ -267,7 +279,8 @@ def run_a_study(
     del debug
     run = _open(experiment, run_dir, backend, workers)
     shell = _shell(run, as_json=as_json)
-    made = run_study(run, shell.progress, lambda result: _tell(shell, result), force=force)
+    with locked(run.path(FOLDER_LOCK), f"robid study {experiment}"):
+        made = run_study(run, shell.progress, lambda result: _tell(shell, result), force=force)
     report = str(run.path("report.html"))
     if as_json:
         summary = read_json(run.path("summary.json"))
@@ -323,7 +336,8 @@ def export_model(
     check_options(options, run.loaded, node.owner)
     inputs = require_inputs(run, dataclasses.replace(node, plan=export_plan(run.loaded, node.owner)), [])
     content, target = export(options, run.loaded, node.owner, inputs), options.target(run.folder, node.owner)
-    outcome = write_export(target, content, force=force)
+    with locked(_lock(run, target), f"robid export {experiment}"):
+        outcome = write_export(target, content, {**settings_files(run.loaded), **inputs}, force=force)
     shell = _shell(run, as_json=as_json)
     problem = node.stage.problem(inputs["model"])
     if as_json:
@@ -340,7 +354,9 @@ def _export_excitation(run: Run, options: ExcitationExport, *, force: bool, as_j
     plan = excitation_export_plan(node.owner)
     inputs = require_inputs(run, dataclasses.replace(node, plan=plan), [])
     files = export_excitation(options, run.loaded, inputs["excitation"], run.folder)
-    outcomes = {str(path): write_export(path, content, force=force) for path, content in files.items()}
+    read = {**settings_files(run.loaded), **inputs}
+    with locked(_lock(run, options.target(run.folder)), f"robid export {run.loaded.path}"):
+        outcomes = {str(path): write_export(path, content, read, force=force) for path, content in files.items()}
     if as_json:
         _print_json({"output": str(options.target(run.folder)), "format": options.format, "files": outcomes})
         return 0

@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from robid.artifacts.leftovers import remove_leftovers
 from robid.artifacts.store import read_header
 from robid.backends.map import Map, make_map
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.settings.load import LoadedExperiment
 from robid.stages import report
 from robid.stages.freshness import State, compare, input_hashes
+from robid.stages.replacing import check_outputs, outputs_at
 from robid.stages.stage import Graded, Job, Plan, Progress, Stage, check_room
 
 _SMALL_BYTES = 1e6
@@ -182,12 +184,20 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
     """Refuses what would fail after a long computation: outputs that are not ours, a full disk, a missing log."""
     states = examine(run, nodes)
     due = [node for node, state in states.items() if state.status != "fresh"]
+    _tidy(run, {path for node in nodes if node not in due for path in node.plan.outputs})
     check_room(run.folder / "run", _SMALL_BYTES + sum(node.plan.needed_bytes for node in due))
     for state in states.values():
         if state.unreadable is not None:
             raise state.unreadable
     for node in due:
         _check_files(node)
+        check_outputs(run.loaded, node.stage, node.plan, {}, run.path(node.output))
+
+
+def _tidy(run: Run, fresh: set[str]) -> None:
+    """Removes what killed runs left and none resumes: parts of what is fresh or unknown, unfinished files."""
+    known = {path for node in graph(run.loaded) for path in node.plan.outputs}
+    remove_leftovers(run.folder, {run.path(path) for path in known - fresh})
 
 
 def _check_files(node: Node) -> None:
@@ -217,6 +227,10 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
     nodes = graph(run.loaded)
     states = examine(run, nodes)
     makers = {path: other for other in nodes for path in other.plan.outputs}
+    for other in needed_for(nodes, [path for name, path in node.plan.inputs.items() if name not in instead]):
+        damage = states[other].unreadable
+        if damage is not None:
+            raise damage
     inputs = {}
     for name, path in node.plan.inputs.items():
         if name in instead:
@@ -226,8 +240,6 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
         state = states[maker]
         if state.blocked and node.stage.takes_what_is_there:
             continue
-        if state.unreadable is not None:
-            raise state.unreadable
         if state.status != "fresh":
             why = f" ({state.why})" if state.why else ""
             there = state.status == "stale" and run.path(maker.output).exists()
@@ -262,6 +274,7 @@ def execute(
         RobidError: With the experiment file and the campaign, design or fit in its place.
     """
     _check_files(node)
+    check_outputs(run.loaded, node.stage, node.plan, inputs, output)
     check_room(output, _SMALL_BYTES + node.plan.needed_bytes)
     job = Job(
         loaded=run.loaded,
@@ -316,7 +329,6 @@ def choose_node(run: Run, stage_name: str, owner: str | None) -> Node:
 
 def fresh_at(node: Node, inputs: Mapping[str, Path], output: Path) -> State:
     """Tells whether a file would come out the same if the node's stage wrote it from these inputs."""
-    beside = (str(output.with_name(Path(path).name)) for path in node.plan.outputs[1:])
     named = {name: str(path) for name, path in inputs.items()}
-    moved = replace(node.plan, outputs=(str(output), *beside), inputs=named)
+    moved = replace(node.plan, outputs=tuple(map(str, outputs_at(node.plan, output))), inputs=named)
     return compare(node.stage, moved, Path(), {str(path): State("fresh") for path in inputs.values()})

@@ -25,6 +25,8 @@ def replacing(path: Path) -> Iterator[Path]:
     partial = path.with_name(path.name + ".partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        # One that a killed process left, or a link to something else, is not written through.
+        partial.unlink(missing_ok=True)
         yield partial
         _sync(partial)
         partial.replace(path)
@@ -42,9 +44,13 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def write_json(path: Path, content: object) -> None:
     """Writes a JSON file at once; numpy values become plain ones, numbers that are not finite become null."""
-    text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False)
     with replacing(path) as partial:
-        partial.write_text(text + "\n", encoding="utf-8")
+        partial.write_bytes(json_text(content).encode())
+
+
+def json_text(content: object) -> str:
+    """Returns the text of a JSON file."""
+    return json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def read_json(path: Path, *, made_by: str = "robid run") -> Any:  # noqa: ANN401

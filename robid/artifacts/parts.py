@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Label, Provenance, content_hash, encode
 from robid.artifacts.atomic import replacing
 from robid.artifacts.layout import copy_row, create_dataset, create_file, write_dataset
+from robid.artifacts.leftovers import PARTS, remove_parts
 from robid.artifacts.store import (
     Header,
     Outline,
@@ -45,13 +45,10 @@ class Parts:
 
     def __init__(self, artifact: Path, kind: Kind, key: str) -> None:
         self._artifact = artifact
-        self.folder = artifact.with_name(artifact.name + ".parts")
+        self.folder = artifact.with_name(artifact.name + PARTS)
         self._kind = kind
         self._suffix = f".{key[:16]}.h5"
-        if self.folder.is_dir():
-            for path in self.folder.iterdir():
-                if not path.name.endswith(self._suffix):
-                    path.unlink()
+        remove_parts(self.folder, keep=self._suffix)
 
     def has(self, index: int) -> bool:
         """Tells whether a part is there and sound; a damaged one is discarded."""
@@ -101,7 +98,7 @@ class Parts:
                     write_dataset(file, name, labels[name], values)
                 self._copy_rows(file, paths, {name: label for name, label in labels.items() if label.by_row})
             self._read_back(unfinished)
-        shutil.rmtree(self.folder, ignore_errors=True)
+        remove_parts(self.folder)
         return digest
 
     def _copy_rows(self, file: h5py.File, paths: Sequence[Path], labels: Mapping[str, Label]) -> None:

@@ -3,6 +3,7 @@
 Schema history:
     1.0: first version.
     1.1: `accelerations`; trackers and accelerometers among the outputs.
+    1.2: `truth_sha256`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.signals.record import Record
 
-RECORD = Kind("record", "1.1", "robid simulate-or-acquire")
+RECORD = Kind("record", "1.2", "robid simulate-or-acquire")
 
 _REFERENCE_UNITS = {"speed_reference": "rad/s", "position_reference": "rad"}
 

@@ -143,6 +143,15 @@ def read_header(path: Path, kind: Kind | None = None) -> Header:
     return _read(path, kind, lambda *_: None)[0]
 
 
+def kind_of(path: Path) -> str:
+    """Returns the kind that a file says to be, of whatever version and however damaged; empty for another file."""
+    try:
+        with h5py.File(path, "r") as file:
+            return str(get_attributes(file).get("kind", ""))
+    except DAMAGE:
+        return ""
+
+
 def read_outline(path: Path, kind: Kind) -> Outline:
     """Reads all that does not grow with the number of configurations; see `read_artifact` for errors."""
     return _read(path, kind, partial(_outline, verify=True))[1]
@@ -212,7 +221,7 @@ def _check_kind(path: Path, kind: Kind, header: Header) -> None:
         raise ArtifactError(
             f"The file holds an artifact of kind `{header.kind}`, but `{kind.name}` is needed.",
             where=str(path),
-            remedy=f"name another file, or make this one with `{kind.made_by} EXPERIMENT.yaml --force`",
+            remedy=f"name another file; where it lies in the way of one that `{kind.made_by}` makes, move it away",
         )
     major = header.version.partition(".")[0]
     if major != kind.major:

@@ -55,9 +55,9 @@ class Motor:
 
     Attributes:
         inertia_kgm2: Rotor inertia [kg m^2].
-        gear_ratio: Motor turns per arm turn.
-        max_speed_rad_s: Speed limit [rad/s].
-        max_torque_nm: Torque limit [N m].
+        gear_ratio: Motor turns per arm turn, negative where the two turn opposite ways.
+        max_speed_rad_s: Speed limit, infinite where it is unknown [rad/s].
+        max_torque_nm: Torque limit, infinite where it is unknown [N m].
         friction: Nominal friction.
         ripple_nm: Amplitude of the torque ripple [N m].
         ripple_order: Ripple periods per motor turn.

@@ -13,6 +13,7 @@ from robid.robot.inertia import combine, remove
 from robid.robot.static_friction import StaticLaw, friction_ramps
 
 _MASSLESS_KG = 1e-6
+_LEAST_KG = 1e-12  # MuJoCo wants some
 _HYSTERESIS_SHARE = 0.1  # bristle stiffness over transmission stiffness
 
 
@@ -189,7 +190,7 @@ def _add_elastic_hinge(body: mujoco.MjsBody, spring: Spring) -> None:
 def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) -> None:
     tensor = inertial.inertia_kgm2
     body.explicitinertial = True
-    body.mass = inertial.mass_kg
+    body.mass = max(inertial.mass_kg, _LEAST_KG)
     body.ipos = inertial.com_m - origin
     body.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
 

@@ -12,6 +12,7 @@ from robid.fit.names import name_problems
 from robid.settings.configuration_checks import check_cycles, check_reachable, configuration_count, named_designs
 from robid.settings.design_checks import check_designs
 from robid.settings.experiment import Campaign, Experiment, Fit
+from robid.settings.limit_checks import check_limits
 from robid.settings.log_checks import check_channels, check_logs
 from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import Problem, problem_at, suggest
@@ -40,6 +41,8 @@ def check_experiment(document: Document, experiment: Experiment, robot: RobotFil
         found.append(_fit(experiment, name, fit))
         if robot is not None:
             found.append(_fit_of_robot(experiment, name, fit, robot))
+    if robot is not None:
+        found.append(check_limits(experiment, robot))
     return [problem_at(document, field, message) for field, message in chain.from_iterable(found)]
 
 

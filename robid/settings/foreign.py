@@ -157,12 +157,13 @@ def _motor(section: JointSection, model: ForeignModel) -> MotorSection:
     """Takes arm-side limits of the model to the motor side where the file states none."""
     motor, name = section.motor, section.name
     update: dict[str, float] = {}
-    if motor.gear_ratio <= 0:
+    ratio = abs(motor.gear_ratio)
+    if ratio == 0:
         return motor
     if motor.max_speed_rad_s is None and name in model.speed_rad_s:
-        update["max_speed_rad_s"] = model.speed_rad_s[name] * motor.gear_ratio
+        update["max_speed_rad_s"] = model.speed_rad_s[name] * ratio
     if motor.max_torque_nm is None and name in model.torque_nm:
-        update["max_torque_nm"] = model.torque_nm[name] / motor.gear_ratio
+        update["max_torque_nm"] = model.torque_nm[name] / ratio
     return motor.model_copy(update=update)
 
 

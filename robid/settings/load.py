@@ -11,7 +11,7 @@ from robid.settings.experiment import Experiment
 from robid.settings.foreign import complete
 from robid.settings.problems import Problem, problem_at, raise_problems, validate
 from robid.settings.robot import RobotFile
-from robid.settings.robot_checks import check_robot
+from robid.settings.robot_checks import check_robot, missing_keys
 from robid.settings.yaml import Document, load_yaml
 
 
@@ -77,6 +77,6 @@ def _named_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
 def _checked_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
     robot, problems = validate(RobotFile, document)
     if robot is None:
-        return None, problems
+        return None, [*problems, *missing_keys(document)]
     completed = complete(document, robot)
     return completed.robot, [*completed.problems, *check_robot(document, completed.robot, completed.immobile)]

@@ -24,7 +24,7 @@ _MASS_TOLERANCE = 0.01
 def implausible(robot: RobotFile) -> _Found:
     """Yields gear ratios, motor inertias and a total mass that cannot be meant, with the reason."""
     yield from _ratios(robot)
-    is_known = all((joint.dh or joint.frame) and joint.link and joint.link.mass_kg > 0 for joint in robot.joints)
+    is_known = all((joint.dh or joint.frame) and joint.link for joint in robot.joints)
     moved = stretched_inertia([place for place, _ in robot.joint_frames()], robot.links()) if is_known else None
     for index, joint in enumerate(robot.joints):
         reason = _inertia(joint, None if moved is None else (float(moved[index]), float(moved.max())))
@@ -37,14 +37,16 @@ def implausible(robot: RobotFile) -> _Found:
 
 def _ratios(robot: RobotFile) -> _Found:
     for index, joint in enumerate(robot.joints):
-        ratio = joint.motor.gear_ratio
+        stated = joint.motor.gear_ratio
+        ratio = abs(stated)
         if 1 <= ratio <= _LARGEST_RATIO:
             continue
-        reason = f"{ratio:g} is implausible: motor turns per arm turn are a number from 1 to {_LARGEST_RATIO:g}"
+        reason = f"{stated:g} is implausible: motor turns per arm turn are a number from 1 to {_LARGEST_RATIO:g}"
+        reason += ", negative where the two turn opposite ways"
         if 1 <= np.deg2rad(ratio) <= _LARGEST_RATIO:
-            reason += f"; {ratio:g} would be {np.deg2rad(ratio):.4g} taken for degrees per radian"
+            reason += f"; {stated:g} would be {np.deg2rad(stated):.4g} taken for degrees per radian"
         elif 0 < ratio < 1:
-            reason += f"; its inverse, {1 / ratio:.4g}, may be meant"
+            reason += f"; its inverse, {1 / stated:.4g}, may be meant"
         yield ("joints", index, "motor", "gear_ratio"), reason
 
 
@@ -63,7 +65,7 @@ def _inertia(joint: JointSection, moved: tuple[float, float] | None) -> str:
             f"at {torque:.3g} N m the rotor alone would take {run_up:.2g} s to {speed:.3g} rad/s; check the units "
             "(1 kg cm^2 is 1e-4 kg m^2)"
         )
-    if moved is None or not 1 <= motor.gear_ratio <= _LARGEST_RATIO:
+    if moved is None or not 1 <= abs(motor.gear_ratio) <= _LARGEST_RATIO:
         return ""
     reflected, (own, arm) = motor.inertia_kgm2 * motor.gear_ratio**2, moved
     text = f"behind a ratio of {motor.gear_ratio:g} it is {reflected:.3g} kg m^2 at the arm"

@@ -81,7 +81,6 @@ class RobotFile(Assumed):
         """Whether every joint knows its frame, link and limits: not before a `model` is read."""
         return all(
             (joint.dh or joint.frame) and joint.link and joint.limits_deg
-            and joint.motor.max_speed_rad_s and joint.motor.max_torque_nm
             for joint in self.joints
         )  # fmt: skip
 

@@ -19,6 +19,7 @@ from robid.settings.yaml import Document, FieldPath
 
 _ROUNDING = 1e-9
 _PARALLEL = 1e-6
+_NO_GEOMETRY = "is missing (or `frame`, or a `model` for the whole robot)"
 
 
 def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str] | None = None) -> list[Problem]:
@@ -40,6 +41,21 @@ def check_springs(robot: RobotFile, immobile: Mapping[str, str] | None = None) -
     yield from _springs(robot, immobile or {})
     yield from _splits(robot)
     yield from _names(robot)
+
+
+def missing_keys(document: Document) -> list[Problem]:
+    """Returns what a robot file without a `model` lacks, whatever else keeps it from being read."""
+    joints = document.data.get("joints")
+    if "model" in document.data or not isinstance(joints, list):
+        return []
+    found: list[tuple[FieldPath, str]] = []
+    for index, joint in enumerate(joints):
+        stated = joint if isinstance(joint, dict) else {}
+        if joint is stated and "dh" not in stated and "frame" not in stated:
+            found.append((("joints", index, "dh"), _NO_GEOMETRY))
+        keys = [key for key in ("link", "limits_deg") if joint is stated and key not in stated]
+        found += [(("joints", index, key), "is missing") for key in keys]
+    return [problem_at(document, field, message) for field, message in found]
 
 
 def spring_field(robot: RobotFile, index: int) -> FieldPath:
@@ -67,9 +83,6 @@ def _missing(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
             yield from _missing_geometry(field, joint)
         if was_read and joint.limits_deg is None:
             yield (*field, "limits_deg"), _is_missing(robot)
-        for key in ("max_speed_rad_s", "max_torque_nm"):
-            if was_read and getattr(joint.motor, key) is None and joint.motor.gear_ratio > 0:
-                yield (*field, "motor", key), _is_missing(robot)
     if robot.model is None:
         for key in ("locked_deg", "flange"):
             if getattr(robot, key):
@@ -84,7 +97,7 @@ def _missing_geometry(field: FieldPath, joint: JointSection) -> Iterator[tuple[F
     if joint.dh is not None and joint.frame is not None:
         yield (*field, "frame"), "stands in place of `dh`: leave one of them out"
     if joint.dh is None and joint.frame is None:
-        yield (*field, "dh"), "is missing (or `frame`, or a `model` for the whole robot)"
+        yield (*field, "dh"), _NO_GEOMETRY
     if joint.link is None:
         yield (*field, "link"), "is missing"
     if joint.frame is not None:
@@ -112,8 +125,6 @@ def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
 
 
 def _body(field: FieldPath, body: Body) -> Iterator[tuple[FieldPath, str]]:
-    if body.mass_kg <= 0:
-        yield (*field, "mass_kg"), f"must be above 0 (found {body.mass_kg:g})"
     wrong = _unphysical(body.inertial())
     if wrong:
         yield (*field, "inertia_kgm2"), wrong
@@ -124,9 +135,15 @@ def _unphysical(body: Inertial) -> str:
     moments = np.linalg.eigvalsh(body.inertia_kgm2)
     shown = ", ".join(f"{moment:.6g}" for moment in moments)
     if moments[0] <= 0:
-        return f"must be positive definite; its principal moments are {shown} kg m^2"
+        return (
+            f"must be positive definite; its principal moments are {shown} kg m^2 (where a source gives one about the"
+            " joint axis alone, half of it about each of the others changes nothing)"
+        )
     if moments[2] > (moments[0] + moments[1]) * (1 + _ROUNDING):
-        return f"no body has these principal moments, {shown} kg m^2: each must be at most the sum of the others"
+        return (
+            f"no body has these principal moments, {shown} kg m^2: each must be at most the sum of the others (where a"
+            " source gives one about the joint axis alone, half of it about each of the others changes nothing)"
+        )
     return ""
 
 
@@ -180,6 +197,8 @@ def _splits(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
 
 def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inertial) -> Iterator[tuple[FieldPath, str]]:
     yield from _body(field, outboard)
+    if outboard.mass_kg == 0:
+        yield (*field, "mass_kg"), "must be above 0: a part without mass leaves no centre of mass for the rest"
     if outboard.mass_kg >= whole.mass_kg:
         message = f"must be below the {whole.mass_kg:g} kg that `{spring.name}` splits (found {outboard.mass_kg:g})"
         yield (*field, "mass_kg"), message

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -42,7 +43,7 @@ class InertiaTensor(Section):
 class Body(Assumed):
     """Mass properties of a rigid body, in its link's frame."""
 
-    mass_kg: float = Field(description="Mass [kg].", ge=0)
+    mass_kg: float = Field(description="Mass [kg]; 0 where a source gives its inertia alone, or for no payload.", ge=0)
     com_m: Vector = Field(description="Centre of mass [m].")
     inertia_kgm2: InertiaTensor = Field(description="Inertia about the centre of mass, along the frame's axes.")
 
@@ -78,12 +79,16 @@ class MotorSection(Assumed):
     inertia_relative_std: float = Field(
         default=0.05, description="Standard deviation of the relative error of the rotor inertia.", gt=0
     )
-    gear_ratio: float = Field(description="Motor turns per arm turn.")
+    gear_ratio: float = Field(description="Motor turns per arm turn, negative where the two turn opposite ways.")
     max_speed_rad_s: float | None = Field(
-        default=None, description="Speed limit; that of `model` when not given [rad/s].", gt=0
+        default=None,
+        description="Speed limit; that of `model` when not given, not needed where there are only logs [rad/s].",
+        gt=0,
     )
     max_torque_nm: float | None = Field(
-        default=None, description="Torque limit; that of `model` when not given [N m].", gt=0
+        default=None,
+        description="Torque limit; that of `model` when not given, not needed where there are only logs [N m].",
+        gt=0,
     )
     friction: FrictionSection = Field(default_factory=FrictionSection, description="Nominal friction.")
     ripple_nm: float = Field(default=0.0, description="Amplitude of the torque ripple [N m].", ge=0)
@@ -94,8 +99,8 @@ class MotorSection(Assumed):
         return Motor(
             inertia_kgm2=self.inertia_kgm2,
             gear_ratio=self.gear_ratio,
-            max_speed_rad_s=given(self.max_speed_rad_s),
-            max_torque_nm=given(self.max_torque_nm),
+            max_speed_rad_s=math.inf if self.max_speed_rad_s is None else self.max_speed_rad_s,
+            max_torque_nm=math.inf if self.max_torque_nm is None else self.max_torque_nm,
             friction=self.friction.friction(),
             ripple_nm=self.ripple_nm,
             ripple_order=self.ripple_order,

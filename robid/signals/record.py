@@ -34,6 +34,7 @@ class Record:
         torque_relative_std (n_in,): Standard deviation of the relative error of the torque's scale, or None
             where the scale is exact.
         accelerations: Names of the outputs that are accelerations.
+        truth_sha256: Hash of the file with the truth that was simulated; "" where it is unknown.
         notes: What the import or the simulation wants the reader to know.
     """
 
@@ -52,6 +53,7 @@ class Record:
     torque_hold: Literal["zoh", "band_limited"] = "zoh"
     torque_relative_std: FloatArray | None = None
     accelerations: tuple[str, ...] = ()
+    truth_sha256: str = ""
     notes: tuple[str, ...] = field(default=())
 
     @property

@@ -79,7 +79,7 @@ class Imperfections:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Truth:
     """How the simulated robot differs from the robot file: seeded deviations, and what is stated one by one."""
 

@@ -15,6 +15,7 @@ from robid.settings.load import LoadedExperiment
 from robid.stages.export_content import COLUMNS, FittedExport, arrays, mjcf, parameter_records, state_spaces
 from robid.stages.export_files import Content, encode_csv, encode_json, encode_mat, encode_npz
 from robid.stages.fit import frf_inputs, read_frf
+from robid.stages.replacing import check_replaceable
 from robid.stages.stage import Plan
 
 Format: TypeAlias = Literal["mjcf", "json", "csv", "mat", "statespace"]
@@ -116,12 +117,19 @@ def export(options: ExportOptions, loaded: LoadedExperiment, fit: str, inputs: M
     return _ENCODERS[suffix](state_spaces(found, rows))
 
 
-def write_export(path: Path, content: bytes, *, force: bool) -> Literal["made", "fresh"]:
+def write_export(path: Path, content: bytes, read: Mapping[str, Path], *, force: bool) -> Literal["made", "fresh"]:
     """Writes an exported file; one that differs may have been edited by hand, and is replaced only by force.
 
+    Args:
+        path: Where to.
+        content: What to write.
+        read: Files that are never replaced, by what they are; nor is anything that was not exported.
+        force: Whether to replace one that differs.
+
     Raises:
-        ArtifactError: If it differs and `force` is not set, or cannot be written.
+        ArtifactError: If it differs and `force` is not set, is something else, or cannot be written.
     """
+    check_replaceable(path, "export", read)
     if path.exists() and not force:
         if path.read_bytes() == content:
             return "fresh"

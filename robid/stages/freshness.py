@@ -50,7 +50,7 @@ def compare(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) 
     try:
         made = _provenance(stage, output)
     except ArtifactError as error:
-        return State("stale", error.what[:1].lower() + error.what[1:].rstrip("."), unreadable=error)
+        return _unreadable(error)
     missing = [path for path in plan.outputs if not (folder / path).exists()]
     if missing:
         return State("missing", f"{missing[0]} is not there")
@@ -65,7 +65,17 @@ def compare(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) 
         reasons += [f"input {plan.inputs.get(name, name)} changed" for name in _differing(made, plan, used)]
     if reasons:
         return State("stale", "; ".join(reasons))
+    try:
+        unsaid = stage.vouched([folder / path for path in plan.outputs])
+    except ArtifactError as error:
+        return _unreadable(error)
+    if unsaid:
+        return State("stale", unsaid)
     return State("fresh", problem=stage.problem(output))
+
+
+def _unreadable(error: ArtifactError) -> State:
+    return State("stale", error.what[:1].lower() + error.what[1:].rstrip("."), unreadable=error)
 
 
 def input_hashes(plan: Plan, inputs: Mapping[str, Path]) -> dict[str, str]:

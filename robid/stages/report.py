@@ -76,16 +76,16 @@ def read_stamp(path: Path) -> Provenance:
     """Reads how a report came about.
 
     Raises:
-        ArtifactError: If the page does not say it.
+        ArtifactError: If the page does not say it, or cannot be read.
     """
-    found = _STAMP.findall(path.read_text(encoding="utf-8"))
-    if not found:
-        raise ArtifactError(
-            "The page does not say what it was made from.",
-            where=str(path),
-            remedy="delete it, or make it again with `robid report EXPERIMENT.yaml --force`",
-        )
-    return Provenance(**json.loads(found[-1]))
+    remedy = "move it away; `robid report EXPERIMENT.yaml` makes it again"
+    try:
+        found = _STAMP.findall(path.read_text(encoding="utf-8"))
+        if found:
+            return Provenance(**json.loads(found[-1]))
+    except (OSError, ValueError, TypeError) as error:
+        raise ArtifactError(f"The page is damaged: {error}.", where=str(path), remedy=remedy) from error
+    raise ArtifactError("The page does not say what it was made from.", where=str(path), remedy=remedy)
 
 
 STAGE = Stage(

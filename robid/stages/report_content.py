@@ -10,12 +10,12 @@ from typing import Literal
 
 import numpy as np
 
-from robid.artifacts.atomic import read_json
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
+from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION, validation_from_artifact
 from robid.design.excitation import UNITS, Plan
 from robid.design.information import ConfigurationDesign
@@ -150,8 +150,9 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
 
 
 def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float]:
-    path = truth_input(loaded, loaded.experiment.fits[name]).get("truth")
-    return {} if path is None else read_json(folder / path)["values"]
+    paths = {key: folder / path for key, path in truth_input(loaded, loaded.experiment.fits[name]).items()}
+    values: dict[str, float] = read_truth(paths["truth"], paths["record"])["values"] if paths else {}
+    return values
 
 
 def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) -> Section:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.atomic import write_json
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.artifacts.store import read_artifact
+from robid.artifacts.truth import check_truth, truth_sha256, write_truth
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -90,10 +90,12 @@ class _Task:
     configuration: FloatArray
     index: int
     threads: int
+    truth_sha256: str
 
 
 def _simulate_part(task: _Task) -> None:
     record = simulate(task.experiment, task.configuration, task.index, task.threads)
+    record = replace(record, truth_sha256=task.truth_sha256)
     task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
 
 
@@ -129,12 +131,14 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     experiment = simulated_experiment(job.loaded, job.campaign, options, content)
     experiment, steps = with_settled_steps(experiment, content.configurations)
     n_conf = len(content.configurations)
-    parts = Parts(job.output, RECORD, canonical_hash([job.key, steps.count]))
+    truth = _truth(job, nominal, experiment, content.configurations)
+    digest = truth_sha256(truth)
+    parts = Parts(job.output, RECORD, canonical_hash([job.key, digest, steps.count]))
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
-    tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads) for i in todo]
+    tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads, digest) for i in todo]
     job.map(_simulate_part, tasks, lambda _index, _result: job.progress.advance())
-    write_json(job.output.with_name("truth.json"), _truth(job, nominal, experiment, content.configurations))
+    write_truth(job.output.with_name("truth.json"), truth)
     parts.merge(n_conf, job.provenance(STAGE.name, options.seed))
     n_real, n_exp, n_sample, _ = experiment.reference.shape
     period_s = n_sample * experiment.controller.sampling_period_s
@@ -202,6 +206,14 @@ def _torque_errors(joint: Joint, stated: Joint, options: SimulateOptions) -> dic
     return errors
 
 
+def _vouched(outputs: Sequence[Path]) -> str:
+    """Refuses a truth that is not the record's; an imported record has none, and an older one says nothing of it."""
+    for truth in outputs[1:]:
+        if not check_truth(truth, outputs[0]):
+            return "the record is of an earlier version, which does not say its truth"
+    return ""
+
+
 STAGE = Stage(
     "simulate-or-acquire",
     "Simulates a campaign in closed loop, or imports it from a log.",
@@ -210,4 +222,5 @@ STAGE = Stage(
     measured_campaigns,
     _plan,
     _run,
+    vouched=_vouched,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -136,6 +136,8 @@ class Stage:
         told: Reads from its output what `--json` adds to its answer.
         takes_what_is_there: Whether it runs without inputs that a numerical problem has kept from being made.
         grade: Reads from its output how far to trust the model, and why; None where it does not say.
+        vouched: Says why its main output does not vouch for the others, empty when it does; raises an `ArtifactError`
+            where another one is foreign.
     """
 
     name: str
@@ -150,6 +152,7 @@ class Stage:
     told: Callable[[Path], dict[str, Any]] = lambda _: {}
     takes_what_is_there: bool = False
     grade: Callable[[LoadedExperiment, str, Path], Graded | None] = lambda *_: None
+    vouched: Callable[[Sequence[Path]], str] = lambda _: ""
 
 
 def measured_campaigns(experiment: Experiment) -> tuple[str, ...]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from robid.artifacts.atomic import read_json
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact
 from robid.artifacts.store import read_artifact, write_artifact
+from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION, validation_to_artifact
 from robid.settings.experiment import Experiment, Fit
 from robid.settings.load import LoadedExperiment
@@ -30,10 +30,10 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
 
 
 def truth_input(loaded: LoadedExperiment, fit: Fit) -> dict[str, str]:
-    """Returns where the truth of a fit's campaign lies; a measured robot has none."""
+    """Returns where the truth of a fit's campaign and its record lie; a measured robot has none."""
     source = loaded.experiment.campaigns[fit.campaign].source
     simulated = source is not None and source.simulate is not None
-    return {"truth": f"{fit.campaign}/truth.json"} if simulated else {}
+    return {"truth": f"{fit.campaign}/truth.json", "record": f"{fit.campaign}/record.h5"} if simulated else {}
 
 
 def _validation_payload(loaded: LoadedExperiment, fit: Fit) -> float | None:
@@ -50,7 +50,7 @@ def _run(job: Job) -> str:
         frf_from_artifact(read_artifact(job.inputs["frf"], FRF)),
         fit.options(),
         delay_s(job.loaded, job.loaded.experiment.campaigns[fit.campaign]),
-        read_json(job.inputs["truth"])["values"] if "truth" in job.inputs else None,
+        read_truth(job.inputs["truth"], job.inputs["record"])["values"] if "truth" in job.inputs else None,
         () if alone is None else alone.doubts,
     )
     write_artifact(job.output, validation_to_artifact(validation, job.provenance(STAGE.name)))

@@ -22,6 +22,7 @@ from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.settings.study import FrfStudy
+from robid.stages.replacing import check_replaceable, settings_files
 from robid.stages.report import read_stamp, write_page
 from robid.stages.stage import Progress, counted
 from robid.studies import (
@@ -139,6 +140,8 @@ def run_study(
             "the file has no `study`", where=str(run.loaded.path), remedy="`robid run` runs what it has"
         )
     study, started = STUDIES[settings.kind], utc_now()
+    for name, kind in ((REPORT, "report"), (SUMMARY, "summary")):
+        check_replaceable(run.path(name), kind, settings_files(run.loaded))
     run_all(run, lambda node: progress(node.output), tell, study.needs(run.loaded))
     results: Earlier = ()
     with make_map(run.backend, run.workers) as parallel_map:

@@ -9,7 +9,7 @@ from typing import Any
 
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
-from robid.artifacts.store import read_artifact, write_artifact
+from robid.artifacts.store import kind_of, read_artifact, write_artifact
 from robid.artifacts.task import TASK
 from robid.backends.map import Map
 from robid.errors import ArtifactError
@@ -112,7 +112,8 @@ def run_tasks(
     parallel_map(_do, work, lambda _index, _result: progress.advance())
     paths = tuple(task.path(folder) for task in tasks)
     for path in set(folder.glob("*.h5")).difference(paths):
-        path.unlink()
+        if kind_of(path) == TASK.name:
+            path.unlink()
     return Results(paths)
 
 

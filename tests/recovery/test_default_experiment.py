@@ -14,7 +14,6 @@ from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.settings.load import load_experiment
-from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -86,10 +85,7 @@ def test_noise_free_robot_costs_no_accuracy(tmp_path):
     assert run_command(["run", str(path), "--run-dir", str(tmp_path / "run")]) == 0
     frf = frf_from_artifact(read_artifact(tmp_path / "run" / "estimation" / "frf.h5", FRF))
     loaded = load_experiment(path)
-    settings = loaded.experiment.campaigns["estimation"].source.simulate.truth
-    robot = true_robot(
-        loaded.robot.to_robot(), Truth(settings.spring_factor, settings.friction_relative, settings.seed)
-    )
+    robot = true_robot(loaded.robot.to_robot(), loaded.experiment.campaigns["estimation"].source.simulate.truth)
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, frf.configurations))
     period = loaded.robot.controller.sampling_period_s

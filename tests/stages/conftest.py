@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import io
 import json
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,19 @@ class Workshop:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             code = run_command(list(arguments))
         return Answer(code, out.getvalue(), err.getvalue())
+
+    def refuse(self, code: int, *texts: str, command: tuple[str, ...] = ("run", "small.yaml")) -> Answer:
+        """Runs a command that must fail, with one message and nothing changed."""
+        before = self.files()
+        answer = self.robid(*command)
+        assert answer.code == code, answer.err
+        assert len(re.findall(r"^robid: ", answer.err, re.MULTILINE)) == 1
+        assert "Traceback" not in answer.err
+        assert answer.out == ""
+        for text in ("remedy: ", *texts):
+            assert text in answer.flat
+        assert self.files() == before
+        return answer
 
     def change(self, old: str, new: str, file: str = "small.yaml") -> None:
         text = (self.folder / file).read_text()

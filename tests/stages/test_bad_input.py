@@ -1,6 +1,5 @@
 """Bad input through the command line: one message with place and remedy, the exit code, all artifacts untouched."""
 
-import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -21,16 +20,7 @@ LINES = np.arange(10, 81)
 
 def refuse(shop, code, *texts, command=("run", "small.yaml")):
     """Runs a command that must fail, with one message and nothing changed."""
-    before = shop.files()
-    answer = shop.robid(*command)
-    assert answer.code == code, answer.err
-    assert len(re.findall(r"^robid: ", answer.err, re.MULTILINE)) == 1
-    assert "Traceback" not in answer.err
-    assert answer.out == ""
-    for text in ("remedy: ", *texts):
-        assert text in answer.flat
-    assert shop.files() == before
-    return answer
+    return shop.refuse(code, *texts, command=command)
 
 
 @pytest.mark.parametrize(
@@ -239,6 +229,25 @@ def test_a_log_goes_through_the_same_chain(bench):
     assert "fits/two_mass/validation.h5" not in bench.contents()
     (bench.folder / "log.mat").unlink()
     assert set(bench.states().values()) == {("fresh", "")}
+
+
+def test_a_robot_with_logs_alone_needs_no_limits(bench):
+    bench.change(", max_speed_rad_s: 300, max_torque_nm: 10", "", "bench_robot.yaml")
+    answer = bench.robid("run", "bench.yaml", "--json")
+    assert answer.code == 0, answer.err
+    rows = {(row["name"], row["kind"]): row["estimate"] for row in answer.json["parameters"]["two_mass"]}
+    assert rows["coupling", "stiffness"] == pytest.approx(STIFFNESS, rel=0.01)
+
+
+def test_whoever_needs_a_limit_names_it(shop):
+    for _ in range(2):
+        shop.change("      max_speed_rad_s: 400\n", "", "arm.yaml")
+    shop.change("count: 2}", "count: 2, cost: travel}")
+    texts = (
+        "campaigns.estimation.source: a simulation needs the robot file's `joints[0].motor.max_speed_rad_s`",
+        "designs.best.cost: the time of travel needs",
+    )
+    refuse(shop, 2, *texts)
 
 
 def test_another_log_makes_the_record_stale(bench):

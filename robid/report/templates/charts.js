@@ -91,7 +91,7 @@
   }
 
   function drawStarts(host, starts) {
-    const palette = [colour("measured"), colour("model"), colour("ok"), colour("other")];
+    const palette = [colour("measured"), colour("model"), colour("even"), colour("other")];
     const costs = starts.map((start) => start.cost).filter((cost) => cost !== null && cost > 0);
     const wide = costs.length && Math.max(...costs) / Math.min(...costs) > 10;
     const figure = layout({

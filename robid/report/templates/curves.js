@@ -15,7 +15,7 @@
   }
 
   function draw(host, figure) {
-    const names = ["measured", "model", "ok", "warn", "other", "bad", "ink"];
+    const names = ["measured", "model", "even", "odd", "other", "ink"];
     const x = figure.curves.flatMap((curve) => curve.x), y = figure.curves.flatMap((curve) => curve.y);
     const all = figure.curves.map((curve, index) => ({
       type: "scatter", mode: "lines", name: curve.name, x: curve.x, y: curve.y,

@@ -64,7 +64,7 @@ const robid = (() => {
   }
 
   function palette(count) {
-    const names = ["measured", "model", "ok", "warn", "other", "bad", "ink"];
+    const names = ["measured", "model", "even", "odd", "other", "ink"];
     if (count <= names.length) return names.slice(0, count).map(colour);
     // Golden-angle hues: neighbours in the legend are far apart.
     return Array.from({ length: count }, (_, index) => `hsl(${(210 + 137.5 * index) % 360}, 60%, ${index % 2 ? 58 : 44}%)`);

@@ -3,8 +3,8 @@
 robid.quality = (() => {
   const { colour, axis, layout, title, logTicks, hover } = robid;
   const KINDS = [
-    { name: "odd", shade: "warn", dash: "solid", label: "odd distortion" },
-    { name: "even", shade: "ok", dash: "solid", label: "even distortion" },
+    { name: "odd", shade: "odd", dash: "solid", label: "odd distortion" },
+    { name: "even", shade: "even", dash: "solid", label: "even distortion" },
     { name: "noise", shade: "other", dash: "dot", label: "noise" },
   ];
 
@@ -68,7 +68,7 @@ robid.quality = (() => {
     });
     Plotly.react(host, response.outputs.map((name, row) => ({
       type: "scatter", mode: "lines", x: response.frequency, y: chosen.incoherence[row].map((value) => Math.max(value, 1e-12)), name,
-      line: { width: 1.2, color: colour(["measured", "model", "ok", "other", "warn", "bad"][row % 6]) },
+      line: { width: 1.2, color: colour(["measured", "model", "even", "other", "odd", "ink"][row % 6]) },
       hovertemplate: `${name} %{y:.2~e}<extra></extra>`,
     })), figure, hover);
   }

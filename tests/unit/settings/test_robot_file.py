@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from robid.errors import SettingsError
 from robid.robot.description import Friction
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
 from robid.settings.load import load_robot
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import Body, Dh, FrictionSection, InertiaTensor
 from robid.settings.robot_sections import moved as _moved
-from tolerances import IDENTITY
+from tolerances import IDENTITY, RECOVERY
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SECTION = {
@@ -232,7 +235,7 @@ def test_an_assumed_name_must_exist_in_its_section(tmp_path):
         (lambda d: d["joints"][0].update(couplings={"one": 0.01}), "joints[0].couplings.one", "the joint's own motor"),
         (lambda d: d["joints"][0].update(couplings={"two": 57}), "joints[0].couplings.two", "57 is implausible"),
         (lambda d: d["joints"][0].update(limits_deg=[5, 5]), "joints[0].limits_deg", "not below"),
-        (lambda d: d["joints"][0]["link"].update(mass_kg=0), "joints[0].link.mass_kg", "above 0"),
+        (lambda d: d["springs"][2]["outboard"].update(mass_kg=0), "springs[2].outboard.mass_kg", "above 0"),
         (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(xy=2), "joints[0].link.inertia_kgm2", "definite"),
         (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(zz=3), "joints[0].link.inertia_kgm2", "no body has"),
         (lambda d: d["payload"]["inertia_kgm2"].update(zz=0), "payload.inertia_kgm2", "positive definite"),
@@ -280,11 +283,11 @@ def test_unchanged_data_of_these_tests_load(tmp_path):
 def test_every_semantic_problem_is_told_at_once(tmp_path):
     data = _robot_data()
     data["joints"][0]["limits_deg"] = [5, 4]
-    data["joints"][1]["link"]["mass_kg"] = 0
+    data["joints"][1]["link"]["inertia_kgm2"]["zz"] = 0
     data["springs"][2]["axis"] = [0, 0, 0]
     told = _problems(tmp_path, data)
     assert all(
-        f": {field}: " in told for field in ("joints[0].limits_deg", "joints[1].link.mass_kg", "springs[2].axis")
+        f": {field}: " in told for field in ("joints[0].limits_deg", "joints[1].link.inertia_kgm2", "springs[2].axis")
     )
 
 
@@ -298,3 +301,72 @@ def test_a_breakaway_level_is_the_coulomb_level_where_not_given_and_never_below(
     told = _problems(tmp_path, data)
     assert "joints[1].motor.friction.static_nm: must not be below the Coulomb level, 0.5 N m (found 0.4)" in told
     assert len(told.splitlines()) == 1
+
+
+def test_missing_keys_are_told_beside_other_errors_of_their_section(tmp_path):
+    data = _robot_data()
+    for key in ("dh", "link", "limits_deg"):
+        data["joints"][0].pop(key)
+    data["joints"][0]["motor"].update(inertia_kgm2=-1, bad=3)
+    data["joints"][0]["motor"].pop("gear_ratio")
+    told = _problems(tmp_path, data)
+    for field in ("dh", "link", "limits_deg", "motor.gear_ratio", "motor.inertia_kgm2", "motor.bad"):
+        assert told.count(f": joints[0].{field}: ") == 1
+    assert "joints[1]" not in told
+
+
+def test_a_link_without_mass_has_its_inertia_alone():
+    data = _robot_data()
+    data["joints"][0]["link"]["mass_kg"] = 0
+    robot = RobotFile.model_validate(data).to_robot()
+    model = build_model(robot)
+    linear = linearize(model, solve_statics(model, np.array([[0.3, -0.7]])))
+    # alpha = 90 deg turns the joint's axis into the link's y axis.
+    np.testing.assert_allclose(linear.axial[0], 1.2, rtol=IDENTITY)
+    links = [robot.joints[1].link.mass_kg, robot.payload.mass_kg]
+    assert model.mujoco.body_subtreemass[model.mujoco.body("one").id] == pytest.approx(sum(links), rel=IDENTITY)
+
+
+def test_the_puma_is_the_published_one(data_folder):
+    published = json.loads((data_folder("robot_models") / "puma560_corke.json").read_text())
+    file = load_robot(CONFIGS / "robots" / "puma560.yaml")
+    turns = {"pi/2": 90, "-pi/2": -90}
+    for index, joint in enumerate(file.joints):
+        assert (joint.dh.d_m, joint.dh.a_m) == (published["d"][index], published["a"][index])
+        assert joint.dh.alpha_deg == turns.get(published["alpha"][index], 0)
+        assert joint.link.mass_kg == published["mass"][index]
+        assert list(joint.link.com_m) == published["com_m"][index]
+        stated, inertia = joint.link.inertia_kgm2, published["inertia_com"][index]
+        for key, value in zip(("xx", "yy", "zz", "xy", "yz", "xz"), inertia, strict=True):
+            assert getattr(stated, key) == value or f"inertia_kgm2.{key}" in joint.link.assumed
+        motor, coulomb = joint.motor, published["motor_coulomb_pos_neg"][index]
+        assert (motor.inertia_kgm2, motor.gear_ratio) == (
+            published["motor_inertia"][index],
+            published["gear_ratio"][index],
+        )
+        assert motor.friction.viscous_nms_rad == published["motor_visc"][index]
+        assert motor.friction.coulomb_nm == pytest.approx((coulomb[0] - coulomb[1]) / 2)
+        assert (motor.max_speed_rad_s, motor.max_torque_nm) == (None, None)
+
+
+def test_gravity_on_the_motors_of_the_puma():
+    """Virtual work on the textbook's chain, through gears whose springs are almost rigid."""
+    file = load_robot(CONFIGS / "robots" / "puma560.yaml")
+    robot = file.to_robot()
+    stiff = tuple(replace(spring, stiffness_nm_rad=1e5 * spring.stiffness_nm_rad) for spring in robot.springs)
+    angles = np.deg2rad([20.0, 40.0, 70.0, 30.0, -50.0, 10.0])
+
+    def energy(angles):
+        chain, found = np.eye(4), 0.0
+        for angle, section in zip(angles, file.joints, strict=True):
+            chain = chain @ _standard_dh(angle, section.dh)
+            found += 9.81 * section.link.mass_kg * (chain @ [*section.link.com_m, 1])[2]
+        return found
+
+    steps = 1e-5 * np.eye(6)
+    arm = np.array([(energy(angles + step) - energy(angles - step)) / 2e-5 for step in steps])
+    model = build_model(replace(robot, springs=stiff))
+    found = solve_statics(model, angles[None]).motor_torque[0]
+    ratios = np.array([joint.motor.gear_ratio for joint in file.joints])
+    np.testing.assert_allclose(found, arm / ratios, rtol=0, atol=RECOVERY * np.abs(arm / ratios).max())
+    assert np.abs(arm[1:3]).min() > 1
