@@ -127,7 +127,8 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads) for i in todo]
     job.map(_simulate_part, tasks, lambda _index, _result: job.progress.advance())
-    write_json(job.output.with_name("truth.json"), _truth(job, nominal, experiment, content.configurations))
+    values = true_values(nominal, experiment, content.configurations, delay_s(job.loaded, job.campaign))
+    write_json(job.output.with_name("truth.json"), _truth(values, options))
     parts.merge(n_conf, job.provenance(STAGE.name, options.seed))
     n_real, n_exp, n_sample, _ = experiment.reference.shape
     period_s = n_sample * experiment.controller.sampling_period_s
@@ -151,8 +152,15 @@ def simulated_experiment(
     )
 
 
-def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: FloatArray) -> dict[str, Any]:
-    """The true value of everything that a fit may estimate, by the fit's own names, and where it comes from."""
+def true_values(nominal: Robot, experiment: Experiment, configurations: FloatArray, delay_s: float) -> dict[str, float]:
+    """Returns the true value of everything that a fit may estimate, by the fit's own names.
+
+    Args:
+        nominal: The robot as its file describes it.
+        experiment: What is simulated.
+        configurations (n_conf, n_joint): Its configurations [rad].
+        delay_s: Delay from recorded to applied torque [s].
+    """
     options = experiment.options
     robot = with_imperfections(experiment.robot, options.imperfections)
     values: dict[str, float] = {}
@@ -168,7 +176,12 @@ def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: Flo
         values[f"{joint.name}.motor_inertia"] = joint.motor.inertia_kgm2
         values[f"{joint.name}.link_inertia"] = inertia
         values |= {f"{joint.name}.{key}": value for key, value in _torque_errors(joint, stated, options).items()}
-    values["delay"] = delay_s(job.loaded, job.campaign)
+    values["delay"] = delay_s
+    return values
+
+
+def _truth(values: dict[str, float], options: SimulateOptions) -> dict[str, Any]:
+    """The true values and where they come from."""
     return {
         "values": values,
         "truth": asdict(options.truth),

@@ -1,0 +1,175 @@
+"""The fits of the study of mistakes, and what each is worth: truth, detectors, grade and causes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
+from robid.artifacts.model import MODEL, model_from_artifact, model_to_artifact
+from robid.artifacts.store import read_artifact
+from robid.artifacts.task import TASK
+from robid.errors import DataError
+from robid.fit.elastic import fit_elastic
+from robid.fit.options import ElasticOptions
+from robid.fit.solution import Solution
+from robid.pipeline import Run
+from robid.robot.description import Robot
+from robid.settings.load import LoadedExperiment
+from robid.settings.slices import to_plain
+from robid.stages.fit import model_settings
+from robid.stages.slices import delay_s
+from robid.studies.mistaken import mistaken_robot
+from robid.studies.mistakes import Case, Earlier, campaigns_of, cases, read_response, read_truth, study_of
+from robid.studies.mistakes_grades import GRADING, Against, absolute_cost, against_truth, refused, tool_grade
+from robid.studies.tasks import Content, Task
+from robid.validation.doubt import Doubt
+from robid.validation.elastic import Validation, validate_elastic
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """The fit of a case.
+
+    Attributes:
+        key: Name of the case.
+        responses: Where its responses lie.
+        robots: The robot file's, with the payloads of estimation and validation.
+        options: Options of the fit.
+        delay_s: Nominal delay [s].
+    """
+
+    key: str
+    responses: Path
+    robots: tuple[Robot, Robot]
+    options: ElasticOptions
+    delay_s: float
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A fit to be judged.
+
+    Attributes:
+        fitting: How it was made.
+        model: Where it lies.
+        about: Names of its mistake and robot, and its seed.
+    """
+
+    fitting: Fitting
+    model: Path
+    about: dict[str, Attribute]
+
+
+def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
+    """Returns the fit of each case."""
+    return [Task(case.key, *_fitting(run, case, _place(case, earlier[0].paths))) for case in cases(run)]
+
+
+def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
+    """Returns the judgement of each case."""
+    found = []
+    for case, model in zip(cases(run), earlier[1].paths, strict=True):
+        _, fitting = _fitting(run, case, _place(case, earlier[0].paths))
+        about: dict[str, Attribute] = {"case": case.name, "robot": case.subject.name, "seed": case.seed}
+        about["cause"] = case.mistake.cause or ""
+        decides = {"model": model.name, "grading": GRADING, **about}
+        found.append(Task(case.key, decides, Judged(fitting, model, about)))
+    return found
+
+
+def _place(case: Case, paths: tuple[Path, ...]) -> Path:
+    return next(path for path in paths if path.name.startswith(f"{case.simulation}."))
+
+
+def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fitting]:
+    loaded: LoadedExperiment = case.subject.loaded
+    loaded = replace(loaded, robot=mistaken_robot(loaded.robot, case.mistake))
+    fit = study_of(run.loaded).fit
+    options = loaded.experiment.fits[fit].options()
+    used = [loaded.experiment.campaigns[name] for name in campaigns_of(loaded, fit).values()]
+    robots = loaded.robot.to_robot(used[0].payload_kg), loaded.robot.to_robot(used[1].payload_kg)
+    decides = {
+        "responses": responses.name,
+        "options": to_plain(options),
+        "settings": [model_settings(loaded, name) for name in campaigns_of(loaded, fit).values()],
+    }
+    return decides, Fitting(case.key, responses, robots, options, delay_s(loaded, used[0]))
+
+
+def fit_case(one: Fitting) -> Content:
+    """Fits a case, or says why it was refused."""
+    try:
+        frf = read_response(read_artifact(one.responses, TASK), one.key, "estimation")
+        solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
+    except DataError as error:
+        return Content({}, {"refusal": str(error)})
+    held = model_to_artifact(solution, Provenance(stage="study"))
+    return Content(held.datasets, held.attributes)
+
+
+def judge_case(one: Judged) -> Content:
+    """Validates and grades a case, and holds it against the truth."""
+    held = read_artifact(one.model, TASK)
+    fitting, responses = one.fitting, read_artifact(one.fitting.responses, TASK)
+    refusal = held.attributes.get("refusal")
+    if refusal is not None:
+        return _refused(one, str(refusal))
+    solution = model_from_artifact(Artifact(MODEL, held.datasets, held.attributes, held.provenance))
+    truth = read_truth(responses)
+    try:
+        frf = read_response(responses, fitting.key, "validation")
+        validation = validate_elastic(fitting.robots[1], solution, frf, fitting.options, fitting.delay_s, truth)
+    except DataError as error:
+        return _refused(one, str(error))
+    given, doubts = tool_grade(solution, validation)
+    return _content(one, solution, validation, against_truth(solution, validation, truth), given, doubts)
+
+
+def _refused(one: Judged, text: str) -> Content:
+    """What a refusal amounts to: nothing may be used, which is right at worst."""
+    causes = np.array(refused(text), dtype=str)
+    return Content({"causes": Dataset(causes, "1", ("doubt",))}, {**one.about, "refusal": text, "given": 0, "right": 0})
+
+
+def _content(
+    one: Judged,
+    solution: Solution,
+    validation: Validation,
+    truth: Against,
+    given: int,
+    doubts: tuple[Doubt, ...],
+) -> Content:
+    error, axis = solution.model_error, ("doubt",)
+    attributes: dict[str, Attribute] = {
+        **one.about,
+        "given": given,
+        "right": truth.grade,
+        "holds": truth.holds,
+        "worst_spring_error": truth.spring_error,
+        "worst_half_widths": truth.half_widths,
+        "coverage": truth.coverage,
+        "status": solution.status,
+        "misfit": solution.misfit,
+        "share_above": float("nan") if error is None else error.share_above,
+        "share_correlated": float("nan") if error is None else error.share_correlated,
+        "cost_ratio": validation.cost_ratio,
+        "absolute_cost": absolute_cost(validation),
+        "median_error_db": validation.median_error_db,
+        "worst_error_db": validation.worst_error_db,
+        "validation_ok": validation.ok,
+    }
+    datasets = {
+        "causes": Dataset(np.array([doubt.cause for doubt in doubts], dtype=str), "1", axis),
+        "messages": Dataset(np.array([doubt.message for doubt in doubts], dtype=str), "1", axis),
+        "decisive": Dataset(np.array([doubt.decisive for doubt in doubts], dtype=bool), "1", axis),
+        "strength": Dataset(np.array([doubt.strength for doubt in doubts], dtype=float), "1", axis),
+        "error_db": Dataset(validation.error_db, "dB", ("configuration", "motor"), "Median of the own responses"),
+        "cost": Dataset(validation.cost, "1", ("configuration",), "Validation cost"),
+        "expected_cost": Dataset(validation.expected_cost, "1", ("configuration",), "By the covariance alone"),
+        "elements": Dataset(validation.elements, "1", ("configuration",), "Response elements with weight"),
+    }
+    return Content(datasets, attributes)
