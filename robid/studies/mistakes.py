@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydantic import JsonValue
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.store import read_artifact
@@ -192,16 +191,25 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     for case in cases(run):
         groups.setdefault(case.simulation, []).append(case)
     fit = study_of(run.loaded).fit
-    return [Task(name, *_simulated(fit, group, run)) for name, group in groups.items()]
+    played = {
+        (robot.name, name): excitation_from_artifact(
+            read_artifact(robot.run.path(f"{owner}/excitation.h5"), EXCITATION)
+        )
+        for robot in subjects(run).values()
+        for name, owner in campaigns_of(robot.loaded, fit).items()
+    }
+    return [Task(name, *_simulated(fit, group, run, played)) for name, group in groups.items()]
 
 
-def _simulated(fit: str, group: list[Case], run: Run) -> tuple[dict[str, Any], Measurement]:
-    first, loaded = group[0], group[0].subject.loaded
+def _simulated(
+    fit: str, group: list[Case], run: Run, played: Mapping[tuple[str, str], CampaignExcitation]
+) -> tuple[dict[str, Any], Measurement]:
+    loaded = group[0].subject.loaded
     decides: dict[str, Any] = {"cases": {case.key: _in_logs(case.mistake) for case in group}}
     measured = []
     for number, (name, owner) in enumerate(campaigns_of(loaded, fit).items()):
-        campaign = loaded.experiment.campaigns[owner]
-        one, settings = _measured(first, campaign, group, name, number, owner)
+        content = played[group[0].subject.name, name]
+        one, settings = _measured(group, name, number, loaded.experiment.campaigns[owner], content)
         decides[name] = settings
         measured.append(one)
     threads = run.workers if run.backend == "serial" else 1
@@ -215,13 +223,14 @@ def _in_logs(mistake: Mistake) -> dict[str, Any]:
 
 
 def _measured(
-    case: Case, campaign: Campaign, group: list[Case], name: str, number: int, owner: str
+    group: list[Case], name: str, number: int, campaign: Campaign, content: CampaignExcitation
 ) -> tuple[Measured, dict[str, Any]]:
-    loaded, physics = case.subject.loaded, case.mistake.physics
-    content = excitation_from_artifact(read_artifact(case.subject.run.path(f"{owner}/excitation.h5"), EXCITATION))
-    options = changed_simulation(campaign, physics, case.seed, 2 * case.seed + number)
+    case, factor = group[0], group[0].mistake.excitation_factor
+    loaded = case.subject.loaded
+    options = changed_simulation(campaign, case.mistake.physics, case.seed, 2 * case.seed + number)
     experiment = simulated_experiment(loaded, campaign, options, content)
-    experiment = replace(experiment, reference=experiment.reference * _excitation_factor(physics))
+    if factor != 1:
+        experiment = replace(experiment, reference=factor * experiment.reference)
     estimators = {each.key: _estimator(each, campaign) for each in group}
     reference = hashlib.sha256(np.ascontiguousarray(experiment.reference).tobytes()).hexdigest()
     decides = {
@@ -235,11 +244,6 @@ def _measured(
     }
     nominal, delay = loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
     return Measured(name, experiment, content.configurations, estimators, nominal, delay), decides
-
-
-def _excitation_factor(physics: Mapping[str, JsonValue]) -> float:
-    factor = physics.get("excitation_factor", 1.0)
-    return float(factor) if isinstance(factor, int | float) else 1.0
 
 
 def _estimator(case: Case, campaign: Campaign) -> Estimator:
