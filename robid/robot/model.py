@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring
 from robid.robot.inertia import combine, remove
+from robid.robot.static_friction import StaticLaw, friction_ramps
 
 _MASSLESS_KG = 1e-6
 _HYSTERESIS_SHARE = 0.1  # bristle stiffness over transmission stiffness
@@ -42,6 +43,7 @@ def build_model(
     robot: Robot,
     *,
     friction: bool = False,
+    static_law: StaticLaw | None = None,
     ripple: bool = False,
     backlash_rad: float = 0.0,
     hysteresis_nm: float = 0.0,
@@ -53,6 +55,8 @@ def build_model(
     Args:
         robot: The robot.
         friction: Adds LuGre friction to the motors inside the integrator.
+        static_law: Adds friction without memory to the motors, as polygons; their actuators come after the motors',
+            with controls that stay zero.
         ripple: Adds torque ripple to the motors inside the integrator.
         backlash_rad: Dead band of the transmissions, arm side [rad].
         hysteresis_nm: Bristle torque parallel to the transmissions, arm side [N m].
@@ -85,6 +89,8 @@ def build_model(
             _add_transmission(spec, robot, spring, backlash_rad, hysteresis_nm)
     for joint in robot.joints:
         _add_torque(spec, joint, friction=friction, ripple=ripple)
+    for joint in robot.joints if static_law else ():
+        _add_static_friction(spec, joint, static_law or "tanh")
     for sensor in robot.sensors if sensors else ():
         kind = mujoco.mjtSensor.mjSENS_FRAMEPOS if sensor.kind == "tracker" else mujoco.mjtSensor.mjSENS_ACCELEROMETER
         spec.add_sensor(name=sensor.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site_name(sensor))
@@ -216,6 +222,20 @@ def _add_torque(spec: mujoco.MjSpec, joint: Joint, *, friction: bool, ripple: bo
     if lugre or cogging:
         target = f"q_m_{joint.name}"
         _add_passive(spec, f"friction_{joint.name}", mujoco.mjtTrn.mjTRN_JOINT, target, lugre=lugre, cogging=cogging)
+
+
+def _add_static_friction(spec: mujoco.MjSpec, joint: Joint, law: StaticLaw) -> None:
+    if joint.motor.friction.coulomb_nm == 0:
+        return
+    ramps = friction_ramps(joint.motor.friction, law)
+    for number, (slope, level) in enumerate(zip(ramps.slope.tolist(), ramps.level.tolist(), strict=True)):
+        ramp = spec.add_actuator(name=f"friction_{joint.name}_{number}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        ramp.target = f"q_m_{joint.name}"
+        # The gain of 1 on a control that stays zero keeps MuJoCo from reading the slope as a damping ratio.
+        ramp.set_to_motor()
+        ramp.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        ramp.biasprm = np.concatenate([[0.0, 0.0, -slope], np.zeros(7)])
+        ramp.forcelimited, ramp.forcerange = 1, [-level, level]
 
 
 def _lugre(motor: Motor) -> list[float]:

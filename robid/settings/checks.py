@@ -17,6 +17,7 @@ from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.study_checks import check_study
+from robid.settings.truth_checks import check_truth
 from robid.settings.yaml import Document, FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
@@ -98,14 +99,7 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     elif campaign.source is not None and campaign.source.simulate is not None:
         if robot.controller is None:
             yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
-        yield from _kept((*field, "source", "simulate", "truth", "keep"), campaign.source.simulate.truth.keep, robot)
-
-
-def _kept(field: FieldPath, keep: tuple[str, ...], robot: RobotFile) -> _Found:
-    known = [spring.name for spring in robot.all_springs]
-    for index, name in enumerate(keep):
-        if name not in known:
-            yield (*field, index), f"there is no spring `{name}`; {suggest(name, known)}"
+        yield from check_truth((*field, "source", "simulate"), campaign, campaign.source.simulate, robot)
 
 
 def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:

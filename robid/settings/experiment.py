@@ -15,7 +15,7 @@ from robid.fit.options import ElasticOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.base import DATA_VARIABLE, Name, Section, data_path
 from robid.settings.study import Study
-from robid.simulate.options import SimulateOptions
+from robid.settings.truth import SimulateSettings
 
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(min_length=1)], ...], Field(min_length=1)]
 _Options = TypeVar("_Options")
@@ -186,7 +186,7 @@ class Acquire(Section):
 class Source(OneKey):
     """Where a campaign's record comes from; exactly one of the keys."""
 
-    simulate: SimulateOptions | None = Field(default=None, description="Simulated in closed loop.")
+    simulate: SimulateSettings | None = Field(default=None, description="Simulated in closed loop.")
     acquire: Acquire | None = Field(default=None, description="Imported from a log.")
 
 

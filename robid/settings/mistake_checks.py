@@ -10,8 +10,9 @@ from robid.settings.experiment import Campaign, Experiment, Source
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.study import Mistake, MistakesStudy
+from robid.settings.truth import SimulateSettings
+from robid.settings.truth_checks import check_truth
 from robid.settings.yaml import FieldPath
-from robid.simulate.options import SimulateOptions
 from robid.validation.doubt import CAUSES
 
 
@@ -55,7 +56,7 @@ def mistake_problems(
 ) -> Iterator[tuple[FieldPath, str]]:
     """Yields what a mistake names that its robot or the simulation does not have."""
     if not fit_problem(experiment, fit):
-        yield from _check_physics(experiment.campaigns[experiment.fits[fit].campaign], mistake)
+        yield from _check_physics(experiment.campaigns[experiment.fits[fit].campaign], mistake, robot)
     if robot is None:
         return
     joints, springs = [joint.name for joint in robot.joints], [spring.name for spring in robot.all_springs]
@@ -73,7 +74,7 @@ def _unknown(
 
 def changed_simulation(
     campaign: Campaign, physics: Mapping[str, JsonValue], seed: int | None = None, noise: int = 0
-) -> SimulateOptions:
+) -> SimulateSettings:
     """Returns how a campaign is simulated where a mistake changes it.
 
     Args:
@@ -101,8 +102,11 @@ def changed_simulation(
     return options
 
 
-def _check_physics(campaign: Campaign, mistake: Mistake) -> Iterator[tuple[FieldPath, str]]:
+def _check_physics(campaign: Campaign, mistake: Mistake, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:
     try:
-        changed_simulation(campaign, mistake.physics)
+        changed = changed_simulation(campaign, mistake.physics)
     except ValidationError as error:
         yield from (((*each["loc"][1:3],), each["msg"]) for each in error.errors())
+        return
+    if robot is not None:
+        yield from check_truth((), campaign, changed, robot)

@@ -35,6 +35,13 @@ def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str
     return [problem_at(document, field, message) for field, message in found]
 
 
+def check_springs(robot: RobotFile, immobile: Mapping[str, str] | None = None) -> Iterator[tuple[FieldPath, str]]:
+    """Yields what is wrong with the springs of a robot file: names, places, and what splits leave of a link."""
+    yield from _springs(robot, immobile or {})
+    yield from _splits(robot)
+    yield from _names(robot)
+
+
 def spring_field(robot: RobotFile, index: int) -> FieldPath:
     """Returns where the spring of this index among all of them is written."""
     geared = [position for position, joint in enumerate(robot.joints) if joint.gear is not None]

@@ -23,6 +23,7 @@ def true_model(robot: Robot, controller: Controller, options: SimulateOptions, *
     return build_model(
         with_imperfections(robot, flaws),
         friction=flaws.friction == "lugre",
+        static_law=flaws.friction if flaws.friction in ("tanh", "stribeck") else None,
         ripple=flaws.ripple,
         backlash_rad=flaws.backlash_rad,
         hysteresis_nm=flaws.hysteresis_nm,

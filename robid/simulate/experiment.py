@@ -16,6 +16,7 @@ from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.outputs import FurtherOutputs
+from robid.simulate.truth import recorded_torque_factor
 
 
 @dataclass(frozen=True)
@@ -77,13 +78,14 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
             refuse_explosion(batch, configuration, index, f"period {period + 1}")
+    recorded = recorded_torque_factor(experiment.robot, experiment.options.truth)
     offset = np.concatenate([model.robot.motor_per_arm @ configuration, run.rest_outputs])
     shape = (experiment.periods, n_sample, n_real, n_exp)
     names = tuple(joint.name for joint in experiment.robot.joints)
     return Record(
         sampling_period_s=experiment.controller.sampling_period_s,
         configurations=configuration[None],
-        torque=torque.reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
+        torque=(recorded * torque).reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
         position=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
         reference=experiment.reference[None],
         reference_kind=experiment.inject,
@@ -114,7 +116,7 @@ class _Run:
         self._motor = model.motor
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
-        batch.ctrl[:] = rest_torque
+        batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
         self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
@@ -143,7 +145,7 @@ class _Run:
     def period(self, torque: FloatArray, angle: FloatArray) -> None:
         """Runs one period into the given arrays (n_sample, n_sim, n_motor)."""
         flaws, batch = self._experiment.options.imperfections, self._batch
-        qpos, ctrl = batch.qpos, batch.ctrl
+        qpos, ctrl = batch.qpos, batch.ctrl[:, : self._motor.size]
         noise = self._generator.standard_normal(torque.shape) * flaws.encoder_noise_rad
         disturbance = self._generator.standard_normal(torque.shape) * flaws.torque_noise_nm
         steps = self._experiment.options.steps_per_sample

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeAlias
+
+FrictionLaw: TypeAlias = Literal["none", "lugre", "tanh", "stribeck"]
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,12 @@ class Imperfections:
         default=2, metadata={"description": "Periods of the resolver's error per motor turn.", "ge": 1}
     )
     ripple: bool = field(default=False, metadata={"description": "Torque ripple as the robot file gives it."})
-    friction: Literal["none", "lugre"] = field(
-        default="none", metadata={"description": "Motor friction inside the integrator."}
+    friction: FrictionLaw = field(
+        default="none",
+        metadata={
+            "description": "Law of the motor friction inside the integrator; without memory: `tanh`, the Coulomb level"
+            " reached over the Stribeck speed, and `stribeck`, the Stribeck curve."
+        },
     )
     stiffening_1_rad2: float = field(
         default=0.0, metadata={"description": "Cubic over linear coefficient of the transmissions [1/rad^2].", "ge": 0}
@@ -69,13 +75,13 @@ class Imperfections:
         default=0.0, metadata={"description": "Arm-side hysteresis torque of the transmissions [N m].", "ge": 0}
     )
     unmodelled_payload_kg: float = field(
-        default=0.0, metadata={"description": "Payload mass the model does not know [kg]."}
+        default=0.0, metadata={"description": "Payload mass the model does not know; below 0 it knows too much [kg]."}
     )
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Seeded deviations of the simulated robot from the robot file."""
+    """How the simulated robot differs from the robot file: seeded deviations, and what is stated one by one."""
 
     spring_factor: float = field(
         default=1.0,
@@ -93,6 +99,23 @@ class Truth:
         metadata={"description": "Friction coefficients deviate uniformly by up to this share.", "ge": 0, "lt": 1},
     )
     seed: int = field(default=1, metadata={"description": "Seed of the deviations.", "ge": 0})
+    rotor_inertia_factor: dict[str, float] = field(
+        default_factory=dict, metadata={"description": "Factors on rotor inertias, by joint."}
+    )
+    mass_factor: dict[str, float] = field(
+        default_factory=dict,
+        metadata={
+            "description": "Factors on mass and inertia of a link, by its joint's name, of the `payload` or the `base`;"
+            " centres of mass stay."
+        },
+    )
+    torque_constant_factor: dict[str, float] = field(
+        default_factory=dict,
+        metadata={"description": "True over assumed torque constant, by joint: recorded torques are divided by it."},
+    )
+    reversed_torque: tuple[str, ...] = field(
+        default=(), metadata={"description": "Joints whose torques are recorded with the wrong sign."}
+    )
 
 
 @dataclass(frozen=True)

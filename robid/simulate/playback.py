@@ -103,7 +103,7 @@ def play(
             feedback = cascade.command(measured, reference[sample], speed[sample])
             torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
             pending.append(torque[sample])
-            batch.ctrl[:] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
+            batch.ctrl[:, :n_motor] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
             batch.step(nstep=1)  # sensors show the state at its beginning
             tool[sample] += watched[:, start : start + 3]
             if options.steps_per_sample > 1:

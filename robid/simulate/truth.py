@@ -1,4 +1,4 @@
-"""The true robot of a simulated campaign: seeded deviations and unmodelled effects."""
+"""The true robot of a simulated campaign: seeded deviations, stated ones, and unmodelled effects."""
 
 from __future__ import annotations
 
@@ -6,19 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.robot.description import Friction, Inertial, Joint, Robot, Spring
 from robid.simulate.options import Imperfections, Truth
 
 
-def true_robot(robot: Robot, truth: Truth) -> Robot:
-    """Returns a robot that deviates from its file by seeded random amounts.
+def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> Robot:
+    """Returns a robot that deviates from its file by seeded random amounts and by stated ones.
 
     Args:
         robot: Nominal robot.
-        truth: Size and seed of the deviations.
+        truth: Size and seed of the deviations; rotor inertias and masses.
+        further: Springs that the file lacks, which have no random deviation.
 
     Returns:
-        The robot with its springs, dampers and friction multiplied by random factors.
+        The robot with its springs, dampers and friction multiplied by random factors, rotor inertias and masses by
+        stated ones, and with the further springs after its own.
     """
     generator = np.random.default_rng(truth.seed)
     damper_factor = truth.spring_factor if truth.damper_factor is None else truth.damper_factor
@@ -34,7 +37,14 @@ def true_robot(robot: Robot, truth: Truth) -> Robot:
         for spring, factor in zip(robot.springs, np.exp(spring_log), strict=True)
     )
     joints = tuple(_deviate(joint, *row) for joint, row in zip(robot.joints, friction.tolist(), strict=True))
-    return replace(robot, springs=springs, joints=joints)
+    return _reweighed(replace(robot, springs=(*springs, *further), joints=joints), truth)
+
+
+def recorded_torque_factor(robot: Robot, truth: Truth) -> FloatArray:
+    """Returns recorded over true torque (n_joint,): wrong torque constants and signs."""
+    names = [joint.name for joint in robot.joints]
+    sign = np.where([name in truth.reversed_torque for name in names], -1.0, 1.0)
+    return np.asarray(sign / [truth.torque_constant_factor.get(name, 1.0) for name in names])
 
 
 def with_imperfections(robot: Robot, imperfections: Imperfections) -> Robot:
@@ -43,6 +53,31 @@ def with_imperfections(robot: Robot, imperfections: Imperfections) -> Robot:
         robot,
         springs=tuple(_stiffen(spring, imperfections.stiffening_1_rad2) for spring in robot.springs),
         payload=_heavier(robot.payload, imperfections.unmodelled_payload_kg),
+    )
+
+
+def _reweighed(robot: Robot, truth: Truth) -> Robot:
+    """Multiplies rotor inertias, and masses with their inertias; a link's factor is that of its split parts."""
+
+    def scaled(body: Inertial, name: str) -> Inertial:
+        factor = truth.mass_factor.get(name, 1.0)
+        return body if factor == 1 else Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
+
+    def reweighed(joint: Joint) -> Joint:
+        inertia = joint.motor.inertia_kgm2 * truth.rotor_inertia_factor.get(joint.name, 1.0)
+        return replace(joint, link=scaled(joint.link, joint.name), motor=replace(joint.motor, inertia_kgm2=inertia))
+
+    springs = tuple(
+        spring if spring.outboard is None
+        else replace(spring, outboard=scaled(spring.outboard, robot.joints[spring.joint].name))
+        for spring in robot.springs
+    )  # fmt: skip
+    return replace(
+        robot,
+        joints=tuple(reweighed(joint) for joint in robot.joints),
+        springs=springs,
+        payload=scaled(robot.payload, "payload"),
+        base=None if robot.base is None else scaled(robot.base, "base"),
     )
 
 

@@ -21,6 +21,7 @@ from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
+from robid.settings.truth import true_robot_of
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.simulate.truth import true_robot, with_imperfections
@@ -140,7 +141,7 @@ def simulated_experiment(
 ) -> Experiment:
     """Returns what is simulated in each configuration of a campaign, on its true robot."""
     return Experiment(
-        robot=true_robot(loaded.robot.to_robot(campaign.payload_kg), options.truth),
+        robot=true_robot_of(loaded.robot, campaign.payload_kg, options.truth),
         controller=require_controller(loaded),
         options=options,
         reference=content.excitation.reference,
@@ -155,6 +156,8 @@ def simulated_experiment(
 def true_values(nominal: Robot, experiment: Experiment, configurations: FloatArray, delay_s: float) -> dict[str, float]:
     """Returns the true value of everything that a fit may estimate, by the fit's own names.
 
+    What the robot file has no spring for is no value of a fit: the springs that it lacks are left out here.
+
     Args:
         nominal: The robot as its file describes it.
         experiment: What is simulated.
@@ -162,7 +165,7 @@ def true_values(nominal: Robot, experiment: Experiment, configurations: FloatArr
         delay_s: Delay from recorded to applied torque [s].
     """
     options = experiment.options
-    robot = with_imperfections(experiment.robot, options.imperfections)
+    robot = with_imperfections(true_robot(nominal, options.truth), options.imperfections)
     values: dict[str, float] = {}
     for spring in robot.springs:
         values[f"{spring.name}.stiffness"] = spring.stiffness_nm_rad
@@ -184,7 +187,7 @@ def _truth(values: dict[str, float], options: SimulateOptions) -> dict[str, Any]
     """The true values and where they come from."""
     return {
         "values": values,
-        "truth": asdict(options.truth),
+        "truth": to_plain(options.truth),
         "imperfections": asdict(options.imperfections),
         "seed": options.seed,
     }
@@ -196,7 +199,7 @@ def _torque_errors(joint: Joint, stated: Joint, options: SimulateOptions) -> dic
     law, known, flaws = joint.motor.friction, stated.motor.friction, options.imperfections
     if known.coulomb_nm > 0 and flaws.friction != "none":
         errors["level"] = law.coulomb_nm / known.coulomb_nm - 1
-        errors["shape"] = law.presliding_rad / known.presliding_rad - 1
+        errors |= {"shape": law.presliding_rad / known.presliding_rad - 1} if flaws.friction == "lugre" else {}
     if stated.motor.ripple_nm > 0:
         # The ripple drives the motor; what a regressor counts opposes it.
         errors |= {"ripple_sin": -1.0 if flaws.ripple else 0.0, "ripple_cos": 0.0}

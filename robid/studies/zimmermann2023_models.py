@@ -29,7 +29,8 @@ from robid.robot.model import build_model
 from robid.robot.rest import settle_springs
 from robid.settings.slices import to_plain
 from robid.settings.study import ModelChoice, ZimmermannStudy
-from robid.simulate.truth import true_robot, with_imperfections
+from robid.settings.truth import true_robot_of
+from robid.simulate.truth import with_imperfections
 from robid.stages.fit import model_settings
 from robid.stages.slices import delay_s
 from robid.studies.simulated import simulate_options
@@ -113,7 +114,9 @@ def _pair_tasks(run: Run, study: ZimmermannStudy, number: int, pair: Pair) -> li
     own, other = (run.loaded.experiment.campaigns[name] for name in (pair.estimation, pair.validation))
     robots = run.loaded.robot.to_robot(own.payload_kg), run.loaded.robot.to_robot(other.payload_kg)
     simulated = simulate_options(own)
-    truth = with_imperfections(true_robot(robots[0], simulated.truth), simulated.imperfections)
+    truth = with_imperfections(
+        true_robot_of(run.loaded.robot, own.payload_kg, simulated.truth), simulated.imperfections
+    )
     asked = {choice.low_torque for choice in study.models.values()} - {None}
     torque = {str(name): gravity_torque(robots[0], str(name), pair.configurations) for name in asked}
     settings = model_settings(run.loaded, pair.estimation), model_settings(run.loaded, pair.validation)

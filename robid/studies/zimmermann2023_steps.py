@@ -15,8 +15,8 @@ from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
 from robid.settings.slices import to_plain
+from robid.settings.truth import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
-from robid.simulate.truth import true_robot
 from robid.stages.configurations import draw_in_reach
 from robid.stages.slices import require_controller, robot_settings
 from robid.studies.simulated import simulate_options
@@ -86,7 +86,7 @@ def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
         }
         stepping = Stepping(
             robot,
-            true_robot(robot, simulation.truth),
+            true_robot_of(run.loaded.robot, campaign.payload_kg, simulation.truth),
             used,
             require_controller(run.loaded),
             simulation,

@@ -107,7 +107,7 @@ def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
     now = _OVERSAMPLING * np.arange(n_time)
     held = now + _OVERSAMPLING * delay + _OVERSAMPLING // 2
     law = [joint.motor.friction for joint in robot.joints]
-    coulomb = np.array([each.coulomb_nm for each in law]) * (bench.simulation.imperfections.friction == "lugre")
+    coulomb = np.array([each.coulomb_nm for each in law]) * (bench.simulation.imperfections.friction != "none")
     smooth = np.array([each.stribeck_rad_s for each in law])
     angles, torques = [], []
     for axis, profile in enumerate(task.profiles):

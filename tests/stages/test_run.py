@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD
+from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from tolerances import RECOVERY_SIGMA
 
@@ -57,6 +57,32 @@ def test_sensors_are_recorded_estimated_and_fitted(shop):
     assert frf.output_names == ("turn", "lift", "lift.arm", "tip_z", "felt")
     summary = json.loads((shop.runs / "summary.json").read_text())
     assert summary["fits.elastic.springs.worst_error"] < 0.02
+
+
+def test_a_stated_truth_is_simulated_and_told_by_the_names_of_the_fit(shop):
+    def recorded():
+        for stage in ("design-excitation", "simulate-or-acquire"):
+            answer = shop.robid(stage, "small.yaml", "--campaign", "validation", "--force")
+            assert answer.code == 0, answer.err
+        folder = shop.runs / "validation"
+        record = record_from_artifact(read_artifact(folder / "record.h5", RECORD))
+        return record, json.loads((folder / "truth.json").read_text())
+
+    stated = "rotor_inertia_factor: {turn: 1.1}, mass_factor: {payload: 2}"
+    tilt = "springs: [{name: tilt, place: base, axis: [1, 0, 0], stiffness_nm_rad: 1.0e+6, damping_nms_rad: 300}]"
+    _, plain = recorded()
+    shop.change("truth: {", f"truth: {{{stated}, {tilt}, ")
+    shop.change("friction: lugre", "friction: stribeck")
+    right, truth = recorded()
+    assert truth["truth"]["springs"][0]["name"] == "tilt"
+    assert set(truth["values"]) == set(plain["values"]) - {"turn.shape", "lift.shape"}
+    changed = {name for name, value in truth["values"].items() if value != plain["values"][name]}
+    assert changed == {"turn.motor_inertia", "lift.link_inertia"}
+    assert truth["values"]["turn.motor_inertia"] == pytest.approx(1.1 * 0.002)
+    shop.change("truth: {", "truth: {reversed_torque: [turn], torque_constant_factor: {lift: 0.8}, ")
+    wrong, _ = recorded()
+    np.testing.assert_array_equal(wrong.position, right.position)
+    np.testing.assert_allclose(wrong.torque, right.torque * [-1.0, 1.25], rtol=1e-6, atol=1e-6)
 
 
 def test_friction_identified_at_the_silent_lines(shop):

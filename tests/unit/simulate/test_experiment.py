@@ -10,6 +10,7 @@ from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.robot.description import Friction
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
@@ -17,7 +18,7 @@ from robid.settings.load import load_robot
 from robid.signals.multisine import multisine, time_signal
 from robid.simulate.controller import Cascade, angle_reference, frequency_response
 from robid.simulate.experiment import Experiment, measure, simulate
-from robid.simulate.options import Controller, Imperfections, SimulateOptions
+from robid.simulate.options import Controller, Imperfections, SimulateOptions, Truth
 
 ROBOT_FILE = Path(__file__).parents[3] / "configs" / "robots" / "kr300.yaml"
 PLAIN = EstimateOptions(compensation="none")
@@ -137,6 +138,29 @@ def test_halving_the_step_changes_little(plain_record):
     coarse, finer = (diagonal(estimate_frf(record, PLAIN).response) for record in (plain_record, fine))
     assert np.median(np.abs(coarse / finer - 1)) < 1e-3
     assert not np.array_equal(coarse, finer)
+
+
+def test_a_wrong_torque_constant_or_sign_is_in_the_record_alone(plain_record):
+    truth = Truth(torque_constant_factor={"shoulder": 1.25}, reversed_torque=("elbow",))
+    record = simulate(experiment(truth=truth), CONFIGURATION, 0)
+    np.testing.assert_array_equal(record.position, plain_record.position)
+    np.testing.assert_allclose(record.torque, plain_record.torque * [0.8, -1.0])
+
+
+@pytest.mark.parametrize("law", ["tanh", "stribeck"])
+def test_friction_without_memory_hardly_depends_on_the_step(law):
+    robot = two_joint_robot()
+    friction = Friction(0.002, 0.3, 0.4, 2.0, 0.05)
+    joints = tuple(replace(joint, motor=replace(joint.motor, friction=friction)) for joint in robot.joints)
+    robot = replace(robot, joints=joints)
+    flaws = Imperfections(friction=law)
+    coarse, fine, none = (
+        simulate(experiment(robot, imperfections=flaw, steps_per_sample=steps), CONFIGURATION, 0)
+        for flaw, steps in ((flaws, 2), (flaws, 4), (Imperfections(), 2))
+    )
+    size = np.abs(coarse.torque - none.torque).max()
+    assert size > 0.2
+    assert np.sqrt(np.mean((coarse.torque - fine.torque) ** 2)) < 2e-3 * size
 
 
 def test_records_hold_what_the_controller_did(plain_record):

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot
-from robid.robot.description import Friction
+from exact_systems import springs_everywhere, two_joint_robot
+from robid.robot.description import Friction, Spring
 from robid.simulate.options import Imperfections, Truth
-from robid.simulate.truth import true_robot, with_imperfections
+from robid.simulate.truth import recorded_torque_factor, true_robot, with_imperfections
 
 FRICTION = Friction(0.01, 0.5, 0.6, 2.0, 0.05, 0.1)
 
@@ -73,3 +73,36 @@ def test_imperfections_of_the_description(robot):
     assert flawed.payload.mass_kg == pytest.approx(robot.payload.mass_kg + 2.0)
     np.testing.assert_allclose(flawed.payload.inertia_kgm2, 1.5 * robot.payload.inertia_kgm2)
     assert with_imperfections(robot, Imperfections()).payload is robot.payload
+
+
+def test_stated_inertias_and_masses_are_factors_and_nothing_else_moves():
+    robot = springs_everywhere()
+    factors = {"elbow": 1.2, "payload": 0.5, "base": 3.0}
+    true = true_robot(robot, Truth(rotor_inertia_factor={"shoulder": 1.02}, mass_factor=factors))
+    np.testing.assert_allclose(true.motor_inertia_kgm2, robot.motor_inertia_kgm2 * [1.02, 1.0])
+    split = next(spring for spring in true.springs if spring.outboard is not None)
+    before = next(spring for spring in robot.springs if spring.outboard is not None)
+    pairs = [(true.joints[0].link, robot.joints[0].link, 1.0), (true.joints[1].link, robot.joints[1].link, 1.2)]
+    pairs += [(split.outboard, before.outboard, 1.2), (true.payload, robot.payload, 0.5), (true.base, robot.base, 3.0)]
+    for body, nominal, factor in pairs:
+        assert body.mass_kg == pytest.approx(factor * nominal.mass_kg)
+        np.testing.assert_allclose(body.inertia_kgm2, factor * nominal.inertia_kgm2)
+        np.testing.assert_array_equal(body.com_m, nominal.com_m)
+    for one, other in zip(values(true), values(robot), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_springs_that_the_file_lacks_are_the_truths_own(robot):
+    tilt = Spring("tilt", 0, "base", np.array([1.0, 0.0, 0.0]), 1e5, 50.0)
+    truth = Truth(spring_factor=2.0, seed=3)
+    with_tilt, without = true_robot(robot, truth, (tilt,)), true_robot(robot, truth)
+    assert with_tilt.springs[-1] == tilt
+    for one, other in zip(with_tilt.springs[:-1], without.springs, strict=True):
+        assert one.stiffness_nm_rad == other.stiffness_nm_rad
+        assert one.damping_nms_rad == other.damping_nms_rad
+
+
+def test_recorded_torques_have_the_wrong_constant_and_sign(robot):
+    truth = Truth(torque_constant_factor={"shoulder": 1.25}, reversed_torque=("elbow",))
+    np.testing.assert_allclose(recorded_torque_factor(robot, truth), [1 / 1.25, -1.0])
+    assert true_robot(robot, truth).joints[0].motor == robot.joints[0].motor
