@@ -23,8 +23,9 @@ from robid.settings.slices import to_plain
 from robid.stages.fit import model_settings
 from robid.stages.slices import delay_s
 from robid.studies.mistaken import mistaken_robot
-from robid.studies.mistakes import Case, Earlier, campaigns_of, cases, read_response, read_truth, study_of
+from robid.studies.mistakes import Case, campaigns_of, cases, study_of
 from robid.studies.mistakes_grades import GRADING, Against, absolute_cost, against_truth, refused, tool_grade
+from robid.studies.mistakes_responses import Earlier, read_response, read_truth
 from robid.studies.tasks import Content, Task
 from robid.validation.doubt import Doubt
 from robid.validation.elastic import Validation, validate_elastic
@@ -35,15 +36,15 @@ class Fitting:
     """The fit of a case.
 
     Attributes:
-        key: Name of the case.
-        responses: Where its responses lie.
+        responses: Where the responses of its simulation lie.
+        response: Name of its own.
         robots: The robot file's, with the payloads of estimation and validation.
         options: Options of the fit.
         delay_s: Nominal delay [s].
     """
 
-    key: str
     responses: Path
+    response: str
     robots: tuple[Robot, Robot]
     options: ElasticOptions
     delay_s: float
@@ -94,16 +95,17 @@ def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fit
     robots = loaded.robot.to_robot(used[0].payload_kg), loaded.robot.to_robot(used[1].payload_kg)
     decides = {
         "responses": responses.name,
+        "response": case.response,
         "options": to_plain(options),
         "settings": [model_settings(loaded, name) for name in campaigns_of(loaded, fit).values()],
     }
-    return decides, Fitting(case.key, responses, robots, options, delay_s(loaded, used[0]))
+    return decides, Fitting(responses, case.response, robots, options, delay_s(loaded, used[0]))
 
 
 def fit_case(one: Fitting) -> Content:
     """Fits a case, or says why it was refused."""
     try:
-        frf = read_response(read_artifact(one.responses, TASK), one.key, "estimation")
+        frf = read_response(read_artifact(one.responses, TASK), one.response, "estimation")
         solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
     except DataError as error:
         return Content({}, {"refusal": str(error)})
@@ -121,7 +123,7 @@ def judge_case(one: Judged) -> Content:
     solution = model_from_artifact(Artifact(MODEL, held.datasets, held.attributes, held.provenance))
     truth = read_truth(responses)
     try:
-        frf = read_response(responses, fitting.key, "validation")
+        frf = read_response(responses, fitting.response, "validation")
         validation = validate_elastic(fitting.robots[1], solution, frf, fitting.options, fitting.delay_s, truth)
     except DataError as error:
         return _refused(one, str(error))

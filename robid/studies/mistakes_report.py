@@ -15,8 +15,9 @@ from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
-from robid.studies.mistakes import SOUND, Earlier, study_of
+from robid.studies.mistakes import SOUND, study_of
 from robid.studies.mistakes_grades import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
+from robid.studies.mistakes_responses import Earlier
 
 ASKED = {"graded": 0.9, "named": 0.8, "false_alarms": 0.1}
 """What is asked: at least, at least, at most."""

@@ -30,6 +30,7 @@ from robid.studies import (
     mistakes,
     mistakes_cases,
     mistakes_report,
+    mistakes_responses,
     wernholt2008,
     wernholt2008_report,
     zimmermann2023,
@@ -111,7 +112,7 @@ STUDIES = {
     "mistakes": Study(
         mistakes.needs,
         (
-            Step("responses", mistakes.response_tasks, mistakes.measure),
+            Step("responses", mistakes_responses.response_tasks, mistakes_responses.measure),
             Step("models", mistakes_cases.model_tasks, mistakes_cases.fit_case),
             Step("cases", mistakes_cases.case_tasks, mistakes_cases.judge_case),
         ),
