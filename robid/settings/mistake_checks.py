@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from pydantic import JsonValue, ValidationError
+from pydantic import ValidationError
 
 from robid.settings.experiment import Campaign, Experiment, Source
 from robid.settings.problems import suggest
@@ -73,7 +74,7 @@ def _unknown(
 
 
 def changed_simulation(
-    campaign: Campaign, physics: Mapping[str, JsonValue], seed: int | None = None, noise: int = 0
+    campaign: Campaign, physics: Mapping[str, Any], seed: int | None = None, noise: int = 0
 ) -> SimulateSettings:
     """Returns how a campaign is simulated where a mistake changes it.
 

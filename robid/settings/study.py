@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias, get_args, get_type_hints
+from typing import Annotated, Any, Literal, TypeAlias, get_args, get_type_hints
 
-from pydantic import Field, JsonValue
+from pydantic import Field
 
 from robid.fit.options import ElasticOptions, EstimatorKind, ParameterKind, WeightsKind
 from robid.frf.options import EstimateOptions
@@ -153,17 +153,17 @@ class Mistake(Section):
         default=1.0, description="Robot file: factor of the Coulomb and breakaway levels of all motors.", gt=0
     )
     excitation_factor: float = Field(default=1.0, description="Simulation: factor of the excitation.", gt=0)
-    imperfections: dict[str, JsonValue] = Field(
+    imperfections: dict[str, Any] = Field(
         default_factory=dict, description="Simulation: `imperfections` that take the place of the campaigns'."
     )
-    truth: dict[str, JsonValue] = Field(
+    truth: dict[str, Any] = Field(
         default_factory=dict, description="Simulation: `truth` that takes the place of the campaigns'."
     )
 
     @property
-    def physics(self) -> dict[str, JsonValue]:
+    def physics(self) -> dict[str, Any]:
         """What is simulated otherwise than for a sound robot; empty where its record serves."""
-        changed: dict[str, JsonValue] = {"imperfections": self.imperfections, "truth": self.truth}
+        changed: dict[str, Any] = {"imperfections": self.imperfections, "truth": self.truth}
         if self.excitation_factor != 1:
             changed["excitation_factor"] = self.excitation_factor
         return {key: value for key, value in changed.items() if value}

@@ -16,6 +16,7 @@ from robid.errors import DataError
 from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions
 from robid.fit.solution import Solution
+from robid.frf.frf import Frf
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
@@ -24,7 +25,7 @@ from robid.stages.fit import model_settings
 from robid.stages.slices import delay_s
 from robid.studies.mistaken import mistaken_robot
 from robid.studies.mistakes import Case, campaigns_of, cases, study_of
-from robid.studies.mistakes_grades import GRADING, Against, absolute_cost, against_truth, refused, tool_grade
+from robid.studies.mistakes_grades import GRADING, Against, absolute_cost, against_truth, tool_grade, tool_refusal
 from robid.studies.mistakes_responses import Earlier, read_response, read_truth
 from robid.studies.tasks import Content, Task
 from robid.validation.doubt import Doubt
@@ -115,25 +116,30 @@ def fit_case(one: Fitting) -> Content:
 
 def judge_case(one: Judged) -> Content:
     """Validates and grades a case, and holds it against the truth."""
-    held = read_artifact(one.model, TASK)
-    fitting, responses = one.fitting, read_artifact(one.fitting.responses, TASK)
-    refusal = held.attributes.get("refusal")
-    if refusal is not None:
-        return _refused(one, str(refusal))
-    solution = model_from_artifact(Artifact(MODEL, held.datasets, held.attributes, held.provenance))
-    truth = read_truth(responses)
+    held, responses = read_artifact(one.model, TASK), read_artifact(one.fitting.responses, TASK)
+    fitting, truth = one.fitting, read_truth(responses)
+    frf: Frf | None = None
     try:
-        frf = read_response(responses, fitting.response, "validation")
-        validation = validate_elastic(fitting.robots[1], solution, frf, fitting.options, fitting.delay_s, truth)
+        frf = read_response(responses, fitting.response, "estimation")
+        solution = _solution(held)
+        new = read_response(responses, fitting.response, "validation")
+        validation = validate_elastic(fitting.robots[1], solution, new, fitting.options, fitting.delay_s, truth)
     except DataError as error:
-        return _refused(one, str(error))
-    given, doubts = tool_grade(solution, validation)
+        return _refused(one, frf, str(error))
+    given, doubts = tool_grade(fitting.robots[0], frf, solution, validation)
     return _content(one, solution, validation, against_truth(solution, validation, truth), given, doubts)
 
 
-def _refused(one: Judged, text: str) -> Content:
-    """What a refusal amounts to: nothing may be used, which is right at worst."""
-    causes = np.array(refused(text), dtype=str)
+def _solution(held: Artifact) -> Solution:
+    refusal = held.attributes.get("refusal")
+    if refusal is not None:
+        raise DataError(str(refusal))
+    return model_from_artifact(Artifact(MODEL, held.datasets, held.attributes, held.provenance))
+
+
+def _refused(one: Judged, frf: Frf | None, text: str) -> Content:
+    """What a refusal amounts to: nothing may be used, which no truth contradicts."""
+    causes = np.array(tool_refusal(one.fitting.robots[0], frf, text), dtype=str)
     return Content({"causes": Dataset(causes, "1", ("doubt",))}, {**one.about, "refusal": text, "given": 0, "right": 0})
 
 

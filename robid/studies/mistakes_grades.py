@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.fit.solution import Solution
+from robid.frf.frf import Frf
+from robid.robot.description import Robot
 from robid.validation.doubt import CAUSES, Doubt
 from robid.validation.elastic import Validation
 
@@ -81,17 +83,29 @@ def absolute_cost(validation: Validation) -> float:
     return float((validation.cost / validation.elements / allowed).max())
 
 
-def tool_grade(solution: Solution, validation: Validation) -> tuple[int, tuple[Doubt, ...]]:
+def tool_grade(robot: Robot, frf: Frf, solution: Solution, validation: Validation) -> tuple[int, tuple[Doubt, ...]]:
     """Returns the grade that the tool gives, and its reasons to doubt, the strongest first.
 
-    The only place that knows how the tool grades.
+    With `tool_refusal` the only place that knows how the tool judges.
+
+    Args:
+        robot: The robot as the file that the fit reads describes it.
+        frf: The response that was fitted.
+        solution: What the fit found.
+        validation: How it holds.
     """
-    if solution.status != "converged":
-        return 0, ()
-    return (2 if validation.ok else 0), ()
+    del robot, frf
+    return (2 if solution.status == "converged" and validation.ok else 0), ()
 
 
-def refused(text: str) -> tuple[str, ...]:
-    """Returns the causes that the tool names where it refuses data."""
+def tool_refusal(robot: Robot, frf: Frf | None, text: str) -> tuple[str, ...]:
+    """Returns the causes that the tool names where it refuses data, in their order.
+
+    Args:
+        robot: The robot as the file that the fit reads describes it.
+        frf: The response, if that was not refused itself.
+        text: Why it was refused.
+    """
+    del robot, frf
     named = [(text.find(words), cause) for cause, words in CAUSES.items() if words in text]
     return tuple(cause for _, cause in sorted(named))

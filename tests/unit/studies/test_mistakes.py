@@ -10,7 +10,7 @@ from robid.settings.load import load_robot
 from robid.settings.study import Mistake
 from robid.signals.record import Record
 from robid.studies.mistaken import mistaken_record, mistaken_robot
-from robid.studies.mistakes_grades import Against, absolute_cost, against_truth, refused
+from robid.studies.mistakes_grades import Against, absolute_cost, against_truth, tool_refusal
 from robid.studies.mistakes_report import Row, summarise
 from robid.validation.doubt import Doubt
 from tolerances import IDENTITY
@@ -154,8 +154,8 @@ def test_validation_is_judged_by_what_noise_and_the_assumed_error_allow():
 
 def test_causes_of_a_refusal_are_read_in_their_order():
     first, second = (Doubt(cause, "it is odd", decisive=True, strength=2) for cause in ("delay", "angle_sign"))
-    assert refused(f"{first.sentence}; {second.sentence}") == ("delay", "angle_sign")
-    assert refused("the log is empty") == ()
+    assert tool_refusal(None, None, f"{first.sentence}; {second.sentence}") == ("delay", "angle_sign")
+    assert tool_refusal(None, None, "the log is empty") == ()
 
 
 def row(name, right, given, cause="", causes=(), robot="heavy", **further):
