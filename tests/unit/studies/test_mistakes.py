@@ -10,6 +10,7 @@ from robid.settings.load import load_robot
 from robid.settings.study import Mistake
 from robid.signals.record import Record
 from robid.studies.mistaken import mistaken_record, mistaken_robot
+from robid.studies.mistakes import Case
 from robid.studies.mistakes_grades import Against, absolute_cost, against_truth, tool_refusal
 from robid.studies.mistakes_report import Row, summarise
 from robid.validation.doubt import Doubt
@@ -90,6 +91,18 @@ def test_only_what_is_simulated_asks_for_another_record():
     assert not Mistake(torque_factor={"a": -1}, swapped=(0, 1), delay_samples=3, without_springs=("b",)).physics
     assert Mistake(imperfections={"hysteresis_nm": 5}).physics == {"imperfections": {"hysteresis_nm": 5}}
     assert Mistake(excitation_factor=0.5).physics == {"excitation_factor": 0.5}
+
+
+def test_cases_that_read_a_record_alike_share_a_response():
+    def case(**mistake):
+        return Case("one", Mistake(**mistake), SimpleNamespace(name="heavy"), 3)
+
+    sound, fewer, weighed = case(), case(without_springs=("gear_turn",)), case(imperfections={"hysteresis_nm": 5})
+    assert (fewer.simulation, fewer.response) == (sound.simulation, sound.response)
+    assert (weighed.simulation == sound.simulation, weighed.response == sound.response) == (False, True)
+    for read in ({"torque_factor": {"turn": -1}}, {"friction_factor": 1.1}, {"gear_ratio_factor": {"turn": 1.1}}):
+        assert case(**read).simulation == sound.simulation
+        assert case(**read).response != sound.response
 
 
 GOOD = Against(spring_error=0.01, half_widths=2.0, coverage=0.95, holds=True)
