@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias, get_args, get_type_hints
+from typing import Annotated, Any, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
@@ -125,7 +125,87 @@ class ZimmermannStudy(Section):
     )
 
 
-Study: TypeAlias = Annotated[FrfStudy | WernholtStudy | ZimmermannStudy, Field(discriminator="kind")]
+class Mistake(Section):
+    """One mistake with its size, in the logs, in the robot file that the fit reads, or in what is simulated."""
+
+    cause: str | None = Field(
+        default=None, description="The cause that it should be blamed on; none where there is no single one."
+    )
+    robot: Literal["heavy", "light"] = Field(
+        default="heavy", description="Whose robot it is made with: this file's or that of `light`."
+    )
+    torque_factor: dict[Name, float] = Field(
+        default_factory=dict, description="Logs: factors of the torques, by joint; -1 is a wrong sign."
+    )
+    angle_factor: dict[Name, float] = Field(
+        default_factory=dict, description="Logs: factors of the motor angles, by joint; -1 is a wrong sign."
+    )
+    swapped: tuple[int, int] | None = Field(
+        default=None,
+        description="Logs: indices, from 0, of two configurations of the estimation that are taken for each other.",
+    )
+    delay_samples: int = Field(default=0, description="Logs: samples by which the angles come late.", ge=0)
+    gear_ratio_factor: dict[Name, float] = Field(
+        default_factory=dict, description="Robot file: factors of the gear ratios, by joint."
+    )
+    without_springs: tuple[str, ...] = Field(default=(), description="Robot file: names of the springs that it lacks.")
+    friction_factor: float = Field(
+        default=1.0, description="Robot file: factor of the Coulomb and breakaway levels of all motors.", gt=0
+    )
+    excitation_factor: float = Field(default=1.0, description="Simulation: factor of the excitation.", gt=0)
+    imperfections: dict[str, Any] = Field(
+        default_factory=dict, description="Simulation: `imperfections` that take the place of the campaigns'."
+    )
+    truth: dict[str, Any] = Field(
+        default_factory=dict, description="Simulation: `truth` that takes the place of the campaigns'."
+    )
+
+    @property
+    def physics(self) -> dict[str, Any]:
+        """What is simulated otherwise than for a sound robot; empty where its record serves."""
+        changed: dict[str, Any] = {"imperfections": self.imperfections, "truth": self.truth}
+        if self.excitation_factor != 1:
+            changed["excitation_factor"] = self.excitation_factor
+        return {key: value for key, value in changed.items() if value}
+
+
+class SeedChoice(Section):
+    """Seeds of true robots and noise."""
+
+    first: int = Field(description="The first seed; further ones follow it.", ge=0)
+    mistakes: int = Field(default=5, description="Seeds with which each mistake is made, from the first.", ge=1)
+    heavy: int = Field(default=40, description="Sound robots of this file.", ge=1)
+    light: int = Field(default=10, description="Sound robots of `light`.", ge=0)
+
+
+class Seeds(Section):
+    """Two disjoint sets of seeds: thresholds are chosen with one, the stated figures come from the other."""
+
+    judge: SeedChoice = Field(description="Those of the stated figures.")
+    choose: SeedChoice = Field(description="Those that thresholds are chosen with.")
+
+
+class MistakesStudy(Section):
+    """What grade a fit gets where something is wrong, and what it is blamed on."""
+
+    kind: Literal["mistakes"] = Field(description="What is studied.")
+    fit: Name = Field(description="Name of the fit, with a campaign to validate on, both simulated.")
+    light: str | None = Field(
+        default=None,
+        description="Experiment file, relative to this one, of a light robot, with a fit of the same name.",
+        min_length=1,
+    )
+    seeds: Seeds = Field(description="Seeds of the robots.")
+    use: Literal["judge", "choose"] = Field(default="judge", description="Which of the seeds are used.")
+    mistakes: dict[Name, Mistake] = Field(description="The mistakes, by name.", min_length=1)
+
+    @property
+    def chosen(self) -> SeedChoice:
+        """The seeds that are used."""
+        return self.seeds.judge if self.use == "judge" else self.seeds.choose
+
+
+Study: TypeAlias = Annotated[FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy, Field(discriminator="kind")]
 
 
 def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:

@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator
 
 from robid.settings.design_study_checks import check_design_study
 from robid.settings.experiment import Campaign, Experiment
+from robid.settings.mistake_checks import check_mistakes
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.study import FrfStudy, WernholtStudy, ZimmermannStudy, choices
+from robid.settings.study import FrfStudy, MistakesStudy, WernholtStudy, ZimmermannStudy, choices
 from robid.settings.yaml import FieldPath
 
 
@@ -27,6 +28,9 @@ def check_study(
         return
     if isinstance(study, ZimmermannStudy):
         yield from check_design_study(experiment, study, robot, count)
+        return
+    if isinstance(study, MistakesStudy):
+        yield from check_mistakes(experiment, study, robot)
         return
     campaign = experiment.campaigns.get(study.campaign)
     if campaign is None:

@@ -131,7 +131,8 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     experiment = simulated_experiment(job.loaded, job.campaign, options, content)
     experiment, steps = with_settled_steps(experiment, content.configurations)
     n_conf = len(content.configurations)
-    truth = _truth(job, nominal, experiment, content.configurations)
+    values = true_values(nominal, experiment, content.configurations, delay_s(job.loaded, job.campaign))
+    truth = _truth(values, experiment.options)
     digest = truth_sha256(truth)
     parts = Parts(job.output, RECORD, canonical_hash([job.key, digest, steps.count]))
     todo = [index for index in range(n_conf) if not parts.has(index)]
@@ -163,10 +164,16 @@ def simulated_experiment(
     )
 
 
-def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: FloatArray) -> dict[str, Any]:
-    """The true value of everything that a fit may estimate, by the fit's own names, and where it comes from.
+def true_values(nominal: Robot, experiment: Experiment, configurations: FloatArray, delay_s: float) -> dict[str, float]:
+    """Returns the true value of everything that a fit may estimate, by the fit's own names.
 
     What the robot file has no spring for is no value of a fit: the springs that it lacks are left out here.
+
+    Args:
+        nominal: The robot as its file describes it.
+        experiment: What is simulated.
+        configurations (n_conf, n_joint): Its configurations [rad].
+        delay_s: Delay from recorded to applied torque [s].
     """
     options = experiment.options
     robot = with_imperfections(true_robot(nominal, options.truth), options.imperfections)
@@ -183,7 +190,12 @@ def _truth(job: Job, nominal: Robot, experiment: Experiment, configurations: Flo
         values[f"{joint.name}.motor_inertia"] = joint.motor.inertia_kgm2
         values[f"{joint.name}.link_inertia"] = inertia
         values |= {f"{joint.name}.{key}": value for key, value in _torque_errors(joint, stated, options).items()}
-    values["delay"] = delay_s(job.loaded, job.campaign)
+    values["delay"] = delay_s
+    return values
+
+
+def _truth(values: dict[str, float], options: SimulateOptions) -> dict[str, Any]:
+    """The true values and where they come from."""
     return {
         "values": values,
         "truth": to_plain(options.truth),

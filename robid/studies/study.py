@@ -28,6 +28,10 @@ from robid.stages.stage import Progress, counted
 from robid.studies import (
     frf,
     frf_report,
+    mistakes,
+    mistakes_cases,
+    mistakes_report,
+    mistakes_responses,
     wernholt2008,
     wernholt2008_report,
     zimmermann2023,
@@ -73,11 +77,13 @@ class Study:
         needs: Outputs of the chain that its tasks read.
         steps: Its tasks, once these are there.
         conclude: Turns the results of all steps into what the study found.
+        further: Other experiments that it reads, each with outputs of its chain.
     """
 
     needs: Callable[[LoadedExperiment], tuple[str, ...]]
     steps: tuple[Step, ...]
     conclude: Callable[[Run, Earlier], Conclusion]
+    further: Callable[[Run], tuple[tuple[Run, tuple[str, ...]], ...]] = lambda _run: ()
 
 
 def _of_one_step(
@@ -103,6 +109,16 @@ STUDIES = {
             Step("steps", zimmermann2023_steps.step_tasks, zimmermann2023_steps.step),
         ),
         zimmermann2023_report.conclude,
+    ),
+    "mistakes": Study(
+        mistakes.needs,
+        (
+            Step("responses", mistakes_responses.response_tasks, mistakes_responses.measure),
+            Step("models", mistakes_cases.model_tasks, mistakes_cases.fit_case),
+            Step("cases", mistakes_cases.case_tasks, mistakes_cases.judge_case),
+        ),
+        mistakes_report.conclude,
+        mistakes.further,
     ),
 }
 
@@ -142,7 +158,8 @@ def run_study(
     study, started = STUDIES[settings.kind], utc_now()
     for name, kind in ((REPORT, "report"), (SUMMARY, "summary")):
         check_replaceable(run.path(name), kind, settings_files(run.loaded))
-    run_all(run, lambda node: progress(node.output), tell, study.needs(run.loaded))
+    for other, outputs in ((run, study.needs(run.loaded)), *study.further(run)):
+        run_all(other, lambda node: progress(node.output), tell, outputs)
     results: Earlier = ()
     with make_map(run.backend, run.workers) as parallel_map:
         for step in study.steps:

@@ -1,0 +1,100 @@
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from robid.artifacts.store import read_artifact
+from robid.artifacts.task import TASK
+from robid.studies import mistakes_cases
+
+_HERE = Path(__file__).parent
+CASES = {
+    *("sound_heavy_1", "sound_heavy_2", "sound_light_1", "torque_sign_heavy_1", "swapped_light_1"),
+    *("payload_heavy_1", "nothing_to_blame_heavy_1"),
+}
+
+
+@pytest.fixture
+def study(shop):
+    text = (_HERE / "mistakes.yaml").read_text()
+    before, rest = text.split("study:\n")
+    light = before.replace("name: mistakes", "name: light") + rest[rest.index("execution:") :]
+    (shop.folder / "light.yaml").write_text(light)
+    shutil.copy(_HERE / "mistakes.yaml", shop.folder)
+    object.__setattr__(shop, "runs", shop.folder / "runs" / "mistakes")
+    return shop
+
+
+def names(folder):
+    return {path.name.split(".")[0] for path in folder.glob("*.h5")}
+
+
+def times(folder):
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*.h5")}
+
+
+def test_mistakes_are_made_fitted_and_graded(study, monkeypatch):
+    answer = study.robid("study", "mistakes.yaml", "--json")
+    assert answer.code == 0, answer.err
+    summary, tasks = answer.json["summary"], study.runs / "tasks"
+    assert summary == json.loads((study.runs / "summary.json").read_text())
+    assert names(tasks / "cases") == names(tasks / "models") == CASES
+    simulated = names(tasks / "responses")
+    assert len(simulated) == 3 + 1, "two heavy robots and a light one are sound, one carries another payload"
+    assert summary["sound.robots"] == 3
+    assert summary["sound.deserve_trust"] == 1
+    assert summary["sound.worst_spring_error"] < 0.01
+    assert summary["torque_sign.right_mean"] == 0
+    assert summary["payload.worst_spring_error"] == summary["nothing_to_blame.worst_spring_error"] > 0.05
+    assert "nothing_to_blame.named" not in summary
+    for key in ("graded", "named", "false_alarms"):
+        assert 0 <= summary[key] <= 1
+    page = (study.runs / "report.html").read_text()
+    for text in ("torque sign", "nothing to blame", "do not use", "Right grade"):
+        assert text in page
+    _is_stored(tasks)
+    _is_graded_anew(study, monkeypatch)
+
+
+def _is_stored(tasks):
+    """What thresholds are chosen on is there, case by case."""
+    held = read_artifact(next((tasks / "cases").glob("torque_sign_heavy_1.*")), TASK)
+    numbers = ("share_above", "share_correlated", "misfit", "cost_ratio", "absolute_cost", "median_error_db")
+    assert all(held.attributes[key] >= 0 for key in numbers)
+    assert (held.attributes["case"], held.attributes["robot"], held.attributes["seed"]) == ("torque_sign", "heavy", 1)
+    assert {"causes", "strength", "decisive", "messages"} <= set(held.datasets)
+
+
+def _is_graded_anew(study, monkeypatch):
+    """Other rules of the grade ask for no simulation and no fit."""
+    tasks = study.runs / "tasks"
+    kept = {name: times(tasks / name) for name in ("responses", "models", "cases")}
+    monkeypatch.setattr(mistakes_cases, "GRADING", 0)
+    answer = study.robid("study", "mistakes.yaml")
+    assert answer.code == 0, answer.err
+    assert times(tasks / "responses") == kept["responses"]
+    assert times(tasks / "models") == kept["models"]
+    assert not kept["cases"].keys() & times(tasks / "cases").keys()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("fit: elastic\n  light", "fit: elastik\n  light", "study.fit: there is no fit `elastik`"),
+        ("validate_on: validation", "starts: 1", "one to `validate_on`"),
+        ("cause: payload", "cause: pailoat", "there is no cause `pailoat`"),
+        ("{turn: -1}", "{torn: -1}", "there is no joint `torn`"),
+        ("torque_factor: {turn: -1}", "without_springs: [gear]", "there is no spring `gear`"),
+        ("{unmodelled_payload_kg: 3}}\n    n", "{unmodelled: 3}}\n    n", "mistakes.payload.imperfections.unmodelled"),
+        ("choose: {first: 11", "choose: {first: 2", "the seeds of `judge` and `choose` overlap"),
+        ("  light: light.yaml\n", "", "the study has no `light` robot"),
+        ("robot: light, swapped: [0, 2]", "robot: light, angle_factor: {torn: -1}", "there is no joint `torn`"),
+    ],
+)
+def test_what_cannot_be_made_is_told_before_anything_is_made(study, old, new, message):
+    study.change(old, new, "mistakes.yaml")
+    answer = study.robid("study", "mistakes.yaml")
+    assert answer.code == 2
+    assert message in answer.flat
+    assert not study.runs.exists()

@@ -1,0 +1,204 @@
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from robid.settings.load import load_robot
+from robid.settings.study import Mistake
+from robid.signals.record import Record
+from robid.studies.mistaken import mistaken_record, mistaken_robot
+from robid.studies.mistakes import Case
+from robid.studies.mistakes_grades import Against, absolute_cost, against_truth, tool_refusal
+from robid.studies.mistakes_report import Row, summarise
+from robid.validation.doubt import Doubt
+from tolerances import IDENTITY
+
+ROBOT = load_robot(Path(__file__).parents[2] / "stages" / "arm.yaml")
+PLACES = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]])
+
+
+@pytest.fixture
+def record():
+    """Two motors, whose torques and angles are sines of lines 3 and 5 with two periods of 50 samples."""
+    phase = 2 * np.pi * np.arange(100).reshape(2, 50) / 50
+    signal = np.stack([np.sin(3 * phase), np.cos(5 * phase)], axis=-1)[None, None, None]
+    return Record(
+        sampling_period_s=1e-3,
+        configurations=PLACES[:1],
+        torque=signal,
+        position=0.1 * signal,
+        reference=None,
+        reference_kind="",
+        excited_lines=np.array([3, 5]),
+        detection_lines=np.zeros(0, int),
+        input_names=("turn", "lift"),
+        output_names=("turn", "lift"),
+        position_offset_rad=np.array([[10.0, 20.0]]),
+    )
+
+
+def read(record, index=0, campaign="estimation", **mistake):
+    return mistaken_record(record, Mistake(**mistake), PLACES, index, campaign)
+
+
+def test_nothing_wrong_changes_nothing(record):
+    same = read(record)
+    assert np.array_equal(same.torque, record.torque)
+    assert np.array_equal(same.position, record.position)
+    assert np.array_equal(same.position_offset_rad, record.position_offset_rad)
+    assert mistaken_robot(ROBOT, Mistake()) == ROBOT
+
+
+def test_factors_reach_their_channel_alone(record):
+    wrong = read(record, torque_factor={"lift": -1}, angle_factor={"turn": -1})
+    assert np.array_equal(wrong.torque, record.torque * [1, -1])
+    assert np.array_equal(wrong.position, record.position * [-1, 1])
+    assert np.array_equal(wrong.position_offset_rad, record.position_offset_rad * [-1, 1])
+
+
+@pytest.mark.parametrize(("index", "told"), [(0, 2), (1, 1), (2, 0)])
+def test_swapped_configurations_are_those_of_the_estimation(record, index, told):
+    assert np.array_equal(read(record, index, swapped=(0, 2)).configurations, PLACES[told : told + 1])
+    assert np.array_equal(read(record, index, "validation", swapped=(0, 2)).configurations, record.configurations)
+
+
+def test_late_angles_turn_every_line_by_its_delay(record):
+    late = read(record, delay_samples=7)
+    lines, channel = np.array([3, 5]), np.arange(2)
+    for period in range(2):
+        before, after = (np.fft.rfft(each.position[0, 0, 0, period], axis=0)[lines, channel] for each in (record, late))
+        assert after / before == pytest.approx(np.exp(-2j * np.pi * lines * 7 / 50), rel=1e-9)
+    assert np.array_equal(late.torque, record.torque)
+
+
+def test_a_robot_file_loses_springs_and_gets_other_ratios():
+    springs = tuple(spring.name for spring in ROBOT.all_springs)
+    wrong = mistaken_robot(
+        ROBOT, Mistake(gear_ratio_factor={"lift": 1.1}, without_springs=("gear_turn",), friction_factor=1.5)
+    )
+    assert [spring.name for spring in wrong.all_springs] == [name for name in springs if name != "gear_turn"]
+    ratios = [[joint.motor.gear_ratio for joint in robot.joints] for robot in (ROBOT, wrong)]
+    assert ratios[1] == pytest.approx(np.multiply(ratios[0], [1, 1.1]), rel=IDENTITY)
+    for key, factor in (("coulomb_nm", 1.5), ("static_nm", 1.5), ("viscous_nms_rad", 1.0)):
+        laws = [[getattr(joint.motor.friction, key) for joint in robot.joints] for robot in (ROBOT, wrong)]
+        assert laws[1] == pytest.approx(np.multiply(laws[0], factor), rel=IDENTITY)
+
+
+def test_only_what_is_simulated_asks_for_another_record():
+    assert not Mistake(torque_factor={"a": -1}, swapped=(0, 1), delay_samples=3, without_springs=("b",)).physics
+    assert Mistake(imperfections={"hysteresis_nm": 5}).physics == {"imperfections": {"hysteresis_nm": 5}}
+    assert Mistake(excitation_factor=0.5).physics == {"excitation_factor": 0.5}
+
+
+def test_cases_that_read_a_record_alike_share_a_response():
+    def case(**mistake):
+        return Case("one", Mistake(**mistake), SimpleNamespace(name="heavy"), 3)
+
+    sound, fewer, weighed = case(), case(without_springs=("gear_turn",)), case(imperfections={"hysteresis_nm": 5})
+    assert (fewer.simulation, fewer.response) == (sound.simulation, sound.response)
+    assert (weighed.simulation == sound.simulation, weighed.response == sound.response) == (False, True)
+    for read in ({"torque_factor": {"turn": -1}}, {"friction_factor": 1.1}, {"gear_ratio_factor": {"turn": 1.1}}):
+        assert case(**read).simulation == sound.simulation
+        assert case(**read).response != sound.response
+
+
+GOOD = Against(spring_error=0.01, half_widths=2.0, coverage=0.95, holds=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "grade"),
+    [
+        ({}, 2),
+        ({"coverage": 0.9, "half_widths": 3.0}, 2),
+        ({"coverage": 0.89}, 1),
+        ({"half_widths": 3.1}, 1),
+        ({"spring_error": 0.19, "half_widths": 50.0, "coverage": 0.1}, 1),
+        ({"spring_error": 0.21}, 0),
+        ({"holds": False}, 0),
+        ({"spring_error": nan, "half_widths": nan, "coverage": nan}, 2),
+    ],
+)
+def test_the_right_grade_follows_from_the_truth(changes, grade):
+    assert replace(GOOD, **changes).grade == grade
+
+
+def fitted(**changes):
+    stated = {
+        "names": ("a.stiffness", "b.stiffness", "c.stiffness", "a.damping"),
+        "kinds": ("stiffness", "stiffness", "stiffness", "damping"),
+        "identifiable": np.array([1, 1, 0, 1]),
+        "estimate": np.array([110.0, 200.0, 900.0, 7.0]),
+        "lower": np.array([110 / 1.02, 190.0, 1.0, 6.0]),
+        "upper": np.array([110 * 1.02, 210.0, 1e6, 8.0]),
+    }
+    return SimpleNamespace(**{**stated, **changes})
+
+
+def validated(**changes):
+    stated = {
+        "coverage": 0.95,
+        "cost": np.array([10.0, 90.0]),
+        "expected_cost": np.array([1.0, 60.0]),
+        "elements": np.array([10, 20]),
+        "median_error_db": 0.5,
+    }
+    return SimpleNamespace(**{**stated, **changes})
+
+
+def test_springs_are_held_against_the_truth_where_they_are_identified():
+    truth = {"a.stiffness": 100.0, "b.stiffness": 200.0, "c.stiffness": 100.0, "a.damping": 1.0}
+    found = against_truth(fitted(), validated(), truth)
+    assert found.spring_error == pytest.approx(0.1)
+    assert found.half_widths == pytest.approx(np.log(1.1) / np.log(1.02))
+    assert found.coverage == 0.95
+    assert found.holds
+    unknown = against_truth(fitted(), validated(coverage=None), {})
+    assert np.isnan([unknown.spring_error, unknown.half_widths, unknown.coverage]).all()
+
+
+def test_validation_is_judged_by_what_noise_and_the_assumed_error_allow():
+    assert absolute_cost(validated()) == pytest.approx(max(1.0, 4.5 / 3.0))
+    assert not against_truth(fitted(), validated(cost=np.array([15.1, 90.0])), {}).holds
+    assert not against_truth(fitted(), validated(median_error_db=1.01), {}).holds
+
+
+def test_causes_of_a_refusal_are_read_in_their_order():
+    first, second = (Doubt(cause, "it is odd", decisive=True, strength=2) for cause in ("delay", "angle_sign"))
+    assert tool_refusal(None, None, f"{first.sentence}; {second.sentence}") == ("delay", "angle_sign")
+    assert tool_refusal(None, None, "the log is empty") == ()
+
+
+def row(name, right, given, cause="", causes=(), robot="heavy", **further):
+    known = {"spring_error": 0.1, "half_widths": 2.0, "misfit": 1.0, "coverage": 1.0, "refusal": ""}
+    return Row(name, robot, cause, causes, right, given, **{**known, **further})
+
+
+def test_shares_count_what_they_say():
+    rows = [
+        row("sound", 2, 2),
+        row("sound", 2, 1),
+        row("sound", 2, 2, robot="light"),
+        row("sound", 1, 1, robot="light"),
+        row("sign", 0, 0, "torque_sign", ("torque_sign", "delay")),
+        row("sign", 0, 1, "torque_sign", ("delay", "torque_sign"), spring_error=0.3),
+        row("sign", 1, 0, "torque_sign", (), spring_error=nan, half_widths=nan, refusal="it is odd"),
+        row("harmless", 2, 2, "friction"),
+        row("nobody", 1, 2, spring_error=inf),
+    ]
+    found = summarise(rows)
+    assert found["false_alarms"] == 2 / 4
+    assert found["false_alarms.light"] == 1 / 2
+    assert found["sound.deserve_trust"] == 3 / 4
+    assert found["graded"] == 3 / 5
+    assert found["named"] == 1 / 3
+    assert found["sign.graded"] == 2 / 3
+    assert found["sign.named"] == 1 / 3
+    assert found["sign.grade_mean"] == 1 / 3
+    assert found["sign.worst_spring_error"] == 0.3
+    assert found["sign.refused"] == 1 / 3
+    assert "harmless.named" not in found
+    assert "nobody.named" not in found
+    assert "nobody.worst_spring_error" not in found
