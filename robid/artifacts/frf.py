@@ -4,7 +4,7 @@ Schema history:
     1.0: first version.
     1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
     1.2: `torque_amplitude`, `realization_error`.
-    1.3: `compensation`, `line_correlation`.
+    1.3: `compensation`, `line_correlation`, `freedom_share`.
 """
 
 from __future__ import annotations
@@ -64,6 +64,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "torque_amplitude": Column(
             frf.torque_unit, ("configuration", "frequency", "input", "block"), "Half amplitudes in every experiment"
         ),
+        "freedom_share": Column("1", ("configuration",), "Of the degrees of freedom, left by experiments that repeat"),
         "line_correlation": Column("1", ("configuration", "frequency", "next"), "Of errors at overlapping windows"),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)
