@@ -4,7 +4,8 @@ Schema history:
     1.0: first version.
     1.1: `coefficient_offset`, `uncompensated_response`, the torque laws; coherence, levels at the silent lines.
     1.2: `torque_amplitude`, `realization_error`.
-    1.3: `mean_torque`, `mean_position`, `motion_rms`, `compensation`, `line_correlation`.
+    1.3: `mean_torque`, `mean_position`, `motion_rms`, `compensation`, `line_correlation`,
+        `freedom_share`.
 """
 
 from __future__ import annotations
@@ -67,6 +68,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "mean_torque": Column(frf.torque_unit, ("configuration", "input"), "Mean torque as recorded"),
         "mean_position": Column("rad; m; m/s^2", ("configuration", "output"), "Mean outputs, by what they are"),
         "motion_rms": Column("rad; m; m/s^2", ("configuration", "output"), "RMS of the outputs about their means"),
+        "freedom_share": Column("1", ("configuration",), "Of the degrees of freedom, left by experiments that repeat"),
         "line_correlation": Column("1", ("configuration", "frequency", "next"), "Of errors at overlapping windows"),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)

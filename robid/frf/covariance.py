@@ -20,17 +20,20 @@ def total_covariance(residual: ComplexArray, n_in: int, pooled: int) -> tuple[Co
         pooled: Neighbouring lines pooled.
 
     Returns:
-        Covariance (n_freq, n_out, n_out) and its complex degrees of freedom, fewer where experiments repeat each
-        other's residual; None and 0 without freedom left.
+        Covariance (n_freq, n_out, n_out) and its complex degrees of freedom; None and 0 without freedom left.
     """
     n_real, n_freq, _, n_exp = residual.shape
     freedom = n_exp * n_real - n_in
     if n_real < 2 or freedom < 1:
         return None, 0.0
     covariance = _outer(residual.transpose(1, 2, 0, 3)) / freedom
-    counted = freedom * min(pooled, n_freq)
-    effective = counted * distinct_experiments(residual) / n_exp
-    return pool(covariance, pooled), float(max(effective, min(counted, _FEWEST)))
+    return pool(covariance, pooled), float(freedom * min(pooled, n_freq))
+
+
+def freedom_share(residual: ComplexArray, counted: float) -> float:
+    """Share of the counted degrees of freedom that distinct experiments leave; at least some that an inverse needs."""
+    share = distinct_experiments(residual) / residual.shape[-1]
+    return max(share, min(1.0, _FEWEST / counted)) if counted > 0 else 1.0
 
 
 def distinct_experiments(residual: ComplexArray) -> float:

@@ -19,7 +19,7 @@ from robid.frf.compensation import (
     no_disturbance,
     record_motion,
 )
-from robid.frf.covariance import element_scale, noise_covariance, total_covariance
+from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
 from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
 from robid.frf.frf import Frf
 from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
@@ -61,6 +61,7 @@ class _Found:
     derivative: ComplexArray
     realization_error: ComplexArray | None = None
     line_correlation: FloatArray | None = None
+    freedom_share: float = 1.0
 
 
 def estimate_frf(
@@ -128,6 +129,7 @@ def estimate_frf(
         silent_doubt=levels.doubt[None],
         torque_amplitude=np.concatenate(list(blocks.torque), axis=-1)[None],
         compensation=_used(laws),
+        freedom_share=np.array([found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],
     )
 
@@ -184,7 +186,8 @@ def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _
     errors = residual @ estimate.weights
     scale = element_scale(errors, estimate.input_factor, total, residual.shape[-1])
     each = None if total is None else errors
-    return _Found(estimate, scale, total, freedom, spectra.removed.derivative, each)
+    share = freedom_share(residual, freedom)
+    return _Found(estimate, scale, total, freedom, spectra.removed.derivative, each, freedom_share=share)
 
 
 def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> _Found:

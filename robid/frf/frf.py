@@ -36,6 +36,7 @@ CONFIGURATION_WISE = (
     "mean_position",
     "motion_rms",
     "line_correlation",
+    "freedom_share",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -99,6 +100,8 @@ class Frf:
         compensation: Which laws were subtracted: `none`, `nominal` or `silent_lines`; "" in files of older versions.
         line_correlation (n_conf, n_freq, n_next): Correlation of each line's error with those of the next lines, of
             estimators whose windows overlap; None where lines are independent.
+        freedom_share (n_conf,): Share of `total_degrees_of_freedom` left where experiments repeat each other's
+            residual; None in files of older versions.
     """
 
     frequency_hz: FloatArray
@@ -138,6 +141,7 @@ class Frf:
     motion_rms: FloatArray | None = None
     compensation: str = ""
     line_correlation: FloatArray | None = None
+    freedom_share: FloatArray | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
@@ -173,7 +177,10 @@ class Frf:
     @property
     def degrees_of_freedom(self) -> float:
         """Complex degrees of freedom behind `covariance`."""
-        return self.noise_degrees_of_freedom if self.total_covariance is None else self.total_degrees_of_freedom
+        if self.total_covariance is None:
+            return self.noise_degrees_of_freedom
+        share = 1.0 if self.freedom_share is None else float(np.mean(self.freedom_share))
+        return self.total_degrees_of_freedom * share
 
     def full_covariance(self, configuration: int) -> ComplexArray:
         """Structured covariance of `vec G`, columns stacked, in one configuration (n_freq, n_out n_in, n_out n_in)."""

@@ -108,14 +108,18 @@ def _chosen(
     """Laws from the silent lines; where these refuse, under `auto`, the robot file's, and why."""
     try:
         return _identified(job, path, n_conf, stated, delay)
+    except np.linalg.LinAlgError:
+        remedy = "use `compensation: nominal` or `none`"
+        refusal = DataError("the silent lines determine no law", where="compensation: silent_lines", remedy=remedy)
     except DataError as error:
-        if job.campaign.estimate.compensation != "auto":
-            raise
-        known = any(law.coulomb_nm > 0 for law in stated)
-        instead = "the robot file's was subtracted (`nominal`)" if known else "the robot file has none to subtract"
-        note = f"Friction could not be identified at the silent lines, {instead}: {error.what}."
-        job.progress.warn(note)
-        return stated, (note,)
+        refusal = error
+    if job.campaign.estimate.compensation != "auto":
+        raise refusal
+    known = any(law.coulomb_nm > 0 for law in stated)
+    instead = "the robot file's was subtracted (`nominal`)" if known else "the robot file has none to subtract"
+    note = f"Friction could not be identified at the silent lines, {instead}: {refusal.what}."
+    job.progress.warn(note)
+    return stated, (note,)
 
 
 def _estimate_part(task: _Task) -> _Brief:

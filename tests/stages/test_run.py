@@ -187,6 +187,21 @@ def test_auto_takes_the_silent_lines_where_it_can_and_says_what_it_took(shop, li
     assert (note in answer.flat) == (used == "nominal")
 
 
+@pytest.mark.parametrize(("compensation", "code"), [("auto", 0), ("silent_lines", 4)])
+def test_silent_lines_that_determine_no_law_are_no_defect(shop, monkeypatch, compensation, code):
+    def fail(*_):
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr("robid.stages.estimate_frf.start_laws", fail)
+    shop.change("{compensation: nominal}", f"{{compensation: {compensation}}}")
+    shop.change("{from: best}", "{list_deg: [[20, 30]]}")
+    for stage in ("design-excitation", "simulate-or-acquire"):
+        assert shop.robid(stage, "small.yaml", "--campaign", "estimation").code == 0
+    answer = shop.robid("estimate-frf", "small.yaml", "--campaign", "estimation")
+    assert answer.code == code
+    assert "the silent lines determine no law" in answer.flat
+
+
 def test_a_run_ends_with_table_verdict_and_report(done):
     answer = done.robid("run", "small.yaml")
     assert answer.code == 0

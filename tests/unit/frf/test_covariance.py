@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from realizations import complex_normal
-from robid.frf.covariance import distinct_experiments, total_covariance
+from robid.frf.covariance import distinct_experiments, freedom_share, total_covariance
 from robid.signals.multisine import multisine
 
 N_REAL, N_FREQ = 4, 60
@@ -38,7 +38,7 @@ def test_noise_keeps_all_experiments(size):
         played = signals(size, random=False, seed=seed)
         left = residual(played, complex_normal(np.random.default_rng([3, seed]), played.shape))
         assert distinct_experiments(left) == size
-        assert total_covariance(left, size, 3)[1] == 3 * size * (N_REAL - 1)
+        assert freedom_share(left, total_covariance(left, size, 3)[1]) == 1
 
 
 @pytest.mark.parametrize("size", [2, 4])
@@ -47,7 +47,7 @@ def test_friction_of_signals_that_repeat_counts_once(size):
     played = signals(size, random=False)
     left = residual(played, friction(played))
     np.testing.assert_allclose(distinct_experiments(left), 1.0, rtol=1e-6)
-    np.testing.assert_allclose(total_covariance(left, size, 3)[1], 3 * (N_REAL - 1))
+    np.testing.assert_allclose(freedom_share(left, 100.0), 1 / size)
 
 
 @pytest.mark.parametrize("size", [2, 3, 6])
@@ -62,9 +62,10 @@ def test_stated_freedom_is_that_of_the_scatter():
     size, variances, stated = 6, [], []
     for seed in range(60):
         played = signals(size, random=False, seed=seed)
-        covariance, freedom = total_covariance(residual(played, friction(played)), size, 1)
+        left = residual(played, friction(played))
+        covariance, freedom = total_covariance(left, size, 1)
         variances.append(np.real(np.diagonal(covariance, axis1=1, axis2=2)))
-        stated.append(freedom)
+        stated.append(freedom * freedom_share(left, freedom))
     variances = np.array(variances)
     scatter = np.var(variances, axis=0, ddof=1) / np.mean(variances, axis=0) ** 2
     found = 1 / scatter.mean()
