@@ -19,7 +19,7 @@ _HALF_TURN = 0.5
 _MODEL_ERROR = 0.02
 """Share of a motor's torque for its inertia that an equivalent viscous term may take without meaning friction."""
 
-_KNOWN_ROTOR = 1.3
+_SURPRISING = 3.0  # standard deviations of what was known beforehand
 _KNOWN_TENSOR = 1.5
 _LEAST_SIZE_M = 0.3
 
@@ -134,11 +134,13 @@ def _delay(found: dict[str, _Found], sampling_period_s: float, highest_hz: float
 
 
 def _rotors(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Iterator[Doubt]:
+    """Rotor inertias whose whole interval contradicts what the robot file knows of them."""
     for joint in robot.joints:
         one = found.get(f"{joint.name}.motor_inertia")
         if one is None or one.stated <= 0:
             continue
-        off = max(one.lower / one.stated, one.stated / max(one.upper, 1e-300)) / _KNOWN_ROTOR
+        outside = max(one.lower / one.stated, one.stated / max(one.upper, 1e-300), 1.0)
+        off = float(np.log(outside)) / (_SURPRISING * joint.motor.inertia_relative_std)
         gone = one.decades / prior_decades
         if off > 1 or gone > 1:
             told = f"{joint.name}: its rotor inertia comes out at {one.times}"

@@ -11,6 +11,7 @@ from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions
 from robid.validation.elastic import validate_elastic
 from robid.validation.fitted import fitted_model
+from robid.validation.measures import Measures
 from robid.validation.recovery import median_spring_half_width, recover, recovery_sentence
 
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
@@ -90,13 +91,41 @@ def test_wrong_payload_fails(nominal, true_arm, solution):
     assert found.cost_ratio > 1.5
 
 
-def test_a_model_that_misses_its_own_data_is_told_from_a_good_one(nominal, solution, fresh, validation):
-    poor = replace(solution, configuration_cost=8 * solution.configuration_cost / solution.misfit)
+def test_a_bad_fit_makes_no_allowance_for_itself(nominal, solution, true_arm, fresh):
+    """However badly a model fits its own data, the same new data must fail it."""
+    heavier = replace(true_arm, payload=replace(true_arm.payload, mass_kg=12.0))
+    frf = exact_frf(heavier, NEW, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=2)
+    poor = replace(solution, configuration_cost=1e4 * solution.configuration_cost, misfit=1e4 * solution.misfit)
+    ratios = [validate_elastic(nominal, one, frf, OPTIONS, DELAY_S, None).cost_ratio for one in (solution, poor)]
+    assert ratios[0] == ratios[1] > 1.5
     found = validate_elastic(nominal, poor, fresh, OPTIONS, DELAY_S, None)
     assert found.ok
-    assert "of the average where it was fitted" in found.verdict
-    assert "it lacks something" in found.verdict
-    assert "lacks" not in validation.verdict
+    assert found.grade.value == 1
+    assert "the residual costs" in found.grade.sentence
+
+
+def test_the_weights_of_a_fit_decide_nothing_about_the_limits(nominal, solution, fresh, validation):
+    noise_only = replace(OPTIONS, weights=replace(OPTIONS.weights, kind="optimal"))
+    found = validate_elastic(nominal, solution, fresh, noise_only, DELAY_S, None)
+    np.testing.assert_allclose(found.error_ratio, validation.error_ratio, rtol=1e-9)
+
+
+def test_phase_and_resonances_have_limits_of_their_own(nominal, solution, fresh, validation):
+    late = np.exp(-1j * np.deg2rad(9.0))
+    turned = replace(fresh, response=validation.modelled * late, total_covariance=None)
+    found = validate_elastic(nominal, solution, turned, OPTIONS, DELAY_S, None)
+    assert found.motor_error_deg == pytest.approx(9.0)
+    assert not found.ok
+    assert "9 degrees in the median, limit 7" in found.verdict
+    assert validation.resonances > 4
+    assert validation.resonance_shift < 0.01
+    measures = Measures(np.array([0.1]), 0.01, 0.1, 0.05, 6)
+    assert measures.failures() == ("resonances are off by 5 % in the median, limit 3",)
+
+
+def test_a_right_model_can_be_trusted(validation):
+    assert (validation.grade.value, validation.grade.reasons) == (2, ())
+    assert validation.grade.sentence == "Trust."
 
 
 def test_truth_is_counted(nominal, true_arm, solution, fresh, validation):
