@@ -60,7 +60,7 @@ def test_mistakes_are_made_fitted_and_graded(study, monkeypatch):
 def _is_stored(tasks):
     """What thresholds are chosen on is there, case by case."""
     held = read_artifact(next((tasks / "cases").glob("torque_sign_heavy_1.*")), TASK)
-    numbers = ("share_above", "share_correlated", "misfit", "cost_ratio", "absolute_cost", "median_error_db")
+    numbers = ("share_above", "share_correlated", "misfit", "cost_ratio", "telling_above", "median_error_db")
     assert all(held.attributes[key] >= 0 for key in numbers)
     assert (held.attributes["case"], held.attributes["robot"], held.attributes["seed"]) == ("torque_sign", "heavy", 1)
     assert {"causes", "strength", "decisive", "messages"} <= set(held.datasets)

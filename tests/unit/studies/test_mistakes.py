@@ -11,7 +11,7 @@ from robid.settings.study import Mistake
 from robid.signals.record import Record
 from robid.studies.mistaken import mistaken_record, mistaken_robot
 from robid.studies.mistakes import Case
-from robid.studies.mistakes_grades import Against, absolute_cost, against_truth, tool_refusal
+from robid.studies.mistakes_grades import Against, against_truth, refused_causes
 from robid.studies.mistakes_report import Row, summarise
 from robid.validation.doubt import Doubt
 from tolerances import IDENTITY
@@ -129,7 +129,7 @@ def fitted(**changes):
     stated = {
         "names": ("a.stiffness", "b.stiffness", "c.stiffness", "a.damping"),
         "kinds": ("stiffness", "stiffness", "stiffness", "damping"),
-        "identifiable": np.array([1, 1, 0, 1]),
+        "identified": np.array([1, 1, 0, 1], bool),
         "estimate": np.array([110.0, 200.0, 900.0, 7.0]),
         "lower": np.array([110 / 1.02, 190.0, 1.0, 6.0]),
         "upper": np.array([110 * 1.02, 210.0, 1e6, 8.0]),
@@ -137,38 +137,22 @@ def fitted(**changes):
     return SimpleNamespace(**{**stated, **changes})
 
 
-def validated(**changes):
-    stated = {
-        "coverage": 0.95,
-        "cost": np.array([10.0, 90.0]),
-        "expected_cost": np.array([1.0, 60.0]),
-        "elements": np.array([10, 20]),
-        "median_error_db": 0.5,
-    }
-    return SimpleNamespace(**{**stated, **changes})
-
-
 def test_springs_are_held_against_the_truth_where_they_are_identified():
     truth = {"a.stiffness": 100.0, "b.stiffness": 200.0, "c.stiffness": 100.0, "a.damping": 1.0}
-    found = against_truth(fitted(), validated(), truth)
+    found = against_truth(fitted(), SimpleNamespace(ok=True), truth)
     assert found.spring_error == pytest.approx(0.1)
     assert found.half_widths == pytest.approx(np.log(1.1) / np.log(1.02))
-    assert found.coverage == 0.95
+    assert found.coverage == pytest.approx(1 / 3)
     assert found.holds
-    unknown = against_truth(fitted(), validated(coverage=None), {})
+    unknown = against_truth(fitted(), SimpleNamespace(ok=False), {})
     assert np.isnan([unknown.spring_error, unknown.half_widths, unknown.coverage]).all()
-
-
-def test_validation_is_judged_by_what_noise_and_the_assumed_error_allow():
-    assert absolute_cost(validated()) == pytest.approx(max(1.0, 4.5 / 3.0))
-    assert not against_truth(fitted(), validated(cost=np.array([15.1, 90.0])), {}).holds
-    assert not against_truth(fitted(), validated(median_error_db=1.01), {}).holds
+    assert unknown.grade == 0
 
 
 def test_causes_of_a_refusal_are_read_in_their_order():
     first, second = (Doubt(cause, "it is odd", decisive=True, strength=2) for cause in ("delay", "angle_sign"))
-    assert tool_refusal(None, None, f"{first.sentence}; {second.sentence}") == ("delay", "angle_sign")
-    assert tool_refusal(None, None, "the log is empty") == ()
+    assert refused_causes(None, None, f"{first.sentence}; {second.sentence}") == ("delay", "angle_sign")
+    assert refused_causes(None, None, "the log is empty") == ()
 
 
 def row(name, right, given, cause="", causes=(), robot="heavy", **further):
