@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.design.wanted import NUISANCE, choose_parameters, eliminated
+from robid.design.wanted import ALONG, choose_parameters, eliminated
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
@@ -15,7 +15,7 @@ from robid.robot.model import build_model
 from robid.robot.response import ElasticParameters, nominal_parameters, response
 
 KINDS = ("stiffness", "damping", "viscous", "delay")
-"""Kinds of parameters that a frequency response tells about; the last two are nuisance."""
+"""Kinds of parameters that an excitation is shaped for; the last two are nuisance."""
 
 
 def candidate_information(
@@ -27,11 +27,13 @@ def candidate_information(
     relative_error: float,
     *,
     kinds: Sequence[str] = KINDS[:2],
-    nuisance: Sequence[str] = NUISANCE,
+    nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
     weights: FloatArray | None = None,
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Information matrices about log-parameters, the nuisance parameters eliminated in each configuration.
+
+    What the robot file knows of motor inertias that are estimated along counts in each.
 
     Args:
         robot: Nominal robot.
@@ -65,8 +67,7 @@ def candidate_information(
         relative = relative * np.sqrt(weights)[..., None]
     rows = relative.reshape(len(configurations), -1, relative.shape[-1]) / relative_error
     information = 2 * np.real(rows.conj().swapaxes(1, 2) @ rows)
-    unknown = np.zeros(information.shape[-1])
-    matrices = [eliminated([each], unknown, len(wanted.names))[0] for each in information]
+    matrices = [eliminated([each], wanted.precision, len(wanted.names))[0] for each in information]
     return np.array(matrices), wanted.names
 
 

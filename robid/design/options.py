@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
+
+from robid.design.wanted import ALONG
 
 
 @dataclass(frozen=True)
@@ -206,10 +209,12 @@ class InformationOptions:
     free: tuple[WantedKind, ...] = field(
         default=("stiffness", "damping"), metadata={"description": "Kinds of parameters that are wanted."}
     )
-    nuisance: tuple[NuisanceKind, ...] = field(
-        default=("viscous", "delay"),
+    nuisance: tuple[NuisanceKind, ...] | None = field(
+        default=None,
         metadata={
-            "description": "Kinds that are estimated along, in each configuration; with `mean: fit` once for all."
+            "description": "Kinds that are estimated along, in each configuration; with `mean: fit` once for all. When"
+            " not given, what the fit under `fit` estimates beside `free`; without one, `viscous`, `motor_inertia` and"
+            " `delay`."
         },
     )
     fixed: tuple[str, ...] = field(
@@ -230,6 +235,17 @@ class InformationOptions:
         default=1.5, metadata={"description": "The draws are log-uniform within this factor.", "gt": 1}
     )
     draw_seed: int = field(default=1, metadata={"description": "Seed of the draws.", "ge": 0})
+
+    def along(self, freed: Sequence[str] | None = None) -> tuple[NuisanceKind, ...]:
+        """Returns the kinds that are estimated along.
+
+        Args:
+            freed: Kinds that the fit frees which the choice is for; None without one.
+        """
+        if self.nuisance is not None:
+            return self.nuisance
+        every = ALONG if freed is None else freed
+        return tuple(kind for kind in get_args(NuisanceKind) if kind in every and kind not in self.free)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
 """Kinds whose log-parameters a design can be about."""
 NUISANCE = ("viscous", "delay")
 """Kinds that may only be estimated along."""
+ALONG = ("viscous", "motor_inertia", "delay")
+"""Kinds that are estimated along unless something else is said."""
 
 
 @dataclass(frozen=True)
@@ -27,11 +29,14 @@ class Wanted:
         kinds: All kinds, those that are estimated along last.
         columns (n_all,): Which elements of these kinds are estimated.
         names: Names of the parameters that the design is about; they come first among those estimated.
+        precision (n_estimated,): What is known of each beforehand, over its variance; of those that the design is
+            about, nothing.
     """
 
     kinds: tuple[str, ...]
     columns: BoolArray
     names: tuple[str, ...]
+    precision: FloatArray
 
     def scales(self, nominal: ElasticParameters, period_s: float) -> FloatArray:
         """Scale (n_estimated,) of each: its value, or of a linear nuisance what is natural to it."""
@@ -40,7 +45,13 @@ class Wanted:
         return np.asarray(np.concatenate(every)[self.columns])
 
 
-def choose_parameters(robot: Robot, kinds: Sequence[str], nuisance: Sequence[str], fixed: Sequence[str]) -> Wanted:
+def choose_parameters(
+    robot: Robot,
+    kinds: Sequence[str],
+    nuisance: Sequence[str],
+    fixed: Sequence[str],
+    prior_decades: float = np.inf,
+) -> Wanted:
     """Chooses the parameters of a design.
 
     Args:
@@ -48,6 +59,8 @@ def choose_parameters(robot: Robot, kinds: Sequence[str], nuisance: Sequence[str
         kinds: Kinds of parameters that the design is about, of `LOGARITHMIC`.
         nuisance: Kinds that are estimated along, of `LOGARITHMIC` and `NUISANCE`.
         fixed: Names of single parameters that are known.
+        prior_decades: Standard deviation of what the robot file knows of springs, dampers and link inertias that are
+            estimated along [decades]; that of motor inertias is the file's own.
 
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
@@ -67,7 +80,11 @@ def choose_parameters(robot: Robot, kinds: Sequence[str], nuisance: Sequence[str
         message = f"`fixed` names {', '.join(unknown)}, which nothing estimates"
         raise SettingsError(message, where="design.fixed", remedy="correct `fixed`, or the kinds of parameters")
     columns = np.array([name not in fixed for _, name in pairs])
-    return Wanted(every, columns, tuple(name for kind, name in pairs if kind in kinds and name not in fixed))
+    known = {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
+    known |= {name: np.log(10) * prior_decades for kind, name in pairs if kind in LOGARITHMIC and name not in known}
+    deviation = [np.inf if kind in kinds else known.get(name, np.inf) for kind, name in pairs]
+    names = tuple(name for kind, name in pairs if kind in kinds and name not in fixed)
+    return Wanted(every, columns, names, 1 / np.array(deviation)[columns] ** 2)
 
 
 def eliminated(matrices: Sequence[FloatArray], precision: FloatArray, count: int) -> list[FloatArray]:

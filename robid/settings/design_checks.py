@@ -21,7 +21,7 @@ def check_designs(experiment: Experiment, robot: RobotFile | None) -> _Found:
     for name, design in experiment.designs.items():
         field: FieldPath = ("designs", name)
         yield from _candidates(field, experiment, design)
-        for index, kind in enumerate(design.nuisance):
+        for index, kind in enumerate(design.nuisance or ()):
             if kind in design.free:
                 yield (*field, "nuisance", index), f"`{kind}` is under `free` already: name each kind once"
         if design.prior is not None and design.prior not in experiment.fits:
@@ -65,7 +65,8 @@ def _fit(field: FieldPath, experiment: Experiment, design: Design) -> _Found:
 
 
 def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot: RobotFile) -> _Found:
-    known = parameter_names(robot, (*design.free, *design.nuisance))
+    freed = None if design.fit not in experiment.fits else experiment.fits[design.fit].free
+    known = parameter_names(robot, (*design.free, *design.along(freed)))
     for index, name in enumerate(design.fixed):
         if name not in known:
             yield (*field, "fixed", index), f"nothing estimates `{name}`; {suggest(name, known)}"

@@ -28,7 +28,7 @@ from robid.stages.terminal import section_table
 
 _WIDE_GAP = 0.01
 _READ: tuple[Part, ...] = ("mechanics", "range", "timing")
-_READ_OF_FIT = ("estimator", "weights", "correct_torques")
+_READ_OF_FIT = ("estimator", "weights", "correct_torques", "free", "fixed", "prior_decades")
 _READ_FOR_COST: tuple[Part, ...] = ("motor_limits",)
 
 

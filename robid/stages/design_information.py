@@ -28,7 +28,7 @@ from robid.settings.experiment import Design
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot
 from robid.stages.configurations import configurations_of
-from robid.stages.design_weights import UNREAD, fit_options, fit_weights
+from robid.stages.design_weights import UNREAD, about_options, fit_options, fit_weights, prior_decades
 from robid.stages.slices import delay_s, require_controller
 from robid.stages.stage import Job
 
@@ -97,7 +97,7 @@ def gather_information(job: Job) -> Gathered:
     """
     design = job.loaded.experiment.designs[job.owner]
     robot, delay, knowledge = _point(job, design)
-    robots = tuple(_drawn(robot, design.about()))
+    robots = tuple(_drawn(robot, about_options(job.loaded.experiment, design)))
     measured = design.information == "measured"
     tasks: Sequence[_Task] = _measured(job, robots, delay) if measured else _assumed(job, robots, delay)
     job.progress.expect(len(tasks), "configurations" if measured else "parts")
@@ -157,7 +157,8 @@ def _assumed(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Assumed
     lines, _ = choose_lines(campaign.excitation, period)
     frequency_hz = lines / campaign.excitation.period_s
     parts = [candidates[begin : begin + _CHUNK] for begin in range(0, len(candidates), _CHUNK)]
-    return [_Assumed(robots, design.about(), delay, part, frequency_hz, period) for part in parts]
+    about = about_options(job.loaded.experiment, design)
+    return [_Assumed(robots, about, delay, part, frequency_hz, period) for part in parts]
 
 
 def _measured(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Measured]:
@@ -167,7 +168,7 @@ def _measured(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Measur
     path, fit = job.inputs["frf"], fit_options(experiment, design)
     rows = range(read_outline(path, FRF).n_rows)
     weights = None if fit is None else fit_weights(path, fit)
-    about = design.about()
+    about = about_options(experiment, design)
     return [
         _Measured(robots, about, delay, path, row, pooled, fit, None if weights is None else weights[row : row + 1])
         for row in rows
@@ -201,7 +202,7 @@ def _assumed_information(task: _Task) -> _Found:
             task.delay_s,
             about.assumed_relative_error,
             kinds=about.free,
-            nuisance=about.nuisance,
+            nuisance=about.along(),
             fixed=about.fixed,
             weights=weights,
         )
@@ -223,10 +224,11 @@ def _measured_information(task: _Measured) -> _Found:
             response,
             task.delay_s,
             kinds=about.free,
-            nuisance=about.nuisance,
+            nuisance=about.along(),
             fixed=about.fixed,
             weights=importance,
             model_error=about.model_error,
+            prior_decades=prior_decades(task.fit),
         )
 
     found = [information(robot, frf) for robot in task.robots]
@@ -257,9 +259,10 @@ def _fitted(task: _Measured, frf: Frf) -> FittedInformation | None:
             whitening=make_whitening(frf, weights > 0, options.estimator) if correlated else None,
             estimator=options.estimator,
             kinds=about.free,
-            nuisance=about.nuisance,
+            nuisance=about.along(),
             fixed=about.fixed,
             model_error=max(about.model_error, float(assumed_error(options.weights))),
+            prior_decades=prior_decades(options),
         )[0]
         for robot in task.robots
     ]

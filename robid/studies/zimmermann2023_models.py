@@ -14,6 +14,7 @@ from robid.artifacts.frf import frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.design.measured import measured_information
+from robid.design.wanted import ALONG
 from robid.fit.elastic import fit_elastic
 from robid.fit.fitted_robot import fitted_robot
 from robid.fit.options import ElasticOptions
@@ -174,8 +175,8 @@ def _parameters(one: Fitting, solution: Solution) -> dict[str, Dataset]:
 def _deviations(one: Fitting, frf: Frf, solution: Solution) -> dict[str, Dataset]:
     """Deviations that the total covariance allows at best, and the information of each configuration."""
     robot = fitted_robot(one.robots[0], solution)
-    fixed = [name for name in one.options.fixed if name.endswith((".stiffness", ".viscous"))]
-    nuisance = tuple(kind for kind in one.options.free if kind in ("viscous", "delay"))
+    fixed = [name for name in one.options.fixed if name.endswith((".stiffness", ".viscous", ".motor_inertia"))]
+    nuisance = tuple(kind for kind in one.options.free if kind in ALONG)
     matrices, names = measured_information(
         robot, frf, one.delay_s, kinds=("stiffness",), nuisance=nuisance, fixed=fixed
     )

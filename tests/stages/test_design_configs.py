@@ -119,18 +119,27 @@ def test_a_fit_with_its_own_weights_is_never_better_than_the_best_weights(chosen
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        ("fitted", ElasticOptions(weights=Weights("user", off_diagonal=0.3))),
-        ("named", ElasticOptions(weights=Weights("optimal"), correct_torques=False)),
+        (
+            "fitted",
+            ElasticOptions(
+                weights=Weights("user", off_diagonal=0.3), free=("stiffness", "viscous", "motor_inertia", "delay")
+            ),
+        ),
+        ("named", ElasticOptions(weights=Weights("optimal"), free=("stiffness",), correct_torques=False)),
         ("allowing", ElasticOptions(weights=Weights(model_error=0.05))),
     ],
 )
 def test_a_design_for_a_fit_promises_what_that_fit_states(chosen, name, options):
-    """Its sandwich at the robot file's values, of the wanted springs with all that is estimated along."""
+    """Its sandwich at the robot file's values, of the wanted springs with all that the fit estimates along.
+
+    What the robot file knows of the springs themselves is no promise of the design's.
+    """
     robot = load_experiment(chosen.folder / "design.yaml").robot.to_robot()
     frf = frf_from_artifact(read_artifact(chosen.runs / "candidates/frf.h5", FRF))
     design = design_of(chosen, name)
-    options = replace(options, free=("stiffness", "viscous", "delay"), prior_decades=1e6)
     problem, _ = set_up(robot, frf.select(design.chosen), options, 1e-3)
+    known = np.r_[np.inf, np.inf, problem.parameters.prior_std[2:]]
+    problem = replace(problem, parameters=replace(problem.parameters, prior_std=known))
     if name == "fitted":
         # The scale of user weights is that of all candidates, which friction's prior is held against.
         weights = make_weights(frf, options.weights, options.estimator)[0]
@@ -144,6 +153,26 @@ def test_a_design_is_stale_with_the_weights_of_its_fit(chosen):
     states = chosen.states()
     assert states["designs/named.h5"][0] == "stale"
     assert states["designs/fitted.h5"][0] == "fresh"
+
+
+def test_a_design_is_stale_with_what_its_fit_estimates(chosen):
+    chosen.change("weights: {model_error: 0.05}", "weights: {model_error: 0.05}, fixed: [delay]", file=FILE)
+    states = chosen.states()
+    assert states["designs/allowing.h5"][0] == "stale"
+    assert states["designs/named.h5"][0] == "fresh"
+
+
+def test_a_fit_that_fixes_what_a_design_estimates_along_has_it_fixed_there(chosen):
+    before = design_of(chosen, "allowing").predicted_relative_std
+    chosen.change(
+        "weights: {model_error: 0.05}",
+        "weights: {model_error: 0.05}, fixed: [turn.motor_inertia, lift.motor_inertia, gear_turn.stiffness]",
+        file=FILE,
+    )
+    assert chosen.robid("design-configs", "design.yaml", "--design", "allowing", "--force").code == 0
+    after = design_of(chosen, "allowing")
+    assert after.parameter_names == SPRINGS
+    assert np.prod(after.predicted_relative_std) < np.prod(before)
 
 
 def test_visits_cost_experiments_and_the_way_from_the_first_candidate(chosen):

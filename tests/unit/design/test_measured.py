@@ -120,6 +120,77 @@ def test_parts_of_configurations_give_the_sandwich_of_the_fit_to_all_of_them(frf
     assert_same(np.linalg.inv(covariance), told(found, [0, 1, 2], len(names)))
 
 
+def overlapping(frf):
+    """The same from lines whose windows overlap: an error is shared with the next two, by more at some lines."""
+    share = np.array([0.6, 0.2]) * np.linspace(0.5, 1, frf.frequency_hz.size)[:, None]
+    return replace(frf, line_correlation=np.broadcast_to(share, (len(frf.response), *share.shape)))
+
+
+@pytest.mark.parametrize("estimator", ["lls", "llsm", "nls"])
+@pytest.mark.parametrize("kind", ["user", "inflated", "optimal_full"])
+def test_overlapping_lines_cost_what_they_cost_the_fit(frf, kind, estimator):
+    options = ElasticOptions(weights=Weights(kind, off_diagonal=0.3), estimator=estimator, prior_decades=1e6)
+    noisy = with_friction(louder(frf), deviation=0.1)
+    shared = overlapping(noisy)
+    covariance, problem = fit_covariance(shared, options, 8)
+    settings = {"whitening": problem.whitening, "estimator": estimator, "model_error": 0.02 * (kind == "inflated")}
+    found = told(fitted_information(ROBOT, shared, DELAY_S, problem.weight, **settings)[0], [0, 1, 2], 8)
+    assert_same(np.linalg.inv(covariance), found)
+    apart = told(fitted_information(ROBOT, noisy, DELAY_S, problem.weight, **settings)[0], [0, 1, 2], 8)
+    assert abs(np.linalg.slogdet(found)[1] - np.linalg.slogdet(apart)[1]) > 0.1
+
+
+def test_overlapping_lines_cost_what_they_cost_the_optimally_weighted_fit(frf):
+    shared = overlapping(with_friction(frf)).select([1])
+    covariance, _ = fit_covariance(shared, ElasticOptions(weights=Weights("optimal_full"), prior_decades=1e6), 8)
+    assert_same(np.linalg.inv(covariance), measured_information(ROBOT, shared, DELAY_S)[0][0])
+
+
+def known_rotors(deviation):
+    """The robot with another knowledge of its motors' inertias."""
+    joints = (replace(each, motor=replace(each.motor, inertia_relative_std=deviation)) for each in ROBOT.joints)
+    return replace(ROBOT, joints=tuple(joints))
+
+
+@pytest.mark.parametrize("deviation", [1e-5, 0.003, 0.05])
+def test_what_the_robot_file_knows_of_motor_inertias_counts_once(frf, deviation):
+    """In all configurations together, as in the fit; without any doubt it is as if they were fixed."""
+    robot, noisy = known_rotors(deviation), louder(frf)
+    problem, _ = set_up(robot, noisy, ElasticOptions(prior_decades=1e6), DELAY_S)
+    covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:8, :8]
+    found, names = fitted_information(robot, noisy, DELAY_S, problem.weight, model_error=0.02)
+    assert names == problem.parameters.names[:8]
+    assert_same(np.linalg.inv(covariance), told(found, [0, 1, 2], 8))
+    fixed, _ = fitted_information(
+        robot, noisy, DELAY_S, problem.weight, model_error=0.02, nuisance=("viscous", "delay")
+    )
+    lost = np.linalg.slogdet(told(fixed, [0, 1, 2], 8))[1] - np.linalg.slogdet(told(found, [0, 1, 2], 8))[1]
+    assert lost == pytest.approx(0, abs=1e-3) if deviation == 1e-5 else lost > 0.1
+
+
+def test_dampers_that_are_estimated_along_are_known_as_in_the_fit(frf):
+    """To a tenth of a decade; one motor inertia is fixed, the other known to 5 %."""
+    options = ElasticOptions(prior_decades=0.1, fixed=("elbow.motor_inertia",))
+    noisy = louder(frf)
+    problem, _ = set_up(ROBOT, noisy, options, DELAY_S)
+    springs = replace(problem.parameters, prior_std=np.r_[np.full(4, np.inf), problem.parameters.prior_std[4:]])
+    problem = replace(problem, parameters=springs)
+    covariance = sandwich(problem, np.zeros(len(springs.names)))[:4, :4]
+    found, names = fitted_information(
+        ROBOT,
+        noisy,
+        DELAY_S,
+        problem.weight,
+        kinds=("stiffness",),
+        nuisance=options.free[1:],
+        fixed=options.fixed,
+        model_error=0.02,
+        prior_decades=0.1,
+    )
+    assert names == springs.names[:4]
+    assert_same(np.linalg.inv(covariance), told(found, [0, 1, 2], 4))
+
+
 SUBSETS = list(combinations(range(8), 4))
 
 
@@ -189,9 +260,11 @@ def test_no_weights_of_a_fit_beat_the_optimal_ones(frf):
         assert np.linalg.eigvalsh((best - less) / (scale[:, None] * scale)).min() > -1e-9
 
 
-def test_independent_relative_errors_are_the_assumed_noise(frf):
+def test_relative_errors_of_the_model_are_the_assumed_noise_with_both_couplings_counted_once(frf):
+    """What is reciprocal tells the same twice: half as much each, as independent elements of half the weight."""
     matrices, names = measured_information(ROBOT, frf, DELAY_S, model_error=2.0)
-    assumed, known = candidate_information(ROBOT, CONFIGURATIONS, frf.frequency_hz, 1e-3, DELAY_S, 2.0)
+    weights = np.broadcast_to([[1, 0.5], [0.5, 1]], frf.response.shape[1:])
+    assumed, known = candidate_information(ROBOT, CONFIGURATIONS, frf.frequency_hz, 1e-3, DELAY_S, 2.0, weights=weights)
     assert names == known
     np.testing.assert_allclose(matrices, assumed, rtol=1e-3)
 
