@@ -34,7 +34,7 @@ study: $(STAMP) ## run a study, as in make study NAME=frf
 	$(BIN)/robid study configs/studies/$(NAME).yaml
 
 test: $(STAMP) ## run the tests, on all cores
-	$(BIN)/python -m pytest -q -m "not slow" -n auto --dist worksteal
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m "not slow" -n auto --dist worksteal
 
 test-slow: $(STAMP) ## run the tests that take minutes
 	$(BIN)/python -m pytest -q -s -m slow

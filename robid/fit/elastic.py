@@ -92,7 +92,7 @@ def set_up(
     Statics and weights are those of the robot file's values, or of the minimum reached before.
     """
     if not options.correct_torques:
-        frf = _without_coefficients(frf)
+        frf = without_coefficients(frf)
     values = None if before is None else before[0].parameters.parameters(before[1].parameters)
     model = rest_model(robot, frf, options, delay_s, values)
     nominal = nominal_parameters(robot, model, delay_s)
@@ -105,7 +105,7 @@ def set_up(
     return make_problem(frf, model, parameters, options, internal, level)
 
 
-def _without_coefficients(frf: Frf) -> Frf:
+def without_coefficients(frf: Frf) -> Frf:
     """Returns a response whose compensated torques are taken for granted."""
     return replace(
         frf,

@@ -180,7 +180,8 @@ def _sentences(content: FitContent, validation: Validation | None) -> str:
     if validation is None:
         found.append("Not validated: no campaign was named to hold it against.")
     else:
-        found.append(f"The model {validation.verdict}.")
+        # What fails the validation stands in the grade's sentence.
+        found.append(f"The model {validation.verdict}." if validation.ok else "")
         found.append(recovery_sentence(validation.springs_within, validation.springs_known, validation.coverage))
     return " ".join(sentence for sentence in found if sentence)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robid.fit.elastic import without_coefficients
 from robid.fit.options import ElasticOptions
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
@@ -30,7 +31,8 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     """
     doubts: list[Doubt] = [*data_doubts(robot, frf)]
     if is_unexplained(solution):
-        fitted = fitted_model(robot, solution, frf, options, delay_s)
+        used = frf if options.correct_torques else without_coefficients(frf)
+        fitted = fitted_model(robot, solution, used, options, delay_s)
         doubts += misfit_doubts(robot, solution, fitted, options, delay_s)
     doubts += parameter_doubts(robot, solution, frf.sampling_period_s, options.prior_decades)
     return grade_fit(solution, ordered(doubts))

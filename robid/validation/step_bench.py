@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,7 +121,8 @@ def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
 
 
 def _paths(bench: StepBench, task: StepTask) -> FloatArray:
-    model = true_model(bench.true, bench.controller, bench.simulation, sensors=False)
+    at_rest = replace(bench.simulation, steps_per_sample=1)
+    model = true_model(bench.true, bench.controller, at_rest, sensors=False)
     rest = solve_statics(model, task.configuration[None])
     return np.array(
         [

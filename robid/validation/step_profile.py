@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
@@ -87,7 +87,8 @@ def step_profiles(
     Raises:
         SettingsError: If a motor cannot hold the robot at rest, or a step outlasts the time that is compared.
     """
-    model = true_model(robot, controller, simulation, sensors=False)
+    at_rest = replace(simulation, steps_per_sample=1)
+    model = true_model(robot, controller, at_rest, sensors=False)
     rest = solve_statics(model, configurations)
     limit = options.torque_share * np.array([joint.motor.max_torque_nm for joint in robot.joints])
     problems, profiles = [], []

@@ -5,7 +5,7 @@ import pytest
 from robid import cli, pipeline
 from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
-from robid.artifacts.model import MODEL, model_from_artifact, model_to_artifact
+from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact, model_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.validation import VALIDATION, validation_from_artifact, validation_to_artifact
 from robid.settings.load import load_experiment
@@ -180,12 +180,20 @@ def test_the_room_of_records_is_counted(shop):
     assert nodes["estimation/record.h5"] == 2 * (2 * 2 * 2 * 2 * 500 * 2 * 2 * 4)
 
 
+def graded_model_from(artifact):
+    return model_from_artifact(artifact), grade_from_artifact(artifact)
+
+
+def graded_model_to(graded, provenance):
+    return model_to_artifact(graded[0], provenance, graded[1])
+
+
 @pytest.mark.parametrize(
     ("path", "kind", "read", "write"),
     [
         ("designs/best.h5", DESIGN, design_from_artifact, design_to_artifact),
         ("estimation/excitation.h5", EXCITATION, excitation_from_artifact, excitation_to_artifact),
-        ("fits/elastic/model.h5", MODEL, model_from_artifact, model_to_artifact),
+        ("fits/elastic/model.h5", MODEL, graded_model_from, graded_model_to),
         ("fits/elastic/validation.h5", VALIDATION, validation_from_artifact, validation_to_artifact),
     ],
 )

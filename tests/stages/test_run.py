@@ -282,7 +282,7 @@ def test_a_fit_that_has_not_converged_is_saved_and_exits_5(shop):
     answer = shop.robid("run", "small.yaml")
     assert answer.code == 5
     assert "has not converged (iteration_limit)" in answer.err
-    assert "The fit has not converged" in answer.out
+    assert "Do not use: the fit has not converged" in answer.out
     assert "fits/elastic/model.h5" in shop.contents()
     assert "fits/elastic/validation.h5" not in shop.contents()
     assert (shop.runs / "report.html").exists()

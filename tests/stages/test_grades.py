@@ -1,0 +1,55 @@
+"""A verdict can fail: mistakes that were believed are graded, named and told in every place where a grade is shown."""
+
+import json
+
+import pytest
+
+
+def _summary(shop):
+    return json.loads((shop.runs / "summary.json").read_text())
+
+
+def test_a_sound_model_is_trusted_everywhere(done):
+    assert _summary(done)["fits.elastic.grade"] == 2
+    assert 'class="verdict ok"' in (done.runs / "report.html").read_text()
+    told = done.robid("validate", "small.yaml", "--strict", "--json")
+    assert told.code == 0
+    assert told.json["grade"] == 2
+
+
+def test_a_reversed_torque_is_not_believed(shop):
+    shop.change("seed: 1}\n", "seed: 1, reversed_torque: [lift]}\n")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 5
+    assert "Do not use" in answer.out
+    assert "identified" not in answer.out.splitlines()[-2]
+    assert "Look first for a torque with the wrong sign" in answer.flat
+    assert _summary(shop)["fits.elastic.grade"] == 0
+    assert 'class="verdict bad"' in (shop.runs / "report.html").read_text()
+    assert shop.robid("run", "small.yaml").code == 5, "what is fresh keeps its grade"
+
+
+def test_a_payload_that_is_off_predicts_at_best_and_strict_refuses_it(shop):
+    shop.change("friction: lugre", "friction: lugre, unmodelled_payload_kg: 0.6")
+    answer = shop.robid("run", "small.yaml", "--strict")
+    assert answer.code == 5
+    assert _summary(shop)["fits.elastic.grade"] < 2
+
+
+def test_without_a_validation_a_fit_predicts_at_best(shop):
+    shop.change(", validate_on: validation", "")
+    assert shop.robid("run", "small.yaml").code == 0
+    assert _summary(shop)["fits.elastic.grade"] == 1
+    assert 'class="verdict warn"' in (shop.runs / "report.html").read_text()
+    assert shop.robid("fit", "small.yaml").code == 0
+    strict = shop.robid("fit", "small.yaml", "--strict")
+    assert strict.code == 5
+    assert "not held against data that the fit never saw" in strict.flat
+
+
+@pytest.mark.parametrize("option", ["fit", "validate", "run"])
+def test_strict_is_part_of_no_hash(done, option):
+    before = done.contents()
+    answer = done.robid(option, "small.yaml", "--strict")
+    assert answer.code == 0
+    assert done.contents() == before
