@@ -16,12 +16,12 @@ from robid.design.information import ConfigurationDesign, design_configurations
 from robid.design.stability import Trial, stability
 from robid.report.design import design_numbers, design_tables, stability_sentence
 from robid.report.numbers import percent
-from robid.settings.experiment import Campaign, Experiment
+from robid.settings.experiment import Campaign, Design, Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.stages.configurations import design_inputs
 from robid.stages.design_information import Gathered, gather_information
-from robid.stages.design_weights import fit_options
+from robid.stages.design_weights import about_options, fit_options
 from robid.stages.slices import Part, delay_s, line_settings, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted
 from robid.stages.terminal import section_table
@@ -30,10 +30,17 @@ _WIDE_GAP = 0.01
 _READ: tuple[Part, ...] = ("mechanics", "range", "timing")
 _READ_OF_FIT = ("estimator", "weights", "correct_torques", "free", "fixed", "prior_decades")
 _READ_FOR_COST: tuple[Part, ...] = ("motor_limits",)
+_READ_OF_ROTORS: tuple[Part, ...] = ("inertia_std",)
 
 
 def _owners(experiment: Experiment) -> tuple[str, ...]:
     return tuple(experiment.designs)
+
+
+def _robot_parts(experiment: Experiment, design: Design) -> tuple[Part, ...]:
+    cost = _READ_FOR_COST if design.cost == "travel" else ()
+    rotors = _READ_OF_ROTORS if "motor_inertia" in about_options(experiment, design).along() else ()
+    return (*_READ, *cost, *rotors)
 
 
 def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
@@ -43,7 +50,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings = {
         f"designs.{owner}": to_plain(design),
         f"{section}.payload_kg": campaign.payload_kg,
-        **robot_settings(loaded, *_READ, *(_READ_FOR_COST if design.cost == "travel" else ())),
+        **robot_settings(loaded, *_robot_parts(loaded.experiment, design)),
     }
     if design.cost == "travel":
         settings[f"{section}.visit_s"] = visit_s(loaded, campaign)

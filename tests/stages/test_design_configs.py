@@ -162,6 +162,14 @@ def test_a_design_is_stale_with_what_its_fit_estimates(chosen):
     assert states["designs/named.h5"][0] == "fresh"
 
 
+def test_a_design_is_stale_with_what_is_known_of_motor_inertias_where_they_are_estimated_along(chosen):
+    chosen.change("inertia_kgm2: 0.002", "inertia_relative_std: 0.1\n      inertia_kgm2: 0.002", file="arm.yaml")
+    states = chosen.states()
+    assert {name for name in states if "designs" in name and states[name][0] == "stale"} == {
+        f"designs/{name}.h5" for name in ("best", "next", "fitted", "allowing", "assumed")
+    }
+
+
 def test_a_fit_that_fixes_what_a_design_estimates_along_has_it_fixed_there(chosen):
     before = design_of(chosen, "allowing").predicted_relative_std
     chosen.change(

@@ -37,7 +37,7 @@ CASES = [
         "arm.yaml",
         "inertia_kgm2: 0.002",
         "inertia_relative_std: 0.1\n      inertia_kgm2: 0.002",
-        FIT,
+        {"designs/best.h5"} | ESTIMATION | FIT,
         "inertia_relative_std",
     ),
     ("arm.yaml", "coulomb_nm: 0.2,", "coulomb_nm: 0.21,", RECORDS | FRFS | FIT, "friction.coulomb_nm"),
