@@ -113,7 +113,7 @@ def _between_lines(scaled: ComplexArray, moved: ComplexArray, correlation: Float
         for here, there in ((slice(None, -ahead), slice(ahead, None)), (slice(ahead, None), slice(None, -ahead))):
             left = (share * scaled[:, here]).reshape(-1, n_param)
             total += np.real(left.conj().T @ moved[:, there].reshape(-1, n_param))
-    return total
+    return np.asarray(0.5 * (total + total.T))
 
 
 def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:
