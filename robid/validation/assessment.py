@@ -8,7 +8,6 @@ from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.validation.causes import misfit_doubts
-from robid.validation.doubt import Doubt
 from robid.validation.fitted import fitted_model
 from robid.validation.grade import Grade, grade_fit, is_unexplained, ordered
 from robid.validation.plausible import data_doubts, parameter_doubts
@@ -17,7 +16,9 @@ from robid.validation.plausible import data_doubts, parameter_doubts
 def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptions, delay_s: float) -> Grade:
     """Gathers the doubts about a fit and grades it by itself.
 
-    Causes of the misfit are looked for only where the residual holds more than noise explains.
+    First to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains the
+    residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are looked
+    for only where it holds more than noise explains.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
@@ -29,10 +30,11 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     Returns:
         The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
     """
-    doubts: list[Doubt] = [*data_doubts(robot, frf)]
+    seen = data_doubts(robot, frf)
+    read = parameter_doubts(robot, solution, frf.sampling_period_s, options.prior_decades)
+    doubts = [doubt for doubt in seen if doubt.decisive] + [doubt for doubt in read if doubt.cause == "delay"]
     if is_unexplained(solution):
         used = frf if options.correct_torques else without_coefficients(frf)
         fitted = fitted_model(robot, solution, used, options, delay_s)
         doubts += misfit_doubts(robot, solution, fitted, options, delay_s)
-    doubts += parameter_doubts(robot, solution, frf.sampling_period_s, options.prior_decades)
-    return grade_fit(solution, ordered(doubts))
+    return grade_fit(solution, ordered([*doubts, *seen, *read]))

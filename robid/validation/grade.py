@@ -19,9 +19,8 @@ WORDS = {
     DO_NOT_USE: "do not use",
 }
 
-_FLOOR = 0.003  # relative errors below move no spring by more than its interval
-_SHARE_LIMIT = 0.2
-_WORTH_A_SEARCH = 0.02
+_FLOOR = 0.001  # relative errors below move no spring by more than its interval
+_EXPECTED, _SIGNIFICANT = 0.05, 3.0  # share of a right model's elements beyond their band, and deviations of it
 _MISFIT_LIMIT = 1.5
 _DROPPED_LIMIT = 0.5
 _WIDE = 1.0
@@ -87,10 +86,12 @@ def grade_validation(solution: Solution, doubts: Sequence[Doubt], failures: Sequ
 
 
 def ordered(doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
-    """Puts decisive doubts first, and leaves out what repeats a cause; the order is kept otherwise."""
+    """Leaves out what repeats a cause; a decisive doubt takes the place of one that is not."""
     found: dict[str, Doubt] = {}
-    for doubt in sorted(doubts, key=lambda each: not each.decisive):
-        found.setdefault(doubt.cause, doubt)
+    for doubt in doubts:
+        before = found.setdefault(doubt.cause, doubt)
+        if doubt.decisive and not before.decisive:
+            found[doubt.cause] = doubt
     return tuple(found.values())
 
 
@@ -139,7 +140,7 @@ def _doubtful(solution: Solution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
     error = solution.model_error
     if error is not None:
         above, correlated = telling_shares(error)
-        if max(above, correlated) > _SHARE_LIMIT:
+        if above > _share_limit(error):
             found.append(
                 f"the residuals of {above:.0%} of the response's elements are beyond their covariance and those of "
                 f"{correlated:.0%} correlated over frequency, by more than {_FLOOR:.1%} of the response"
@@ -152,7 +153,13 @@ def is_unexplained(solution: Solution) -> bool:
     error = solution.model_error
     if solution.misfit > _MISFIT_LIMIT:
         return True
-    return error is not None and max(telling_shares(error)) > _WORTH_A_SEARCH
+    return error is not None and telling_shares(error)[0] > _share_limit(error)
+
+
+def _share_limit(error: ModelError) -> float:
+    """Share of telling elements that a right model hardly ever has, however few they are."""
+    count = max(int(np.isfinite(error.ratio).sum()), 1)
+    return _EXPECTED + _SIGNIFICANT * float(np.sqrt(_EXPECTED * (1 - _EXPECTED) / count))
 
 
 def telling_shares(error: ModelError) -> tuple[float, float]:

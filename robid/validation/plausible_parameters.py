@@ -61,6 +61,7 @@ def parameter_doubts(
     )
     doubts = [
         *_friction(robot, found, 2 * np.pi * lowest),
+        *_surprises(solution),
         *_delay(found, sampling_period_s, highest),
         *_rotors(robot, found, prior_decades),
         *_links(robot, found, prior_decades),
@@ -111,6 +112,19 @@ def _friction(robot: Robot, found: dict[str, _Found], omega: float) -> Iterator[
         if one is not None and one.upper < 0:
             told = f"{spring.name}: its damping comes out negative ({one.estimate:.2g} N m s/rad)"
             yield Doubt("model", told, decisive=True, strength=2.0)
+
+
+def _surprises(solution: Solution) -> Iterator[Doubt]:
+    """Compensated torques that came out far from what was known of them: the law is of another kind or size."""
+    known = solution.prior_relative_std
+    for index, (name, kind) in enumerate(zip(solution.names, solution.kinds, strict=False)):
+        if kind != "friction" or index >= known.size or not 0 < known[index] < np.inf:
+            continue
+        times = abs(float(solution.estimate[index] - solution.nominal[index])) / float(known[index])
+        if times > _SURPRISING:
+            cause = "torque_constant" if name.endswith(".torque_scale") else "friction"
+            told = f"{name} comes out {times:.2g} standard deviations from what was known of it"
+            yield Doubt(cause, told, decisive=False, strength=times / _SURPRISING)
 
 
 def _delay(found: dict[str, _Found], sampling_period_s: float, highest_hz: float) -> Iterator[Doubt]:

@@ -88,6 +88,22 @@ def test_rotor_inertias(sound):
     assert doubts(changed(sound, name, 1e-7, 1e-5)) == [("rotor_inertia", True)]  # gone, whatever its interval says
 
 
+def test_friction_far_from_what_was_known_is_of_another_kind(sound):
+    names = (*sound.names, "elbow.lag", "elbow.torque_scale")
+    for lag, scale, wanted in ((1.4, 0.02, []), (1.6, 0.02, ["friction"]), (0.0, -0.07, ["torque_constant"])):
+        found = replace(
+            sound,
+            names=names,
+            kinds=(*sound.kinds, "friction", "friction"),
+            nominal=np.append(sound.nominal, [0.0, 0.0]),
+            estimate=np.append(sound.estimate, [lag, scale]),
+            lower=np.append(sound.lower, [lag - 0.1, scale - 0.01]),
+            upper=np.append(sound.upper, [lag + 0.1, scale + 0.01]),
+            prior_relative_std=np.append(sound.prior_relative_std, [0.5, 0.02]),
+        )
+        assert [doubt.cause for doubt in parameter_doubts(two_joint_robot(), found, STEP)] == wanted
+
+
 def test_link_inertias_that_no_body_has(sound):
     # The shoulder's other inertias are 0.2 and 1.4 kg m^2: a body's third lies between 1.2 and 1.6.
     stated = sound.stated["shoulder.link_inertia"]
