@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import f, norm
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.problem import Problem
-from robid.fit.uncertainty import Influence, influence
+from robid.fit.uncertainty import Influence, influence, structured_covariance
 
 _LEVEL = 0.95
 _BISECTIONS = 60
@@ -73,12 +73,12 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     variance = np.where(used, variance, 1.0)
     square = np.where(used, np.abs(residual) ** 2, 0.0)
     rows = 1 if problem.estimator == "llsm" else 2
-    kept = np.where(used, 1 - found.leverage / rows, 0.0).sum(axis=1)
+    kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0), rows)
     bias = _inverse_bias(frf.degrees_of_freedom)
     ratio = bias * _ratio(square, variance, kept)
     n_line = used.sum(axis=1)
     known = frf.degrees_of_freedom if frf.realization_error is None else n_line * (frf.realization_error.shape[1] - 1)
-    limit = f.ppf(_LEVEL, rows * np.maximum(kept, 0.5), 2 * np.maximum(known, 0.5))
+    limit = f.ppf(_LEVEL, np.maximum(freedom, 0.5), 2 * np.maximum(known, 0.5))
     level = np.where(ratio > limit, _level(square, variance / bias, kept), 0.0)
     correlation, pairs = _correlation(np.where(used, residual / np.sqrt(variance), 0.0), used)
     if frf.line_correlation is not None:
@@ -87,6 +87,40 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
         correlation = correlation - alike[:, :1, None]
         pairs = pairs / (1 + 2 * (alike**2).sum(axis=1))[:, None, None]
     return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(rows * np.maximum(pairs, 1)))
+
+
+def _expected(
+    problem: Problem, internal: FloatArray, found: Influence, precision: FloatArray, rows: int
+) -> tuple[FloatArray, FloatArray]:
+    """Cost of each element (n_conf, n_out, n_in) that an exact model leaves, and the degrees of freedom behind it.
+
+    A fit takes away a share of an element's own noise and adds what the noise of all others does to its parameters:
+    weights that allow for a model error leave more than the noise in elements that are better than that.
+
+    Args:
+        problem: The problem, at its minimum.
+        internal (n_param,): The minimum.
+        found: The estimator linearised there.
+        precision (n_conf, n_freq, n_out, n_in): One over the relative variance; 0 where a line does not count.
+        rows: Real residuals behind an element and line.
+
+    Source:
+        The residual covariance `(I - H) S (I - H)'` of a linear estimator; Satterthwaite (1946).
+    """
+    derivative = problem.linear(internal)[1]
+    if problem.estimator == "nls":
+        derivative = derivative / problem.model_response(internal)[..., None]
+    noise = structured_covariance(replace(problem, model_error=np.zeros(())), found)
+    count = (precision > 0).sum(axis=1)
+    own = np.maximum(np.where(precision > 0, 1 - 2 * found.leverage / rows, 0.0).sum(axis=1), 0.0)
+    scaled = np.sqrt(precision)[..., None] * derivative
+    scaled = np.concatenate([scaled.real, scaled.imag], axis=1).transpose(0, 2, 3, 1, 4)
+    moved = np.swapaxes(scaled, -1, -2) @ scaled @ noise * (2 / rows)
+    added = np.trace(moved, axis1=-2, axis2=-1)
+    spread = np.einsum("coipq,coiqp->coi", moved, moved)
+    share = np.divide(own**2, rows * count, out=np.zeros_like(own), where=count > 0) + spread
+    total = own + added
+    return total, np.divide(total**2, share, out=np.zeros_like(total), where=share > 0)
 
 
 def element_level(problem: Problem, internal: FloatArray) -> FloatArray | None:

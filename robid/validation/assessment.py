@@ -17,8 +17,8 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     """Gathers the doubts about a fit and grades it by itself.
 
     First to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains the
-    residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are looked
-    for only where it holds more than noise explains.
+    residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are
+    looked for only where it holds more than noise explains.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
