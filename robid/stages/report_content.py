@@ -176,7 +176,8 @@ def _sentences(content: FitContent, validation: Validation | None) -> str:
     if content.grade is not None:
         found.append(content.grade.sentence)
     found.append(f"{identified_phrase(content)}.")
-    found.append(widened_sentence(content))
+    if content.grade is None or content.grade.value:
+        found.append(widened_sentence(content))
     if validation is None:
         found.append("Not validated: no campaign was named to hold it against.")
     else:

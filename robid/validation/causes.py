@@ -11,7 +11,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.fit.options import ElasticOptions
 from robid.fit.solution import Solution
 from robid.robot.description import Robot
-from robid.validation.doubt import Doubt
+from robid.validation.doubt import Doubt, plain
 from robid.validation.fitted import FittedModel
 from robid.validation.suspects import Suspect, suspects
 from robid.validation.trials import try_springs
@@ -178,15 +178,17 @@ def _gain(scores: _Scores, chosen: list[int], every: list[Suspect]) -> tuple[flo
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(size, size) + 1e-9 * np.eye(len(chosen))
     amounts = np.linalg.solve(scaled, scores.slope[chosen] / size) / size
-    positive = np.array([every[index].positive for index in chosen])
-    explained = 0.0 if (amounts[positive] < 0).any() else float(scores.slope[chosen] @ amounts)
+    least = np.array([0.0 if every[index].positive else -every[index].most for index in chosen])
+    most = np.array([every[index].most for index in chosen])
+    sensible = (least <= amounts).all() and (amounts <= most).all()
+    explained = float(scores.slope[chosen] @ amounts) if sensible else 0.0
     return explained, amounts
 
 
 def _doubt(solution: Solution, found: Explanation) -> Doubt:
     named = zip(found.names[:_MOST_NAMED], found.amounts.tolist(), found.units, strict=False)
     signed = "" if found.cause == "missing_spring" else "+"
-    what = ", ".join(f"{name} {amount:{signed}.2g} {unit}" for name, amount, unit in named)
+    what = ", ".join(f"{name} {plain(amount, signed)} {unit}" for name, amount, unit in named)
     half = np.maximum(0.5 * (solution.upper - solution.lower), 1e-300)
     slopes = np.where(np.array(solution.nominal) == 0, 1.0, np.abs(solution.estimate))
     telling = np.array([kind in ("stiffness", "damping") for kind in solution.kinds])
@@ -194,6 +196,6 @@ def _doubt(solution: Solution, found: Explanation) -> Doubt:
     worst = int(np.argmax(widths))
     message = (
         f"{what} would explain {found.share:.0%} of the misfit and move {solution.names[worst]} by "
-        f"{widths[worst]:.2g} half-widths of its interval"
+        f"{plain(float(widths[worst]))} half-widths of its interval"
     )
     return Doubt(found.cause, message, decisive=False, strength=float(widths[worst]))

@@ -23,6 +23,11 @@ CAUSES = {
 """Likely causes, in words."""
 
 
+def plain(value: float, sign: str = "") -> str:
+    """Writes a number with two digits, never with an exponent; `+` as sign shows it always."""
+    return f"{float(f'{value:.2g}'):{sign}.15g}"
+
+
 @dataclass(frozen=True)
 class Doubt:
     """A reason to doubt data or a model.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.validation.doubt import plain
 from robid.validation.fitted import FittedModel
 
 COST_RATIO_LIMIT = 1.5
@@ -31,7 +32,7 @@ class Measures:
         if ratio > COST_RATIO_LIMIT:
             place = f" in configuration {int(np.argmax(self.error_ratio)) + 1}" if len(self.error_ratio) > 1 else ""
             found.append(
-                f"the error{place} of the validation costs {ratio:.2g} times what noise and the assumed model error "
+                f"the error{place} of the validation costs {plain(ratio)} times what noise and the assumed model error "
                 f"allow, limit {COST_RATIO_LIMIT:g}"
             )
         limits = (
@@ -41,7 +42,7 @@ class Measures:
         )
         return (
             *found,
-            *(f"{what} {value:.2g} {unit}, limit {limit:g}" for what, value, limit, unit in limits if value > limit),
+            *(f"{what} {plain(value)} {unit}, limit {limit:g}" for what, value, limit, unit in limits if value > limit),
         )
 
 

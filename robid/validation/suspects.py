@@ -20,6 +20,7 @@ from robid.validation.fitted import FittedModel
 _MASS_STEP = 0.01
 _STEP_M = 1e-3
 _TURN_10_HZ = 20 * np.pi
+_FARTHEST_MM = 500.0
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Suspect:
         unit: Unit of the amounts.
         column (n_conf, n_freq, n_out, n_in): Derivative of the log response by the amount.
         positive: Whether only a positive amount makes sense.
+        most: Largest amount, of either sign, that makes sense.
     """
 
     cause: str
@@ -39,6 +41,7 @@ class Suspect:
     unit: str
     column: ComplexArray
     positive: bool = False
+    most: float = 100.0
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,7 @@ def suspects(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s
         difference = scene.changed(changed) - before
         return np.asarray((difference.real + 1j * np.angle(np.exp(1j * difference.imag))) / step)
 
-    found = [Suspect("payload", *rest) for rest in _payload(robot, column)]
+    found = list(_payload(robot, column))
     found += [
         Suspect("masses", joint.name, "%", column(_heavier_link(robot, index), 100 * _MASS_STEP))
         for index, joint in enumerate(robot.joints)
@@ -89,17 +92,18 @@ def suspects(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s
     return found
 
 
-def _payload(robot: Robot, column: Callable[[Robot, float], ComplexArray]) -> Iterator[tuple[str, str, ComplexArray]]:
+def _payload(robot: Robot, column: Callable[[Robot, float], ComplexArray]) -> Iterator[Suspect]:
     """The payload's mass, with its inertia, and its centre of mass."""
     load = robot.payload
     if load.mass_kg <= 0:
         return
     step = _MASS_STEP * load.mass_kg
-    heavier = _share(load, 1 + _MASS_STEP)
-    yield "mass", "kg", column(replace(robot, payload=heavier), step)
+    heavier = replace(robot, payload=_share(load, 1 + _MASS_STEP))
+    yield Suspect("payload", "mass", "kg", column(heavier, step), most=load.mass_kg)
     for axis, shift in zip("xyz", _STEP_M * np.eye(3), strict=True):
-        moved = replace(load, com_m=load.com_m + shift)
-        yield f"centre of mass {axis}", "mm", column(replace(robot, payload=moved), 1e3 * _STEP_M)
+        moved = replace(robot, payload=replace(load, com_m=load.com_m + shift))
+        name = f"centre of mass {axis}"
+        yield Suspect("payload", name, "mm", column(moved, 1e3 * _STEP_M), most=_FARTHEST_MM)
 
 
 def _share(body: Inertial, factor: float) -> Inertial:
