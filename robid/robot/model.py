@@ -13,6 +13,7 @@ from robid.robot.inertia import combine, remove
 from robid.robot.static_friction import StaticLaw, friction_ramps
 
 _MASSLESS_KG = 1e-6
+_ACROSS = 0.5 + 1e-9  # a thin disc's, and so much more that printing it leaves an inertia that a body can have
 _LEAST_KG = 1e-12  # MuJoCo wants some
 _HYSTERESIS_SHARE = 0.1  # bristle stiffness over transmission stiffness
 
@@ -147,7 +148,7 @@ def _add_hinged(parent: mujoco.MjsBody, spring: Spring, offset: FloatArray) -> m
 def _add_motor(parent: mujoco.MjsBody, joint: Joint, offset: FloatArray, rotor: str) -> None:
     inertia = joint.motor.inertia_kgm2
     body = parent.add_body(name=f"motor_{joint.name}", mass=_MASSLESS_KG, explicitinertial=True)
-    body.inertia = np.array([0.5, 0.5, 1.0]) * inertia
+    body.inertia = np.array([_ACROSS, _ACROSS, 1.0]) * inertia
     # Left open, MuJoCo takes the body's own pose in its parent for the pose of its inertia.
     body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     if rotor == "on_link":

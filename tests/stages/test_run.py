@@ -299,7 +299,9 @@ def test_a_cubic_gear_is_fitted_to_two_amplitudes(shop):
     shop.change("compensation: nominal", "compensation: none")
     shop.change("friction_relative: 0.1", "friction_relative: 0")
     shop.change("count: 14, rms: 6,", "count: 14, rms: 25,")
-    campaign = "configurations: {from: best}, realizations: 2, periods: 2, source: {simulate: *simulate}"
+    places = "{list_deg: [[-99.6, 82.8], [13.9, -46.1]]}"
+    shop.change("configurations: {from: best}", f"configurations: {places}")
+    campaign = f"configurations: {places}, realizations: 2, periods: 2, source: {{simulate: *simulate}}"
     low = f"  low: {{{campaign}, excitation: {{<<: *excitation, rms: 8}}, estimate: {{compensation: none}}}}"
     shop.change("designs:\n", f"{low}\ndesigns:\n")
     kinds = "[stiffness, damping, viscous, delay, cubic]"
