@@ -16,7 +16,7 @@ from robid.artifacts.atomic import read_json
 from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.artifacts.store import inspect_artifact
 from robid.backends.map import make_map
-from robid.errors import ArtifactError, RobidError
+from robid.errors import ArtifactError, RobidError, SettingsError
 from robid.pipeline import (
     STAGES,
     Node,
@@ -152,6 +152,9 @@ def _add_stage(stage: Stage) -> None:
         debug: Debug = False,
     ) -> int:
         del debug
+        if strict and stage.owned_by != "fit":
+            remedy = "leave it out; it belongs to `fit`, `validate` and `run`"
+            raise SettingsError(f"`{stage.name}` gives no grade", where="--strict", remedy=remedy)
         run = _open(experiment, run_dir, backend, workers)
         node = choose_node(run, stage.name, owner)
         return _run_stage(run, node, inputs or [], output, force=force, strict=strict, as_json=as_json)
@@ -378,11 +381,17 @@ def show_status(
         nodes = [
             {"stage": node.stage.name, "for": node.owner, "output": node.output}
             | {"status": state.status, "why": state.why, "problem": state.problem}
+            | _graded(grade_of(run, node) if state.status == "fresh" else None)
             for node, state in states.items()
         ]
         _print_json({"run_dir": str(run.folder), "nodes": nodes})
         return 0
-    rows = [(node.output, state.status, state.why or state.problem) for node, state in states.items()]
+    rows = [
+        (node.output, state.status, state.why or state.problem or _doubts(grade_of(run, node)).partition(":")[0])
+        if state.status == "fresh"
+        else (node.output, state.status, state.why or state.problem)
+        for node, state in states.items()
+    ]
     make_console(stderr=False).print(status_table(rows))
     return 0
 

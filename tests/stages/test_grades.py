@@ -27,6 +27,9 @@ def test_a_reversed_torque_is_not_believed(shop):
     assert _summary(shop)["fits.elastic.grade"] == 0
     assert 'class="verdict bad"' in (shop.runs / "report.html").read_text()
     assert shop.robid("run", "small.yaml").code == 5, "what is fresh keeps its grade"
+    assert "Do not use" in shop.robid("status", "small.yaml").out
+    told = shop.robid("status", "small.yaml", "--json").json["nodes"]
+    assert [node["grade"] for node in told if node["output"].endswith("validation.h5")] == [0]
 
 
 def test_a_payload_that_is_off_predicts_at_best_and_strict_refuses_it(shop):
@@ -53,3 +56,7 @@ def test_strict_is_part_of_no_hash(done, option):
     answer = done.robid(option, "small.yaml", "--strict")
     assert answer.code == 0
     assert done.contents() == before
+
+
+def test_strict_is_refused_where_nothing_is_graded(shop):
+    shop.refuse(2, "`estimate-frf` gives no grade", command=("estimate-frf", "small.yaml", "--strict"))
