@@ -83,7 +83,7 @@ def suspects(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s
 
     found = list(_payload(robot, column))
     found += [
-        Suspect("masses", joint.name, "%", column(_heavier_link(robot, index), 100 * _MASS_STEP))
+        Suspect("masses", f"mass of link {joint.name}", "%", column(_heavier_link(robot, index), 100 * _MASS_STEP))
         for index, joint in enumerate(robot.joints)
     ]
     found += _torque_constants(scene, before)
@@ -99,10 +99,10 @@ def _payload(robot: Robot, column: Callable[[Robot, float], ComplexArray]) -> It
         return
     step = _MASS_STEP * load.mass_kg
     heavier = replace(robot, payload=_share(load, 1 + _MASS_STEP))
-    yield Suspect("payload", "mass", "kg", column(heavier, step), most=load.mass_kg)
+    yield Suspect("payload", "payload mass", "kg", column(heavier, step), most=load.mass_kg)
     for axis, shift in zip("xyz", _STEP_M * np.eye(3), strict=True):
         moved = replace(robot, payload=replace(load, com_m=load.com_m + shift))
-        name = f"centre of mass {axis}"
+        name = f"payload centre of mass {axis}"
         yield Suspect("payload", name, "mm", column(moved, 1e3 * _STEP_M), most=_FARTHEST_MM)
 
 
@@ -133,7 +133,7 @@ def _torque_constants(scene: _Scene, before: ComplexArray) -> list[Suspect]:
     for index, joint in enumerate(scene.robot.joints):
         column = np.zeros_like(before)
         column[..., index] = -0.01
-        found.append(Suspect("torque_constant", joint.name, "%", column))
+        found.append(Suspect("torque_constant", f"torque constant of {joint.name}", "%", column))
     return found
 
 
@@ -152,7 +152,12 @@ def _gears(scene: _Scene, deflection: FloatArray) -> list[Suspect]:
         if np.ptp(load) > 0:
             share = 0.01 * spread / np.abs(spread).max()
             listed.append(
-                Suspect("gear_nonlinearity", f"{spring.name} by its load", "%", share[:, None, None, None] * own)
+                Suspect(
+                    "gear_nonlinearity",
+                    f"stiffness of {spring.name} by its load",
+                    "%",
+                    share[:, None, None, None] * own,
+                )
             )
     return listed
 
@@ -171,7 +176,7 @@ def _friction(scene: _Scene, before: ComplexArray) -> list[Suspect]:
         scale = scene.values.motor_inertia[index] * _TURN_10_HZ**2
         moved = whole[..., :, index, None] * whole[..., row, None, :] / whole / (omega**2)[:, None, None]
         listed += [
-            Suspect("friction", f"{name}, in phase", "%", 0.01 * scale * moved),
-            Suspect("friction", f"{name}, lost", "%", 0.01j * scale * moved),
+            Suspect("friction", f"friction of {name} in phase with its angle", "%", 0.01 * scale * moved),
+            Suspect("friction", f"friction of {name} that loses energy", "%", 0.01j * scale * moved),
         ]
     return listed

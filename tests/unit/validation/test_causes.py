@@ -56,7 +56,7 @@ def explained(stated, frf):
 
 def test_a_payload_that_is_off_is_weighed(true_arm):
     _, found = explained(two_joint_robot(), measured(with_payload(true_arm, 1.1)))
-    assert (found[0].cause, found[0].names[0]) == ("payload", "mass")
+    assert (found[0].cause, found[0].names[0]) == ("payload", "payload mass")
     np.testing.assert_allclose(found[0].amounts[0], 0.4, rtol=0.15)  # of 4 kg, to first order
     assert found[0].share > 0.8
 
@@ -71,7 +71,7 @@ def test_a_torque_constant_that_is_off_is_measured(true_arm):
     frf = measured(true_arm)
     column = np.where(np.arange(2) == 1, 1 / 1.08, 1.0)  # the elbow's torque was read 8 % too large
     solution, found = explained(two_joint_robot(), replace(frf, response=frf.response * column))
-    assert (found[0].cause, found[0].names[0]) == ("torque_constant", "elbow")
+    assert (found[0].cause, found[0].names[0]) == ("torque_constant", "torque constant of elbow")
     np.testing.assert_allclose(found[0].amounts[0], 8.0, rtol=0.1)
     assert solution.model_error.share_above > 0.3
 
