@@ -45,7 +45,6 @@ class Validation:
         average_cost: Mean cost per element over the configurations.
         worst_cost: Largest cost per element.
         worst_configuration: Index of that configuration.
-        estimation_cost: Mean cost per element of the fit's own data.
         grade: How far to trust the model.
         error_ratio (n_conf,): Mean squared relative error over what noise and an assumed model error allow.
         cost_ratio: The largest of them.
@@ -82,7 +81,6 @@ class Validation:
     average_cost: float
     worst_cost: float
     worst_configuration: int
-    estimation_cost: float
     error_ratio: FloatArray
     cost_ratio: float
     median_error_db: float
@@ -165,7 +163,6 @@ def validate_elastic(
         average_cost=float(per_element.mean()),
         worst_cost=float(per_element.max()),
         worst_configuration=int(np.argmax(measures.error_ratio)),
-        estimation_cost=_estimation_cost(solution, options),
         **vars(measures),
         cost_ratio=float(measures.error_ratio.max()),
         median_error_db=float(np.nanmedian(own.decibel)),
@@ -233,13 +230,6 @@ def _refuse_empty(robot: Robot, elements: IntArray) -> None:
         shown = ", ".join(str(index + 1) for index in empty)
         message = f"all of the response in validation configuration {shown} lies below 10 dB or the low cut"
         raise DataError(message, where=robot.name, remedy="excite more, or measure more realizations")
-
-
-def _estimation_cost(solution: Solution, options: ElasticOptions) -> float:
-    """Mean cost per element of the fit's own data."""
-    weighted = solution.frequency_hz >= options.weights.low_cut_hz
-    elements = solution.modelled[:, weighted].size - solution.dropped
-    return float(solution.configuration_cost.sum() / max(elements, 1))
 
 
 def _resonance_shifts(
