@@ -14,7 +14,7 @@ from robid.validation.doubt import CAUSES
 from robid.validation.elastic import Validation
 from robid.validation.plausible import data_doubts
 
-GRADING = 3
+GRADING = 4
 """Raised when the rules of the grade change, so that the cases are graded anew."""
 
 GRADES = ("do not use", "predicts", "trust")

@@ -18,7 +18,7 @@ from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
 from robid.studies.wernholt2008 import ALL, measured, robot_and_delay, score_options, sets, study_of
-from robid.validation.resonances import resonance_errors
+from robid.validation.extrema import resonance_errors
 from robid.validation.starts import within_factor
 
 COST_LIMIT = 1.5

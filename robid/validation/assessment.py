@@ -10,6 +10,7 @@ from robid.robot.description import Robot
 from robid.validation.causes import misfit_doubts
 from robid.validation.fitted import fitted_model
 from robid.validation.grade import Grade, grade_fit, is_unexplained, ordered
+from robid.validation.measures import measure
 from robid.validation.plausible import data_doubts, parameter_doubts
 
 
@@ -19,6 +20,10 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     First to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains the
     residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are
     looked for only where it holds more than noise explains.
+
+    The fit's own data are held to the limits of a validation. Responses or resonances beyond them are a decisive
+    doubt, which a validation takes over. What the error costs decides only here: where new data are predicted within
+    the limit, a residual that costs more is one reason for doubt among others.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
@@ -33,8 +38,10 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     seen = data_doubts(robot, frf)
     read = parameter_doubts(robot, solution, frf.sampling_period_s, options.prior_decades)
     doubts = [doubt for doubt in seen if doubt.decisive] + [doubt for doubt in read if doubt.cause == "delay"]
+    used = frf if options.correct_torques else without_coefficients(frf)
+    fitted = fitted_model(robot, solution, used, options, delay_s)
     if is_unexplained(solution):
-        used = frf if options.correct_torques else without_coefficients(frf)
-        fitted = fitted_model(robot, solution, used, options, delay_s)
         doubts += misfit_doubts(robot, solution, fitted, options, delay_s)
-    return grade_fit(solution, ordered([*doubts, *seen, *read]))
+    own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
+    missed = own.doubts("the fit's own data")
+    return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))

@@ -17,12 +17,10 @@ from robid.robot.description import Robot
 from robid.validation.doubt import Doubt
 from robid.validation.fitted import FittedModel, fitted_model
 from robid.validation.grade import Grade, grade_validation
-from robid.validation.measures import COST_RATIO_LIMIT, Measures, error_ratios, own_errors
+from robid.validation.measures import COST_RATIO_LIMIT, Measures, measure, own_errors
 from robid.validation.recovery import median_spring_half_width, recover
-from robid.validation.resonances import tabulate_resonances
 
 _SAME_CONFIGURATION_RAD = 1e-3
-_MIN_ASSUMED = 0.02
 
 
 @dataclass(frozen=True)
@@ -140,14 +138,7 @@ def validate_elastic(
     costs = weighted_costs(robot, fitted)
     per_element = costs.cost / costs.elements
     own = own_errors(fitted, costs.modelled)
-    shifts = _resonance_shifts(robot, solution, frf, options, delay_s)
-    measures = Measures(
-        error_ratio=error_ratios(fitted, costs.modelled, max(options.weights.model_error, _MIN_ASSUMED)),
-        motor_error_db=float(np.nanmax(own.by_motor(own.decibel))),
-        motor_error_deg=float(np.nanmax(own.by_motor(own.degrees))),
-        resonance_shift=float(np.median(shifts)) if shifts.size else None,
-        resonances=int(shifts.size),
-    )
+    measures = measure(fitted, costs.modelled, options.weights.model_error)
     recovery = recover(solution, truth or {})
     failures = measures.failures()
     return Validation(
@@ -230,15 +221,6 @@ def _refuse_empty(robot: Robot, elements: IntArray) -> None:
         shown = ", ".join(str(index + 1) for index in empty)
         message = f"all of the response in validation configuration {shown} lies below 10 dB or the low cut"
         raise DataError(message, where=robot.name, remedy="excite more, or measure more realizations")
-
-
-def _resonance_shifts(
-    robot: Robot, solution: Solution, frf: Frf, options: ElasticOptions, delay_s: float
-) -> FloatArray:
-    """Relative distances (n_pair,) of the model's resonances and antiresonances from the measured ones."""
-    table = tabulate_resonances(robot, solution, frf, options, delay_s)
-    both = np.isfinite(table.model_hz) & (table.measured_hz > 0)
-    return np.asarray(np.abs(table.model_hz[both] / table.measured_hz[both] - 1))
 
 
 def _verdict(measures: Measures, failures: tuple[str, ...]) -> str:

@@ -55,14 +55,15 @@ class Grade:
         return tuple(Doubt(*row) for row in rows)
 
 
-def grade_fit(solution: Solution, doubts: Sequence[Doubt]) -> Grade:
-    """Grades a fit that nothing is held against: it predicts at best.
+def grade_fit(solution: Solution, doubts: Sequence[Doubt], failures: Sequence[str] = ()) -> Grade:
+    """Grades a fit that was held against nothing but its own data: it predicts at best.
 
     Args:
         solution: What the fit found.
         doubts: Doubts about its data, its parameters and its residual, the first to blame first.
+        failures: What of its own data is beyond the limits of a validation, a clause each.
     """
-    worst = _unusable(solution, doubts)
+    worst = (*_unusable(solution, doubts), *failures)
     if worst:
         return _made(DO_NOT_USE, worst, doubts)
     return _made(

@@ -1,4 +1,4 @@
-"""What a model is held to on data that its fit never saw: absolute figures, each with its limit."""
+"""What a model is held to on its fit's own data and on data that the fit never saw: absolute figures, with limits."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.validation.doubt import plain
+from robid.validation.doubt import Doubt, plain
 from robid.validation.fitted import FittedModel
+from robid.validation.extrema import resonance_shifts
 
 COST_RATIO_LIMIT = 1.5
 _MEDIAN_LIMIT_DB = 1.0
 _MEDIAN_LIMIT_DEG = 7.0
 _RESONANCE_LIMIT = 0.03
+_MIN_ASSUMED = 0.02
 
 
 @dataclass(frozen=True)
@@ -28,22 +30,55 @@ class Measures:
 
     def failures(self) -> tuple[str, ...]:
         """What is beyond its limit, a clause each."""
-        ratio, found = float(self.error_ratio.max()), []
-        if ratio > COST_RATIO_LIMIT:
-            place = f" in configuration {int(np.argmax(self.error_ratio)) + 1}" if len(self.error_ratio) > 1 else ""
-            found.append(
-                f"the error{place} of the validation costs {plain(ratio)} times what noise and the assumed model error "
-                f"allow, limit {COST_RATIO_LIMIT:g}"
-            )
+        return self.cost_failures("the validation") + tuple(told for told, _ in self._misses())
+
+    def cost_failures(self, data: str) -> tuple[str, ...]:
+        """Whether the error of these data costs too much, at most one clause."""
+        ratio = float(self.error_ratio.max())
+        if ratio <= COST_RATIO_LIMIT:
+            return ()
+        place = f" in configuration {int(np.argmax(self.error_ratio)) + 1}" if len(self.error_ratio) > 1 else ""
+        return (
+            f"the error{place} of {data} costs {plain(ratio)} times what noise and the assumed model error "
+            f"allow, limit {COST_RATIO_LIMIT:g}",
+        )
+
+    def doubts(self, data: str) -> tuple[Doubt, ...]:
+        """A decisive doubt where responses or resonances of these data are missed, whatever noise they have."""
+        misses = self._misses()
+        told = f"in {data}, {' and '.join(clause for clause, _ in misses)}"
+        return (Doubt("model", told, decisive=True, strength=max(far for _, far in misses)),) if misses else ()
+
+    def _misses(self) -> list[tuple[str, float]]:
+        """What of responses and resonances is beyond its limit, a clause each, and how many times the limit it is."""
         limits = (
             ("a motor's own response is off by", self.motor_error_db, _MEDIAN_LIMIT_DB, "dB in the median"),
             ("a motor's own response is off by", self.motor_error_deg, _MEDIAN_LIMIT_DEG, "degrees in the median"),
             ("resonances are off by", 100 * (self.resonance_shift or 0.0), 100 * _RESONANCE_LIMIT, "% in the median"),
         )
-        return (
-            *found,
-            *(f"{what} {plain(value)} {unit}, limit {limit:g}" for what, value, limit, unit in limits if value > limit),
-        )
+        return [
+            (f"{what} {plain(value)} {unit}, limit {limit:g}", value / limit)
+            for what, value, limit, unit in limits
+            if value > limit
+        ]
+
+
+def measure(fitted: FittedModel, modelled: ComplexArray, model_error: float) -> Measures:
+    """Measures a fitted model against the responses that it is set against.
+
+    Args:
+        fitted: The model and the responses.
+        modelled (n_conf, n_freq, n_out, n_in): Its own response there.
+        model_error: Relative model error that the weights declare; at least 2 % are assumed.
+    """
+    own, shifts = own_errors(fitted, modelled), resonance_shifts(fitted)
+    return Measures(
+        error_ratio=error_ratios(fitted, modelled, max(model_error, _MIN_ASSUMED)),
+        motor_error_db=float(np.nanmax(own.by_motor(own.decibel), initial=0.0)),
+        motor_error_deg=float(np.nanmax(own.by_motor(own.degrees), initial=0.0)),
+        resonance_shift=float(np.median(shifts)) if shifts.size else None,
+        resonances=int(shifts.size),
+    )
 
 
 def error_ratios(fitted: FittedModel, modelled: ComplexArray, assumed: float) -> FloatArray:
@@ -56,7 +91,7 @@ def error_ratios(fitted: FittedModel, modelled: ComplexArray, assumed: float) ->
     error = np.abs(np.log(np.where(used, fitted.measured / modelled, 1.0))) ** 2
     allowed = problem.frf.element_variance() / np.abs(modelled) ** 2 + assumed**2
     sums: FloatArray = np.where(used, error / allowed, 0.0).sum(axis=(1, 2, 3))
-    return np.asarray(sums / used.sum(axis=(1, 2, 3)))
+    return np.asarray(sums / np.maximum(used.sum(axis=(1, 2, 3)), 1))
 
 
 @dataclass(frozen=True)
@@ -83,9 +118,14 @@ class OwnErrors:
 
 def own_errors(fitted: FittedModel, modelled: ComplexArray) -> OwnErrors:
     """Errors of the motors' own responses."""
-    own = np.arange(modelled.shape[3])
-    ratio = fitted.measured[..., own, own] / modelled[..., own, own]
-    used = fitted.problem.weight[..., own, own] > 0
+    frf = fitted.problem.frf
+    seen = np.array([name in frf.output_names for name in frf.input_names])
+    own, motors = (
+        [frf.output_names.index(name) if name in frf.output_names else 0 for name in frf.input_names],
+        np.arange(seen.size),
+    )
+    ratio = fitted.measured[..., own, motors] / modelled[..., own, motors]
+    used = (fitted.problem.weight[..., own, motors] > 0) & seen
     decibel = np.where(used, np.abs(20 * np.log10(np.abs(ratio))), np.nan)
     return OwnErrors(decibel, np.where(used, np.abs(np.angle(ratio, deg=True)), np.nan))
 

@@ -12,7 +12,7 @@ from robid.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.wernholt2008 import ALL, best_configuration, score_options, sets
 from robid.studies.wernholt2008_conclusions import claims
 from robid.studies.wernholt2008_figures import Found, Judge, Models, model_figures, summarise
-from robid.validation.resonances import resonance_errors
+from robid.validation.extrema import resonance_errors
 
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(4, 80, 60), 1))
 CONFIGURATIONS = np.array([[0.3, 0.5], [-0.4, 1.2]])

@@ -14,7 +14,8 @@ from robid.robot.response import nominal_parameters, response
 from robid.validation.fitted import fitted_model
 from robid.validation.local_model import interpolated_mode, parabola_mode, rational_mode
 from robid.validation.modes import damping_ratio, frequency_std, poles, zeros
-from robid.validation.resonances import resonance_errors, tabulate_resonances
+from robid.validation.extrema import resonance_errors
+from robid.validation.resonances import tabulate_resonances
 
 ANTIRESONANCE_HZ = np.sqrt(546.4 / 4.752e-3) / (2 * np.pi)
 RESONANCE_HZ = np.sqrt(546.4 * (1 / 4.752e-3 + 1 / 4.780e-3)) / (2 * np.pi)
