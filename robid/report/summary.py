@@ -42,10 +42,10 @@ def identified_phrase(fit: FitContent) -> str:
     """Says how many springs, or parameters without any, are identified, and how closely."""
     springs = _springs(fit.parameters)
     chosen = springs or list(fit.parameters)
-    if fit.grade is not None and fit.grade.value == 0:
-        return f"{len(chosen)} {'springs' if springs else 'parameters'} were fitted"
-    found = sum(row.identifiable and row.identified for row in chosen)
     noun = ("spring" if springs else "parameter") + ("" if len(chosen) == 1 else "s")
+    if fit.grade is not None and fit.grade.value == 0:
+        return f"{len(chosen)} {noun} {'was' if len(chosen) == 1 else 'were'} fitted"
+    found = sum(row.identifiable and row.identified for row in chosen)
     text = f"{found} of {len(chosen)} {noun} identified"
     half_width = _median_half_width(springs)
     if half_width is None:

@@ -52,6 +52,7 @@ def _run(job: Job) -> str:
         delay_s(job.loaded, job.loaded.experiment.campaigns[fit.campaign]),
         read_truth(job.inputs["truth"], job.inputs["record"])["values"] if "truth" in job.inputs else None,
         () if alone is None else alone.doubts,
+        str(fit.validate_on),
     )
     write_artifact(job.output, validation_to_artifact(validation, job.provenance(STAGE.name)))
     return figures(validation)

@@ -38,8 +38,8 @@ from robid.studies.simulated import simulate_options
 from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023 import Earlier, Pair, pairs, study_of
 from robid.validation.elastic import weighted_costs
-from robid.validation.fitted import FittedModel, fitted_model
 from robid.validation.extrema import first_resonances
+from robid.validation.fitted import FittedModel, fitted_model
 
 _NOTHING_KNOWN = 1e9
 

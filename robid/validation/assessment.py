@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import takewhile
+
 from robid.fit.elastic import without_coefficients
 from robid.fit.options import ElasticOptions
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.validation.causes import misfit_doubts
+from robid.validation.doubt import Doubt
 from robid.validation.fitted import fitted_model
 from robid.validation.grade import Grade, grade_fit, is_unexplained, ordered
 from robid.validation.measures import measure
@@ -45,3 +50,19 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.doubts("the fit's own data")
     return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))
+
+
+def validation_doubts(doubts: Sequence[Doubt], robot: Robot, frf: Frf, campaign: str) -> tuple[Doubt, ...]:
+    """Adds what a validation campaign's data contradict to the doubts about a fit.
+
+    What the data of either campaign decide is to blame first.
+
+    Args:
+        doubts: Doubts about the fit, the first to blame first.
+        robot: The robot file that the fit started from, with the validation campaign's payload.
+        frf: The response of the validation campaign.
+        campaign: Its name.
+    """
+    seen = [replace(doubt, message=f"in campaign {campaign}, {doubt.message}") for doubt in data_doubts(robot, frf)]
+    first = takewhile(lambda doubt: doubt.decisive, doubts)
+    return ordered([*first, *(doubt for doubt in seen if doubt.decisive), *doubts, *seen])

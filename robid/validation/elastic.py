@@ -14,6 +14,7 @@ from robid.fit.result import expected_cost
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
+from robid.validation.assessment import validation_doubts
 from robid.validation.doubt import Doubt
 from robid.validation.fitted import FittedModel, fitted_model
 from robid.validation.grade import Grade, grade_validation
@@ -110,6 +111,7 @@ def validate_elastic(
     delay_s: float,
     truth: dict[str, float] | None,
     doubts: Sequence[Doubt] = (),
+    campaign: str = "validation",
 ) -> Validation:
     """Validates a fitted elastic model in configurations that the fit did not see.
 
@@ -125,7 +127,8 @@ def validate_elastic(
         options: Options of the fit.
         delay_s: Nominal delay of the fit, hold excluded [s].
         truth: True values by parameter name, of a simulated robot.
-        doubts: Doubts about the fit, for the grade.
+        doubts: Doubts about the fit, for the grade; those about these data are added.
+        campaign: Name of the campaign that these data come from.
 
     Raises:
         DataError: If a configuration was used by the fit, or the data and the model do not belong together.
@@ -170,7 +173,7 @@ def validate_elastic(
         springs_known=recovery.springs_known,
         ok=not failures,
         verdict=_verdict(measures, failures),
-        grade=grade_validation(solution, doubts, failures),
+        grade=grade_validation(solution, validation_doubts(doubts, robot, frf, campaign), failures),
     )
 
 

@@ -26,6 +26,8 @@ _Lines: TypeAlias = tuple[FloatArray, ComplexArray, FloatArray, int]
 
 @dataclass(frozen=True)
 class Pair:
+    """A measured extremum and the model's counterpart, NaN where there is none."""
+
     measured_hz: float
     std_hz: float
     model_hz: float

@@ -8,8 +8,8 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.validation.doubt import Doubt, plain
-from robid.validation.fitted import FittedModel
 from robid.validation.extrema import resonance_shifts
+from robid.validation.fitted import FittedModel
 
 COST_RATIO_LIMIT = 1.5
 _MEDIAN_LIMIT_DB = 1.0

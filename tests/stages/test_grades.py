@@ -32,6 +32,29 @@ def test_a_reversed_torque_is_not_believed(shop):
     assert [node["grade"] for node in told if node["output"].endswith("validation.h5")] == [0]
 
 
+def test_data_of_the_validation_that_contradict_the_robot_file_are_named(shop):
+    wrong = "seed: 2, truth: {spring_factor: 1.3, friction_relative: 0.1, seed: 1, reversed_torque: [lift]}}}"
+    shop.change("{<<: *simulate, seed: 2}}", f"{{<<: *simulate, {wrong}")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 5
+    assert "Do not use: in campaign validation, lift: its mean torque" in answer.out
+    assert "Look first for a torque with the wrong sign" in answer.flat
+    told = shop.robid("validate", "small.yaml", "--json")
+    assert told.code == 5
+    assert "in campaign validation, lift" in told.json["grade_sentence"]
+
+
+def test_a_fit_that_misses_its_own_data_is_not_to_be_used(shop):
+    shop.change(", validate_on: validation", ", fixed: [gear_turn.stiffness, gear_lift.stiffness]")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 5
+    assert _summary(shop)["fits.elastic.grade"] == 0
+    assert "of the fit's own data costs" in answer.out
+    assert "parameters were fitted" in answer.out
+    assert shop.robid("fit", "small.yaml").code == 5
+    assert 'class="verdict bad"' in (shop.runs / "report.html").read_text()
+
+
 def test_a_payload_that_is_off_predicts_at_best_and_strict_refuses_it(shop):
     shop.change("friction: lugre", "friction: lugre, unmodelled_payload_kg: 0.6")
     answer = shop.robid("run", "small.yaml", "--strict")

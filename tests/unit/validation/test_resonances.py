@@ -11,10 +11,10 @@ from robid.fit.options import ElasticOptions, Weights
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
+from robid.validation.extrema import resonance_errors
 from robid.validation.fitted import fitted_model
 from robid.validation.local_model import interpolated_mode, parabola_mode, rational_mode
 from robid.validation.modes import damping_ratio, frequency_std, poles, zeros
-from robid.validation.extrema import resonance_errors
 from robid.validation.resonances import tabulate_resonances
 
 ANTIRESONANCE_HZ = np.sqrt(546.4 / 4.752e-3) / (2 * np.pi)
