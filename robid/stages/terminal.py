@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +14,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
+
+from robid.report.numbers import duration
+
+LINE_EVERY_S = 30.0
+"""How often a line says how far something is where there is no terminal [s]."""
 
 _PLAIN_WIDTH = 200
 _COLOURS = {"fresh": "green", "stale": "yellow", "missing": "red"}
@@ -53,7 +59,7 @@ class Shell:
 
     @contextmanager
     def progress(self, label: str) -> Iterator[Bar]:
-        """Shows a bar while something is made; nothing where there is no terminal."""
+        """Shows a bar while something is made; where there is no terminal, a line now and then."""
         columns = (
             TextColumn("{task.description}"),
             BarColumn(bar_width=24),
@@ -66,24 +72,54 @@ class Shell:
             yield Bar(self, label, bars, bars.add_task(label, total=None, unit=""))
 
 
-@dataclass(frozen=True)
+@dataclass
 class Bar:
-    """The progress of one stage."""
+    """The progress of one stage, or of one step of a study.
+
+    Attributes:
+        shell: Where it is shown.
+        label: What is made.
+        bars: The bar, hidden where there is no terminal.
+        task: Its own in there.
+        unit: What is counted.
+        total: How many tasks there are.
+        done: How many of them are done.
+        since: How many of them since it began.
+        begun: When it did [s].
+        told: When a line last said how far it is [s].
+    """
 
     shell: Shell
     label: str
     bars: Progress
     task: TaskID
+    unit: str = ""
+    total: int = 0
+    done: int = 0
+    since: int = 0
+    begun: float = 0.0
+    told: float = 0.0
 
     def expect(self, total: int, unit: str, done: int = 0) -> None:
         """Says how many tasks there are, and how many of them an earlier run did."""
         self.bars.update(self.task, total=total, completed=done, unit=unit)
+        self.unit, self.total, self.done, self.since = unit, total, done, 0
+        self.begun = self.told = time.monotonic()
         if done:
             self.shell.note(self.label, f"{done} of {total} {unit} are there from an earlier run")
 
     def advance(self) -> None:
         """Says that one more is done."""
         self.bars.advance(self.task)
+        self.done, self.since = self.done + 1, self.since + 1
+        now = time.monotonic()
+        if not self.shell.err.is_terminal and now - self.told >= LINE_EVERY_S:
+            self.told = now
+            left = (now - self.begun) / self.since * (self.total - self.done)
+            self.shell.note(
+                self.label,
+                f"{self.done} of {self.total} {self.unit} done" + (f", {duration(left)} left" if left > 0 else ""),
+            )
 
     def warn(self, text: str) -> None:
         """Tells what the user should know before using the result."""

@@ -131,7 +131,8 @@ def logged(done):
 
 def refuse(shop, *texts, command="simulate-or-acquire"):
     assert shop.robid("design-excitation", "small.yaml", "--campaign", "estimation", "--force").code == 0
-    answer = shop.robid(command, "small.yaml", "--campaign", "estimation", "--force")
+    options = () if command == "run" else ("--campaign", "estimation", "--force")
+    answer = shop.robid(command, "small.yaml", *options)
     assert answer.code == 4, answer.err
     for text in ("small.yaml: campaigns.estimation", *texts):
         assert text in answer.flat
@@ -212,6 +213,19 @@ def test_a_broken_line_is_located(logged):
     lines[700] = lines[700].rpartition(";")[0]
     path.write_text("\n".join(lines))
     refuse(logged, "c1_r02_e2.csv, line 701", "6 values for 7 columns")
+
+
+@pytest.mark.parametrize(("column", "lost"), [("u1", "nan"), ("q2", "NaN"), ("q2", "inf"), ("ref1", "nan")])
+def test_a_value_that_is_no_number_is_located(logged, column, lost):
+    path = logged.folder / "logs" / "c2_r02_e1.csv"
+    lines = path.read_text().splitlines()
+    at = lines[1].split(";").index(column)
+    values = lines[702].split(";")
+    lines[702] = ";".join([*values[:at], lost, *values[at + 1 :]])
+    path.write_text("\n".join(lines))
+    place = f"c2_r02_e1.csv: variable `{column}`, sample 700: 1 of "
+    text = refuse(logged, place, "remedy: Record again, or cut the log to whole periods without them.", command="run")
+    assert text.count("robid: ") == 1
 
 
 def test_lost_samples_are_located(logged):

@@ -12,6 +12,7 @@ import pytest
 
 from robid.pipeline import Run
 from robid.settings.load import load_experiment
+from robid.stages import terminal
 from robid.studies import frf
 
 _HERE = Path(__file__).parent
@@ -65,6 +66,12 @@ def test_a_study_makes_its_tasks_and_what_they_need(done, finished_study):
     assert page.count("<html") == 1
     for text in ("logarithmic", "arithmetic", "Against reference figures", "bias.none.median_diagonal"):
         assert text in page
+
+
+def test_a_study_tells_how_far_it_is_where_there_is_no_terminal(done, monkeypatch):
+    monkeypatch.setattr(terminal, "LINE_EVERY_S", 0.0)
+    next((done.runs / "tasks").glob("*.h5")).unlink()
+    assert "tasks  4 of 4 tasks done" in done.robid("study", "study.yaml").err
 
 
 def test_a_linear_robot_without_noise_has_no_bias(study):
