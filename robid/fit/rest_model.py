@@ -10,6 +10,7 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.options import ElasticOptions
 from robid.fit.shape import Swinging, line_frequencies, spring_compliance, swing_shape
+from robid.fit.weights import make_weights
 from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
@@ -47,13 +48,13 @@ def rest_model(
     model = linearize(elastic, equilibrium, names)
     if springs.cubic.any() or "cubic" in options.free:
         nominal = nominal_parameters(placed, model, delay_s) if values is None else values
-        load = spring_load(robot, frf, model, nominal)
+        load = spring_load(robot, frf, nominal)
         for _ in range(_PASSES if springs.cubic.any() else 0):
             rest = replace(model.rest, power=load.power, omega=2 * np.pi * frf.frequency_hz)
             swing = swing_of(rest, springs, settle_springs(rest, springs).stiffness)
             equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic, swing.variance)
             model = linearize(elastic, equilibrium, names)
-        model = _loaded(model, frf, load, nominal)
+        model = _loaded(model, frf, load, nominal, options)
     movable = element_names(robot, "location") if "location" in options.free else []
     located = np.array([index for index, name in enumerate(movable) if name is not None], int)
     if options.statics == "updates" and located.size == 0:
@@ -69,25 +70,22 @@ class SpringLoad:
         power (n_conf, n_freq, n_spring): Mean square torque per excited line [(N m)^2].
         through (n_conf, n_freq, n_gear, n_block): Torque through each transmission, DFT sums over samples [N m].
         gears (n_gear,): Indices of the transmissions.
-        told (n_conf, n_freq, n_gear): How much each line of the response says of each of them.
     """
 
     power: FloatArray
     through: ComplexArray
     gears: IntArray
-    told: FloatArray
 
 
-def spring_load(robot: Robot, frf: Frf, model: LinearModel, values: ElasticParameters) -> SpringLoad:
+def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad:
     """Finds the torque through each transmission from the motors' torques and motion.
 
     What a motor's torque does not spend on its own rotor and viscous friction goes through the transmissions; both
-    are measured, so the elastic model only says at which lines the response depends on a spring.
+    are measured, so the elastic model is not asked.
 
     Args:
         robot: The robot file.
         frf: The response with the torques of its experiments.
-        model: Linearised robot.
         values: Parameter values.
 
     Raises:
@@ -109,26 +107,47 @@ def spring_load(robot: Robot, frf: Frf, model: LinearModel, values: ElasticParam
     through = through[:, :, [robot.springs[index].joint for index in gears]]
     power = np.zeros((*through.shape[:2], len(robot.springs)))
     power[:, :, gears] = np.nanmean(2 * np.abs(through) ** 2, axis=-1)
-    return SpringLoad(power, through, np.array(gears), _sensitivity(frf, model, values)[:, :, gears])
+    return SpringLoad(power, through, np.array(gears))
 
 
-def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters) -> FloatArray:
-    """How much each line of the response says of each spring (n_conf, n_freq, n_spring), for relative errors."""
+def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters, options: ElasticOptions) -> FloatArray:
+    """How much each line of the response tells a fit of each spring (n_conf, n_freq, n_spring)."""
     found = response(model, values, frf.frequency_hz, frf.hold_period_s)
-    slopes = jacobian(model, values, found, ("stiffness",), frf.hold_period_s)
-    return np.asarray((np.abs(slopes / found.sampled[..., None]) ** 2).sum(axis=(2, 3)))
+    slopes = np.abs(jacobian(model, values, found, ("stiffness",), frf.hold_period_s)) ** 2
+    if options.estimator != "nls":
+        slopes = slopes / np.abs(found.sampled[..., None]) ** 2
+    weight, _ = make_weights(frf, options.weights, options.estimator, np.abs(found.sampled))
+    told = (weight[..., None] * slopes).sum(axis=(2, 3))
+    return np.asarray(np.where(told.any(axis=1, keepdims=True), told, slopes.sum(axis=(2, 3))))
 
 
-def _loaded(model: LinearModel, frf: Frf, load: SpringLoad, values: ElasticParameters) -> LinearModel:
-    """The model with what the excitation does to its springs."""
+def _loaded(
+    model: LinearModel, frf: Frf, load: SpringLoad, values: ElasticParameters, options: ElasticOptions
+) -> LinearModel:
+    """The model with what the excitation does to its springs.
+
+    Stiffening moves the resonances, and with them the lines that tell of a spring, so shapes are found more than once.
+    """
     omega = 2 * np.pi * frf.frequency_hz
-    bare = replace(model, rest=replace(model.rest, power=load.power, omega=omega))
-    springs = settle_springs(bare.rest, values.springs)
+    model = replace(model, rest=replace(model.rest, power=load.power, omega=omega))
+    for _ in range(_PASSES if values.springs.cubic.any() else 1):
+        shape = _shapes(model, frf, load, values, options)
+        # Where a softening spring gives way, later iterates may hold.
+        shape = np.where(np.isfinite(shape), shape, 1.0)
+        model = replace(model, rest=replace(model.rest, shape=shape))
+    return model
+
+
+def _shapes(
+    model: LinearModel, frf: Frf, load: SpringLoad, values: ElasticParameters, options: ElasticOptions
+) -> FloatArray:
+    """`Rest.shape` (n_conf, n_spring) of the transmissions as they swing with the model's present shapes."""
+    springs, omega = settle_springs(model.rest, values.springs), model.rest.omega
+    told = _sensitivity(frf, model, values, options)
     every = line_frequencies(frf.frequency_hz, frf.lines)
     shape = np.ones(springs.stiffness.shape)
     for c in range(len(shape)):
-        own = motion_matrices(bare, values, c)
-        compliance = spring_compliance(own, model.n_motor + load.gears, every)
+        compliance = spring_compliance(motion_matrices(model, values, c), model.n_motor + load.gears, every)
         for gear, spring in enumerate(load.gears.tolist()):
             dynamic = springs.stiffness[c, spring] + 1j * omega * values.damping[spring]
             amplitude = load.through[c, :, gear] / dynamic[:, None]
@@ -139,10 +158,8 @@ def _loaded(model: LinearModel, frf: Frf, load: SpringLoad, values: ElasticParam
                 lines=frf.lines,
                 compliance=compliance[:, gear],
             )
-            shape[c, spring] = swing_shape(swinging, load.told[c, :, gear])
-    # Where a softening spring gives way, later iterates may hold.
-    shape = np.where(np.isfinite(shape), shape, 1.0)
-    return replace(bare, rest=replace(bare.rest, shape=shape))
+            shape[c, spring] = swing_shape(swinging, told[c, :, spring])
+    return shape
 
 
 def _nominal_springs(robot: Robot) -> SpringValues:

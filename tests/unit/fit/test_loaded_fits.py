@@ -69,7 +69,7 @@ def test_power_through_a_gear_is_that_of_its_own_spring():
     deflection = bare.inputs[:, :, 2:4] @ frf.torque_amplitude * frf_hold()[:, None, None]
     dynamic = values.stiffness[:2] + 2j * np.pi * FREQUENCY_HZ[:, None] * values.damping[:2]
     wanted = 2 * (np.abs(dynamic[..., None] * deflection) ** 2).mean(axis=-1)
-    found = spring_load(robot, frf, model, values)
+    found = spring_load(robot, frf, values)
     # What differs are the aliases of the held response, at the highest lines.
     np.testing.assert_allclose(found.power[:, :20, :2], wanted[:, :20], rtol=1e-3)
     assert not found.power[..., 2:].any()
