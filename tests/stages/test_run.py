@@ -294,12 +294,12 @@ def test_a_fit_that_has_not_converged_is_saved_and_exits_5(shop):
     assert shop.states()["fits/elastic/validation.h5"][0] == "missing"
 
 
-def test_a_cubic_gear_is_fitted_to_two_amplitudes(shop):
+@pytest.mark.parametrize("places", ["{list_deg: [[-99.6, 82.8], [13.9, -46.1]]}", "{from: best}"])
+def test_a_cubic_gear_is_fitted_to_two_amplitudes(shop, places):
     shop.change("friction: lugre}", "stiffening_1_rad2: 2.0e+4}")
     shop.change("compensation: nominal", "compensation: none")
     shop.change("friction_relative: 0.1", "friction_relative: 0")
     shop.change("count: 14, rms: 6,", "count: 14, rms: 25,")
-    places = "{list_deg: [[-99.6, 82.8], [13.9, -46.1]]}"
     shop.change("configurations: {from: best}", f"configurations: {places}")
     campaign = f"configurations: {places}, realizations: 2, periods: 2, source: {{simulate: *simulate}}"
     low = f"  low: {{{campaign}, excitation: {{<<: *excitation, rms: 8}}, estimate: {{compensation: none}}}}"
