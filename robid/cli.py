@@ -17,6 +17,7 @@ from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.artifacts.store import inspect_artifact
 from robid.backends.map import make_map
 from robid.errors import ArtifactError, RobidError, SettingsError
+from robid.families.files import experiment_schema, load_experiment
 from robid.pipeline import (
     STAGES,
     Node,
@@ -33,8 +34,7 @@ from robid.pipeline import (
 )
 from robid.report.numbers import duration
 from robid.report.terminal import fit_tables
-from robid.settings.load import load_experiment
-from robid.settings.schema import experiment_schema, robot_schema
+from robid.settings.schema import robot_schema
 from robid.stages.export import ExportOptions, Format, check_options, export, export_plan, write_export
 from robid.stages.export_excitation import (
     ExcitationExport,

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from robid.design.lines import choose_lines
-from robid.settings.load import load_experiment
+from robid.families.files import load_experiment
 from robid.signals.multisine import multisine, time_signal
 from robid.simulate.experiment import Experiment
 from robid.simulate.truth import true_robot

@@ -10,10 +10,10 @@ from scipy.linalg import expm
 
 from robid.design.excitation import design_excitation
 from robid.design.options import ExcitationOptions
+from robid.families.files import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import motion_matrices, nominal_parameters
-from robid.settings.load import load_experiment
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
 from robid.stages.estimate_frf import stated_law

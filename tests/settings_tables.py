@@ -11,7 +11,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from robid.settings.schema import experiment_schema, robot_schema
+from robid.families.files import experiment_schema
+from robid.settings.schema import robot_schema
 
 ROOT = Path(__file__).parent.parent
 PAGES = {"docs/experiment-file.md": experiment_schema, "docs/bring-your-own.md": robot_schema}

@@ -8,13 +8,12 @@ from typing import TypeAlias
 
 from robid.design.signal import check_signal
 from robid.errors import SettingsError
-from robid.fit.names import name_problems
 from robid.settings.configuration_checks import check_cycles, check_reachable, configuration_count, named_designs
 from robid.settings.design_checks import check_designs
-from robid.settings.experiment import Campaign, Experiment, Fit
+from robid.settings.experiment import Campaign, Experiment
+from robid.settings.fits import Families, FitSettings
 from robid.settings.limit_checks import check_limits
 from robid.settings.log_checks import check_channels, check_logs
-from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.study_checks import check_study
@@ -25,7 +24,9 @@ _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
 _FOLDERS = ("designs", "fits", "tasks")
 
 
-def check_experiment(document: Document, experiment: Experiment, robot: RobotFile | None) -> list[Problem]:
+def check_experiment(
+    document: Document, experiment: Experiment, robot: RobotFile | None, families: Families
+) -> list[Problem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
     found = [
         _folders(experiment),
@@ -40,7 +41,7 @@ def check_experiment(document: Document, experiment: Experiment, robot: RobotFil
     for name, fit in experiment.fits.items():
         found.append(_fit(experiment, name, fit))
         if robot is not None:
-            found.append(_fit_of_robot(experiment, name, fit, robot))
+            found.append(_fit_of_robot(experiment, name, fit, robot, families))
     if robot is not None:
         found.append(check_limits(experiment, robot))
     return [problem_at(document, field, message) for field, message in chain.from_iterable(found)]
@@ -144,7 +145,7 @@ def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
         yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
 
 
-def _fit(experiment: Experiment, name: str, fit: Fit) -> _Found:
+def _fit(experiment: Experiment, name: str, fit: FitSettings) -> _Found:
     field = ("fits", name)
     for key, campaign in (*(("from", name) for name in fit.campaigns), ("validate_on", fit.validate_on)):
         if campaign is None:
@@ -174,21 +175,10 @@ def _fit(experiment: Experiment, name: str, fit: Fit) -> _Found:
             yield (*field, "configurations", position), f"index {index} is there twice"
 
 
-def _fit_of_robot(experiment: Experiment, name: str, fit: Fit, robot: RobotFile) -> _Found:
+def _fit_of_robot(experiment: Experiment, name: str, fit: FitSettings, robot: RobotFile, families: Families) -> _Found:
     field = ("fits", name)
-    known = kinds_by_name(robot, fit.free)
-    for index, parameter in enumerate(fit.fixed):
-        if parameter not in known:
-            message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"
-            yield (*field, "fixed", index), message
-    free = {name: kind for name, kind in known.items() if name not in fit.fixed}
-    for section, problem in name_problems(fit.options(), free):
-        yield (*field, section), problem
-    for spring in robot.all_springs:
-        parameter = f"{spring.name}.damping"
-        if spring.damping_nms_rad == 0 and parameter in known and parameter not in fit.fixed:
-            message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
-            yield (*field, "free"), message
+    for below, message in families[fit.family].problems(experiment, name, robot):
+        yield (*field, *below), message
     read = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]
     pairs = [("from", name) for name in fit.campaigns[1:]] + [("validate_on", fit.validate_on or "")]
     for key, name in pairs:

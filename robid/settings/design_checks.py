@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from robid.design.options import DesignWeights
+from robid.fit.options import ElasticOptions
 from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Design, Experiment
+from robid.settings.fits import FitSettings
 from robid.settings.parameter_names import parameter_names
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
@@ -54,8 +56,11 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> _Fo
 def _fit(field: FieldPath, experiment: Experiment, design: Design) -> _Found:
     if design.fit is None:
         return
-    if design.fit not in experiment.fits:
+    fit = experiment.fits.get(design.fit)
+    if fit is None:
         yield (*field, "fit"), f"there is no fit `{design.fit}`; {suggest(design.fit, experiment.fits)}"
+    elif not isinstance(fit, ElasticOptions):
+        yield (*field, "fit"), _other_family(design.fit, fit)
     if design.weights != DesignWeights(mean="fit"):
         message = (
             f"a choice for fit `{design.fit}` needs `weights: {{mean: fit}}` and nothing beside it: the rest comes from"
@@ -65,13 +70,17 @@ def _fit(field: FieldPath, experiment: Experiment, design: Design) -> _Found:
 
 
 def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot: RobotFile) -> _Found:
-    freed = None if design.fit not in experiment.fits else experiment.fits[design.fit].free
+    chosen_for = experiment.fits.get(design.fit or "")
+    freed = chosen_for.free if isinstance(chosen_for, ElasticOptions) else None
     known = parameter_names(robot, (*design.free, *design.along(freed)))
     for index, name in enumerate(design.fixed):
         if name not in known:
             yield (*field, "fixed", index), f"nothing estimates `{name}`; {suggest(name, known)}"
     fit = None if design.prior is None else experiment.fits.get(design.prior)
     if fit is None:
+        return
+    if not isinstance(fit, ElasticOptions):
+        yield (*field, "prior"), _other_family(design.prior or "", fit)
         return
     held = {*fit.fixed, *fit.tied}
     estimated = [name for name in parameter_names(robot, fit.free) if name not in held]
@@ -83,3 +92,7 @@ def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot:
             " for itself"
         )
         yield (*field, "prior"), message
+
+
+def _other_family(name: str, fit: FitSettings) -> str:
+    return f"fit `{name}` is of family `{fit.family}`, but a design knows elastic models only"

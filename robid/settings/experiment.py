@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 import pydantic.dataclasses
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, create_model, model_validator
 
 from robid.design.options import CostOptions, DesignOptions, ExcitationOptions, InformationOptions
-from robid.fit.options import ElasticOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.base import DATA_VARIABLE, Name, Section, data_path
+from robid.settings.fits import STRICT, Families, FitSettings, part
 from robid.settings.study import Study
 from robid.settings.truth import SimulateSettings
 
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(min_length=1)], ...], Field(min_length=1)]
-_Options = TypeVar("_Options")
 _ONE_KEY = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class OneKey(Section):
@@ -233,7 +231,7 @@ class Campaign(Section):
         return {**values, "estimate": {**estimate, "compensation": "auto"}}
 
 
-@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)
+@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
 class Design(CostOptions, InformationOptions, DesignOptions):
     """A choice of robot configurations among those of a campaign."""
 
@@ -251,46 +249,11 @@ class Design(CostOptions, InformationOptions, DesignOptions):
 
     def options(self) -> DesignOptions:
         """Returns the options of the algorithm."""
-        return _part(self, DesignOptions)
+        return part(self, DesignOptions)
 
     def about(self) -> InformationOptions:
         """Returns which information it is made by."""
-        return _part(self, InformationOptions)
-
-
-@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)
-class ElasticFit(ElasticOptions):
-    """A fit of springs and dampers to frequency responses."""
-
-    family: Literal["elastic"] = Field(description="Family of the model.")
-    reads: Name | Annotated[tuple[Name, ...], Field(min_length=1)] = Field(
-        alias="from",
-        description="Name of the campaign it reads, or of several with the same lines, such as two amplitudes.",
-    )
-    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
-        default=None,
-        description="Indices, from 0, of the campaign's configurations to use, those of further campaigns counted on;"
-        " all when not given.",
-        min_length=1,
-    )
-    validate_on: Name | None = Field(default=None, description="Name of the campaign it is validated on.")
-
-    @property
-    def campaigns(self) -> tuple[str, ...]:
-        """Names of the campaigns it reads."""
-        return (self.reads,) if isinstance(self.reads, str) else self.reads
-
-    @property
-    def campaign(self) -> str:
-        """The first of them; what the fit needs to know of it holds for all."""
-        return self.campaigns[0]
-
-    def options(self) -> ElasticOptions:
-        """Returns the options of the algorithm."""
-        return _part(self, ElasticOptions)
-
-
-Fit: TypeAlias = ElasticFit
+        return part(self, InformationOptions)
 
 
 class Execution(Section):
@@ -311,10 +274,20 @@ class Experiment(Section):
     robot: str = Field(description="The robot file, relative to this file.", min_length=1)
     campaigns: dict[Name, Campaign] = Field(description="Campaigns by name.", min_length=1)
     designs: dict[Name, Design] = Field(default_factory=dict, description="Choices of configurations by name.")
-    fits: dict[Name, Fit] = Field(default_factory=dict, description="Fits by name.")
+    fits: dict[Name, FitSettings] = Field(default_factory=dict, description="Fits by name.")
     study: Study | None = Field(default=None, description="What `robid study` does beyond the campaigns and fits.")
     execution: Execution = Field(default_factory=Execution, description="How it is computed.")
 
 
-def _part(settings: object, kind: type[_Options]) -> _Options:
-    return kind(**{field.name: getattr(settings, field.name) for field in dataclasses.fields(kind)})  # type: ignore[arg-type]
+def experiment_type(families: Families) -> type[Experiment]:
+    """Returns the type of an experiment file whose fits are of these families."""
+    return _experiment_type(tuple(family.settings for family in families.values()))
+
+
+@cache
+def _experiment_type(fits: tuple[type[FitSettings], ...]) -> type[Experiment]:
+    union: Any = Union.__getitem__(fits)
+    fit: Any = Annotated[union, Field(discriminator="family")] if len(fits) > 1 else union
+    field: Any = Field(default_factory=dict, description=Experiment.model_fields["fits"].description)
+    fields: Any = {"fits": (dict[Name, fit], field)}
+    return create_model("Experiment", __base__=Experiment, __doc__=Experiment.__doc__, **fields)

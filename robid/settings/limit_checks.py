@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypeAlias
 
-from robid.settings.experiment import Campaign, Experiment, Fit
+from robid.settings.experiment import Campaign, Experiment
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
-_SPEED, _TORQUE = "max_speed_rad_s", "max_torque_nm"
+SPEED, TORQUE = "max_speed_rad_s", "max_torque_nm"
 
 
 def check_limits(experiment: Experiment, robot: RobotFile) -> _Found:
@@ -20,13 +20,10 @@ def check_limits(experiment: Experiment, robot: RobotFile) -> _Found:
     for name, campaign in experiment.campaigns.items():
         if _is_designed(campaign):
             what = "a simulation needs" if campaign.source and campaign.source.simulate else "an excitation is held to"
-            yield from _missing(("campaigns", name, "source"), what, robot, (_SPEED, _TORQUE))
+            yield from missing_limits(("campaigns", name, "source"), what, robot, (SPEED, TORQUE))
     for name, design in experiment.designs.items():
         if design.cost == "travel":
-            yield from _missing(("designs", name, "cost"), "the time of travel needs", robot, (_SPEED,))
-    for name, fit in experiment.fits.items():
-        if _frees_cubic(fit):
-            yield from _missing(("fits", name, "free"), "the scale of `cubic` needs", robot, (_TORQUE,))
+            yield from missing_limits(("designs", name, "cost"), "the time of travel needs", robot, (SPEED,))
 
 
 def _is_designed(campaign: Campaign) -> bool:
@@ -36,11 +33,8 @@ def _is_designed(campaign: Campaign) -> bool:
     return campaign.source.acquire is None or bool(campaign.source.acquire.references)
 
 
-def _frees_cubic(fit: Fit) -> bool:
-    return "cubic" in fit.free
-
-
-def _missing(field: FieldPath, what: str, robot: RobotFile, keys: tuple[str, ...]) -> _Found:
+def missing_limits(field: FieldPath, what: str, robot: RobotFile, keys: tuple[str, ...]) -> _Found:
+    """Yields which of these keys of the motors are missing, after who needs them."""
     places = [
         f"joints[{index}].motor.{key}"
         for index, joint in enumerate(robot.joints)

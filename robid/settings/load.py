@@ -7,7 +7,8 @@ from pathlib import Path
 
 from robid.errors import SettingsError
 from robid.settings.checks import check_experiment
-from robid.settings.experiment import Experiment
+from robid.settings.experiment import Experiment, experiment_type
+from robid.settings.fits import Families
 from robid.settings.foreign import complete
 from robid.settings.problems import Problem, problem_at, raise_problems, validate
 from robid.settings.robot import RobotFile
@@ -23,29 +24,35 @@ class LoadedExperiment:
         path: The experiment file, as the user named it.
         experiment: The experiment.
         robot: The robot file.
+        families: The families of its fits, by name.
     """
 
     path: Path
     experiment: Experiment
     robot: RobotFile
+    families: Families
 
 
-def load_experiment(path: Path) -> LoadedExperiment:
+def load_experiment_of(families: Families, path: Path) -> LoadedExperiment:
     """Loads an experiment file and the robot file it names, and checks both.
+
+    Args:
+        families: The families that its fits may be of, by name.
+        path: The experiment file.
 
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
     """
     document = load_yaml(path)
-    experiment, problems = validate(Experiment, document)
+    experiment, problems = validate(experiment_type(families), document)
     robot, robot_problems = _named_robot(document)
     if experiment is not None:
-        problems += check_experiment(document, experiment, None if robot_problems else robot)
+        problems += check_experiment(document, experiment, None if robot_problems else robot, families)
     raise_problems([*problems, *robot_problems])
     if experiment is None or robot is None:
         message = "a file without a problem has no model"
         raise RuntimeError(message)
-    return LoadedExperiment(path, experiment, robot)
+    return LoadedExperiment(path, experiment, robot, families)
 
 
 def load_robot(path: Path) -> RobotFile:

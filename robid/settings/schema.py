@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from robid.settings.experiment import Experiment
+from robid.settings.experiment import experiment_type
+from robid.settings.fits import Families
 from robid.settings.robot import RobotFile
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def experiment_schema() -> dict[str, Any]:
-    """Returns the JSON schema of the experiment file."""
-    return {"$schema": _DIALECT, **Experiment.model_json_schema(by_alias=True)}
+def experiment_schema_of(families: Families) -> dict[str, Any]:
+    """Returns the JSON schema of the experiment file whose fits are of these families."""
+    return {"$schema": _DIALECT, **experiment_type(families).model_json_schema(by_alias=True)}
 
 
 def robot_schema() -> dict[str, Any]:

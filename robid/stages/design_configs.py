@@ -18,11 +18,11 @@ from robid.report.design import design_numbers, design_tables, stability_sentenc
 from robid.report.numbers import percent
 from robid.settings.experiment import Campaign, Design, Experiment
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import Part, delay_s, line_settings, robot_settings
 from robid.settings.slices import to_plain
 from robid.stages.configurations import design_inputs
 from robid.stages.design_information import Gathered, gather_information
 from robid.stages.design_weights import about_options, fit_options
-from robid.stages.slices import Part, delay_s, line_settings, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted
 from robid.stages.terminal import section_table
 

@@ -24,9 +24,9 @@ from robid.report.plan import plan_table
 from robid.robot.description import Robot
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import line_settings, require_controller, robot_settings
 from robid.settings.slices import to_plain
 from robid.stages.configurations import configurations_of, design_inputs
-from robid.stages.slices import line_settings, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
 

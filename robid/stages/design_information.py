@@ -25,11 +25,11 @@ from robid.frf.frf import Frf
 from robid.frf.halves import by_realizations
 from robid.robot.description import Robot
 from robid.settings.experiment import Design
+from robid.settings.robot_parts import delay_s, require_controller
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot
 from robid.stages.configurations import configurations_of
 from robid.stages.design_weights import UNREAD, about_options, fit_options, fit_weights, prior_decades
-from robid.stages.slices import delay_s, require_controller
 from robid.stages.stage import Job
 
 _CHUNK = 20

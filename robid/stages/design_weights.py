@@ -13,6 +13,7 @@ from robid.arrays import FloatArray
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.design.options import InformationOptions
+from robid.families.elastic.settings import elastic_fit
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.weights import make_weights
 from robid.settings.experiment import Design, Experiment
@@ -27,14 +28,14 @@ def fit_options(experiment: Experiment, design: Design) -> ElasticOptions | None
     if design.weights.mean != "fit":
         return None
     if design.fit is not None:
-        return experiment.fits[design.fit].options()
+        return elastic_fit(experiment, design.fit).options()
     own = design.weights
     return ElasticOptions(weights=Weights("user", off_diagonal=own.off_diagonal, low_cut_hz=own.low_cut_hz))
 
 
 def about_options(experiment: Experiment, design: Design) -> InformationOptions:
     """Returns which information a design is made by, what is estimated along spelled out: as in the fit it names."""
-    about, fit = design.about(), None if design.fit is None else experiment.fits[design.fit]
+    about, fit = design.about(), None if design.fit is None else elastic_fit(experiment, design.fit)
     along = about.along(None if fit is None else fit.free)
     held = () if fit is None or about.nuisance is not None else fit.fixed
     fixed = (*about.fixed, *(name for name in held if name.rpartition(".")[2] in along and name not in about.fixed))

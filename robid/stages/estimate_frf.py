@@ -25,10 +25,10 @@ from robid.frf.silent import identify_laws, start_laws
 from robid.robot.description import Motor
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s, robot_settings
 from robid.settings.slices import to_plain
 from robid.signals.friction import TorqueLaw
 from robid.stages.plausible import contradictions
-from robid.stages.slices import delay_s, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 from robid.validation.plausible_evidence import Evidence, gather_evidence, join_evidence
 

@@ -19,11 +19,11 @@ from robid.robot.model import ElasticModel, build_model
 from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s, require_controller
 from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
 from robid.stages.export_files import Content
 from robid.stages.fit import with_torque_unit
-from robid.stages.slices import delay_s, require_controller
 
 COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
 

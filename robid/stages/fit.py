@@ -11,15 +11,17 @@ import numpy as np
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
+from robid.families.elastic.settings import elastic_fit
 from robid.fit.bootstrap import bootstrap_tasks
 from robid.fit.elastic import fit_elastic
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.frf.joined import join
-from robid.settings.experiment import Experiment, Fit
+from robid.settings.experiment import Experiment
+from robid.settings.fits import FitSettings
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s, robot_settings
 from robid.settings.slices import to_plain
-from robid.stages.slices import delay_s, robot_settings
 from robid.stages.stage import Graded, Job, Plan, Stage, counted
 from robid.validation.assessment import assess_fit
 
@@ -35,19 +37,19 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     return Plan((f"fits/{owner}/model.h5",), settings, frf_inputs(fit))
 
 
-def frf_inputs(fit: Fit) -> dict[str, str]:
+def frf_inputs(fit: FitSettings) -> dict[str, str]:
     """Returns where the responses of a fit lie; the first one's name is its kind."""
     further = {f"frf_{name}": f"{name}/frf.h5" for name in fit.campaigns[1:]}
     return {"frf": f"{fit.campaign}/frf.h5", **further}
 
 
-def read_frf(fit: Fit, inputs: Mapping[str, Path]) -> Frf:
+def read_frf(fit: FitSettings, inputs: Mapping[str, Path]) -> Frf:
     """Reads the response that a fit is fitted to, in its configurations."""
     frfs = [frf_from_artifact(read_artifact(inputs[name], FRF)) for name in frf_inputs(fit)]
     return chosen_frf(fit, frfs)
 
 
-def chosen_frf(fit: Fit, frfs: Sequence[Frf]) -> Frf:
+def chosen_frf(fit: FitSettings, frfs: Sequence[Frf]) -> Frf:
     """Joins the responses of a fit's campaigns and selects its configurations."""
     frf = frfs[0] if len(frfs) == 1 else join(frfs, fit.campaigns)
     return frf if fit.configurations is None else frf.select(fit.configurations)
@@ -63,7 +65,7 @@ def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
 
 
 def _run(job: Job) -> str:
-    fit = job.loaded.experiment.fits[job.owner]
+    fit = elastic_fit(job.loaded.experiment, job.owner)
     campaign = job.loaded.experiment.campaigns[fit.campaign]
     frf = read_frf(fit, job.inputs)
     robot = job.loaded.robot.to_robot(campaign.payload_kg)

@@ -15,10 +15,10 @@ from robid.report.page import render
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import assumed_names
+from robid.settings.robot_parts import delay_s, robot_settings
 from robid.settings.slices import to_plain
 from robid.stages import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
 from robid.stages.report_content import gather
-from robid.stages.slices import delay_s, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 from robid.stages.summary import summarize
 

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.families.elastic.settings import elastic_fit
 from robid.fit.model_error import ModelError
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.report.content import CostRow, ElementErrors, FitContent, GradeRow, ParameterRow, ResonanceRow, StartRow
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s
 from robid.stages.fit import chosen_frf, with_torque_unit
-from robid.stages.slices import delay_s
 from robid.validation.elastic import Validation
 from robid.validation.grade import Grade
 from robid.validation.resonances import ResonanceTable, tabulate_resonances
@@ -49,7 +50,7 @@ def fit_content(
         validation: Its validation, if any.
         grade: How far to trust it, if that is known.
     """
-    settings = loaded.experiment.fits[name]
+    settings = elastic_fit(loaded.experiment, name)
     campaign = loaded.experiment.campaigns[settings.campaign]
     robot = loaded.robot.to_robot(campaign.payload_kg)
     frf = chosen_frf(settings, [frfs[campaign] for campaign in settings.campaigns])

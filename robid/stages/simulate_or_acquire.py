@@ -21,6 +21,7 @@ from robid.robot.model import build_model
 from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s, require_controller, robot_settings
 from robid.settings.slices import to_plain
 from robid.settings.truth import true_robot_of
 from robid.simulate.experiment import Experiment, simulate, with_settled_steps
@@ -28,7 +29,6 @@ from robid.simulate.options import SimulateOptions
 from robid.simulate.steps import LIMITS
 from robid.simulate.truth import true_robot, with_imperfections
 from robid.stages.acquire import acquire_configuration, experiment_count, log_files
-from robid.stages.slices import delay_s, require_controller, robot_settings
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
 _BYTES_PER_SAMPLE = 4

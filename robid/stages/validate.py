@@ -7,11 +7,13 @@ from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifac
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION, validation_to_artifact
-from robid.settings.experiment import Experiment, Fit
+from robid.families.elastic.settings import elastic_fit
+from robid.settings.experiment import Experiment
+from robid.settings.fits import FitSettings
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
 from robid.stages.fit import graded, model_settings
-from robid.stages.slices import delay_s
 from robid.stages.stage import Job, Plan, Stage
 from robid.validation.elastic import Validation, validate_elastic
 from robid.validation.recovery import recovery_sentence
@@ -29,19 +31,19 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     return Plan((f"fits/{owner}/validation.h5",), settings, inputs)
 
 
-def truth_input(loaded: LoadedExperiment, fit: Fit) -> dict[str, str]:
+def truth_input(loaded: LoadedExperiment, fit: FitSettings) -> dict[str, str]:
     """Returns where the truth of a fit's campaign and its record lie; a measured robot has none."""
     source = loaded.experiment.campaigns[fit.campaign].source
     simulated = source is not None and source.simulate is not None
     return {"truth": f"{fit.campaign}/truth.json", "record": f"{fit.campaign}/record.h5"} if simulated else {}
 
 
-def _validation_payload(loaded: LoadedExperiment, fit: Fit) -> float | None:
+def _validation_payload(loaded: LoadedExperiment, fit: FitSettings) -> float | None:
     return None if fit.validate_on is None else loaded.experiment.campaigns[fit.validate_on].payload_kg
 
 
 def _run(job: Job) -> str:
-    fit = job.loaded.experiment.fits[job.owner]
+    fit = elastic_fit(job.loaded.experiment, job.owner)
     model = read_artifact(job.inputs["model"], MODEL)
     alone = grade_from_artifact(model)
     validation = validate_elastic(

@@ -14,8 +14,8 @@ from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s, require_controller
 from robid.simulate.truth import true_robot, with_imperfections
-from robid.stages.slices import delay_s, require_controller
 from robid.studies.frf import campaign_of
 from robid.validation.estimators import elements, error_ratio, scatter
 

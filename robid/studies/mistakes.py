@@ -7,8 +7,9 @@ from typing import Any
 
 from robid.artifacts.provenance import canonical_hash
 from robid.errors import SettingsError
+from robid.families.files import load_experiment
 from robid.pipeline import Run
-from robid.settings.load import LoadedExperiment, load_experiment
+from robid.settings.load import LoadedExperiment
 from robid.settings.mistake_checks import fit_problem, mistake_problems
 from robid.settings.problems import format_field
 from robid.settings.slices import to_plain

@@ -13,6 +13,7 @@ from robid.artifacts.model import MODEL, model_from_artifact, model_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.errors import DataError
+from robid.families.elastic.settings import elastic_fit
 from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions
 from robid.fit.solution import Solution
@@ -20,9 +21,9 @@ from robid.frf.frf import Frf
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
 from robid.stages.fit import model_settings
-from robid.stages.slices import delay_s
 from robid.studies.mistaken import mistaken_robot
 from robid.studies.mistakes import Case, campaigns_of, cases, study_of
 from robid.studies.mistakes_grades import GRADING, Against, against_truth, refused_causes
@@ -92,7 +93,7 @@ def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fit
     loaded: LoadedExperiment = case.subject.loaded
     loaded = replace(loaded, robot=mistaken_robot(loaded.robot, case.mistake))
     fit = study_of(run.loaded).fit
-    options = loaded.experiment.fits[fit].options()
+    options = elastic_fit(loaded.experiment, fit).options()
     used = [loaded.experiment.campaigns[name] for name in campaigns_of(loaded, fit).values()]
     robots = loaded.robot.to_robot(used[0].payload_kg), loaded.robot.to_robot(used[1].payload_kg)
     decides = {

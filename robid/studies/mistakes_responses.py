@@ -22,11 +22,11 @@ from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.settings.mistake_checks import changed_simulation
+from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
 from robid.settings.study import Mistake
 from robid.simulate.experiment import Experiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment, true_values
-from robid.stages.slices import delay_s
 from robid.studies.mistaken import mistaken_record, mistaken_robot
 from robid.studies.mistakes import Case, campaigns_of, cases, read_with, study_of, subjects
 from robid.studies.simulated import Estimator, make_estimator, simulation_settings

@@ -8,11 +8,11 @@ from typing import Any
 from robid.frf.options import EstimateOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import robot_settings
 from robid.settings.slices import to_plain
 from robid.signals.friction import TorqueLaw
 from robid.simulate.options import SimulateOptions
 from robid.stages.estimate_frf import stated_laws
-from robid.stages.slices import robot_settings
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from robid.frf.frf import Frf
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
 from robid.settings.study import WernholtStudy
 from robid.stages.fit import model_settings
-from robid.stages.slices import delay_s
 from robid.studies.paper import paper_figures
 from robid.studies.tasks import Content, Task
 

@@ -28,12 +28,12 @@ from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.robot.rest import settle_springs
+from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
 from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.stages.fit import model_settings
-from robid.stages.slices import delay_s
 from robid.studies.simulated import simulate_options
 from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023 import Earlier, Pair, pairs, study_of

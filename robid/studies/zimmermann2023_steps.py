@@ -14,11 +14,11 @@ from robid.fit.fitted_robot import with_estimates
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
+from robid.settings.robot_parts import require_controller, robot_settings
 from robid.settings.slices import to_plain
 from robid.settings.truth import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.stages.configurations import draw_in_reach
-from robid.stages.slices import require_controller, robot_settings
 from robid.studies.simulated import simulate_options
 from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023 import Earlier, study_of

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from robid.design.signal import design_signal
+from robid.families.files import load_experiment
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.settings.load import load_experiment
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.options import Imperfections, SimulateOptions
 

@@ -8,7 +8,7 @@ from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, exc
 from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact, model_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.validation import VALIDATION, validation_from_artifact, validation_to_artifact
-from robid.settings.load import load_experiment
+from robid.families.files import load_experiment
 
 CHAIN = (
     ("design-configs",),

@@ -12,12 +12,12 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.measured import measured_information
+from robid.families.files import load_experiment
 from robid.fit.elastic import set_up
 from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.uncertainty import sandwich
 from robid.fit.weights import make_weights
-from robid.settings.load import load_experiment
 from tolerances import IDENTITY
 
 FILE = "design.yaml"

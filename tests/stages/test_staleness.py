@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from robid.families.files import load_experiment
 from robid.pipeline import graph
-from robid.settings.load import load_experiment
 from robid.settings.slices import to_plain
 
 PLAYED = (

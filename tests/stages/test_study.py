@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robid.families.files import load_experiment
 from robid.pipeline import Run
-from robid.settings.load import load_experiment
 from robid.stages import terminal
 from robid.studies import frf
 

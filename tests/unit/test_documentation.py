@@ -16,9 +16,10 @@ from robid.artifacts.record import RECORD
 from robid.artifacts.validation import VALIDATION
 from robid.cli import app
 from robid.errors import ArtifactError, DataError, SettingsError
+from robid.families.files import load_experiment
 from robid.fit.options import ElasticOptions
 from robid.pipeline import graph
-from robid.settings.load import load_experiment, load_robot
+from robid.settings.load import load_robot
 from robid.simulate.truth import true_robot
 from settings_tables import PAGES, ROOT, marked, renewed
 

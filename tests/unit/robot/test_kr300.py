@@ -9,9 +9,9 @@ from scipy.linalg import eigh
 from robid.design.candidates import candidate_information
 from robid.design.excitation import design_excitation
 from robid.design.information import design_configurations
+from robid.families.files import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.settings.load import load_experiment
 from robid.stages.configurations import configurations_of
 
 CONFIGS = Path(__file__).parents[3] / "configs"

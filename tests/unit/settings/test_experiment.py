@@ -4,9 +4,10 @@ import pytest
 from pydantic import TypeAdapter
 
 from robid.design.options import DesignOptions
+from robid.families.elastic.settings import ElasticFit
+from robid.families.files import load_experiment
 from robid.fit.options import ElasticOptions, Weights
-from robid.settings.experiment import Acquire, Configurations, Design, ElasticFit, Execution
-from robid.settings.load import load_experiment
+from robid.settings.experiment import Acquire, Configurations, Design, Execution
 from robid.settings.slices import settings_hash, settings_slice, to_plain
 
 CONFIGS = Path(__file__).parents[3] / "configs"

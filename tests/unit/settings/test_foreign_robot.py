@@ -8,7 +8,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from robid.errors import SettingsError
-from robid.settings.load import load_experiment, load_robot
+from robid.families.files import load_experiment
+from robid.settings.load import load_robot
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 MODEL = """<robot name="arm">

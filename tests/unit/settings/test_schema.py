@@ -2,7 +2,8 @@ from typing import Any
 
 import pytest
 
-from robid.settings.schema import experiment_schema, robot_schema
+from robid.families.files import experiment_schema
+from robid.settings.schema import robot_schema
 
 SCHEMAS = {"experiment": experiment_schema, "robot": robot_schema}
 

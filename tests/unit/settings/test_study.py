@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from robid.errors import SettingsError
-from robid.settings.load import load_experiment
+from robid.families.files import load_experiment
 
 ROOT = Path(__file__).parents[3]
 STAGES = ROOT / "tests/stages"

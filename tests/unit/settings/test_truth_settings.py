@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.errors import SettingsError
-from robid.settings.load import load_experiment
+from robid.families.files import load_experiment
 from robid.settings.truth import true_robot_of
 
 JOINT = """

@@ -9,13 +9,13 @@ import pytest
 
 from exact_systems import NO_PAYLOAD, exact_frf, two_joint_robot
 from robid.design.lines import choose_lines
+from robid.families.files import load_experiment
 from robid.frf.estimate import estimate_frf
 from robid.frf.joined import join
 from robid.frf.options import EstimateOptions
 from robid.robot.description import Friction, Inertial, Joint, Motor, Robot, Spring
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
-from robid.settings.load import load_experiment
 from robid.signals.multisine import multisine, time_signal
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.truth import true_robot

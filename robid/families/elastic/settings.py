@@ -1,0 +1,65 @@
+"""The elastic fit in an experiment file: its settings, and what must hold of them for a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal, TypeAlias
+
+import pydantic.dataclasses
+from pydantic import Field
+
+from robid.fit.names import name_problems
+from robid.fit.options import ElasticOptions
+from robid.settings.experiment import Experiment
+from robid.settings.fits import STRICT, FitSettings, part
+from robid.settings.limit_checks import TORQUE, missing_limits
+from robid.settings.parameter_names import kinds_by_name
+from robid.settings.problems import suggest
+from robid.settings.robot import RobotFile
+from robid.settings.yaml import FieldPath
+
+_Found: TypeAlias = Iterator[tuple[FieldPath, str]]
+
+
+@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
+class ElasticFit(FitSettings, ElasticOptions):
+    """A fit of springs and dampers to frequency responses."""
+
+    family: Literal["elastic"] = Field(description="Family of the model.")
+
+    def options(self) -> ElasticOptions:
+        """Returns the options of the algorithm."""
+        return part(self, ElasticOptions)
+
+
+def elastic_fit(experiment: Experiment, name: str) -> ElasticFit:
+    """Returns an elastic fit of an experiment.
+
+    Raises:
+        TypeError: If it is of another family.
+    """
+    fit = experiment.fits[name]
+    if not isinstance(fit, ElasticFit):
+        message = f"fit {name} is of family {fit.family}"
+        raise TypeError(message)
+    return fit
+
+
+def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
+    """Yields what is wrong with an elastic fit for a robot: names, starts at zero, missing limits."""
+    fit = elastic_fit(experiment, name)
+    known = kinds_by_name(robot, fit.free)
+    for index, parameter in enumerate(fit.fixed):
+        if parameter not in known:
+            message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"
+            yield ("fixed", index), message
+    free = {name: kind for name, kind in known.items() if name not in fit.fixed}
+    for section, problem in name_problems(fit.options(), free):
+        yield (section,), problem
+    for spring in robot.all_springs:
+        parameter = f"{spring.name}.damping"
+        if spring.damping_nms_rad == 0 and parameter in known and parameter not in fit.fixed:
+            message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
+            yield ("free",), message
+    if "cubic" in fit.free and robot.is_complete:
+        yield from missing_limits(("free",), "the scale of `cubic` needs", robot, (TORQUE,))

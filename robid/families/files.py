@@ -1,0 +1,30 @@
+"""Experiment files whose fits are of the families that there are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robid.families import FAMILIES
+from robid.families.family import Family
+from robid.settings.load import LoadedExperiment, load_experiment_of
+from robid.settings.schema import experiment_schema_of
+
+
+def load_experiment(path: Path, families: Mapping[str, Family] = FAMILIES) -> LoadedExperiment:
+    """Loads an experiment file and the robot file it names, and checks both.
+
+    Args:
+        path: The experiment file.
+        families: The families that its fits may be of, by name.
+
+    Raises:
+        SettingsError: With every problem of both files, each with its line and field.
+    """
+    return load_experiment_of(families, path)
+
+
+def experiment_schema(families: Mapping[str, Family] = FAMILIES) -> dict[str, Any]:
+    """Returns the JSON schema of the experiment file whose fits are of these families."""
+    return experiment_schema_of(families)

@@ -1,0 +1,73 @@
+"""What every fit of an experiment file says, whatever its family, and what loading a file asks of a family."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Literal, Protocol, TypeAlias, TypeVar
+
+import pydantic.dataclasses
+from pydantic import ConfigDict, Field
+
+from robid.settings.base import Name
+
+if TYPE_CHECKING:
+    from robid.settings.experiment import Experiment
+    from robid.settings.robot import RobotFile
+    from robid.settings.yaml import FieldPath
+
+Read: TypeAlias = Literal["record", "frf"]
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+_Options = TypeVar("_Options")
+
+
+@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
+class FitSettings:
+    """What every fit says: its family, what it reads, and what it is validated on."""
+
+    family: str = Field(description="Family of the model.")
+    reads: Name | Annotated[tuple[Name, ...], Field(min_length=1)] = Field(
+        alias="from",
+        description="Name of the campaign it reads, or of several with the same lines, such as two amplitudes.",
+    )
+    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
+        default=None,
+        description="Indices, from 0, of the campaign's configurations to use, those of further campaigns counted on;"
+        " all when not given.",
+        min_length=1,
+    )
+    validate_on: Name | None = Field(default=None, description="Name of the campaign it is validated on.")
+
+    @property
+    def campaigns(self) -> tuple[str, ...]:
+        """Names of the campaigns it reads."""
+        return (self.reads,) if isinstance(self.reads, str) else self.reads
+
+    @property
+    def campaign(self) -> str:
+        """The first of them; what the fit needs to know of it holds for all."""
+        return self.campaigns[0]
+
+
+class SettingsOfFamily(Protocol):
+    """What loading a file, its schema and its checks ask of a family."""
+
+    @property
+    def name(self) -> str:
+        """What `family` says in the file."""
+
+    @property
+    def settings(self) -> type[FitSettings]:
+        """Type of its fits; its `family` is a literal of the name."""
+
+    @property
+    def problems(self) -> Callable[[Experiment, str, RobotFile], Iterator[tuple[FieldPath, str]]]:
+        """Finds what is wrong with one of its fits for a robot, by the fit's name: fields below the fit, messages."""
+
+
+Families: TypeAlias = Mapping[str, SettingsOfFamily]
+
+
+def part(settings: object, kind: type[_Options]) -> _Options:
+    """Returns the options that settings are composed of, as an object of their own."""
+    return kind(**{field.name: getattr(settings, field.name) for field in dataclasses.fields(kind)})  # type: ignore[arg-type]
