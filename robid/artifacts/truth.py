@@ -1,33 +1,33 @@
-"""The truth of a simulated campaign, a JSON file beside the record whose attribute `truth_sha256` vouches for it."""
+"""The true robot of a simulated campaign, a JSON file for which the record's attribute `truth_sha256` vouches."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from robid.artifacts.atomic import json_text, read_json, replacing
+from robid.artifacts.plain import from_plain, to_plain
 from robid.artifacts.record import RECORD
 from robid.artifacts.store import read_outline
 from robid.errors import ArtifactError
+from robid.simulate.truth import TrueRobot
 
 _MAKER = "robid simulate-or-acquire EXPERIMENT.yaml"
 
 
-def truth_sha256(content: Mapping[str, Any]) -> str:
+def truth_sha256(truth: TrueRobot) -> str:
     """Returns the SHA-256 of the file that `write_truth` writes."""
-    return hashlib.sha256(json_text(content).encode()).hexdigest()
+    return hashlib.sha256(_text(truth)).hexdigest()
 
 
-def write_truth(path: Path, content: Mapping[str, Any]) -> None:
+def write_truth(path: Path, truth: TrueRobot) -> None:
     """Writes a truth at once."""
     with replacing(path) as partial:
-        partial.write_bytes(json_text(content).encode())
+        partial.write_bytes(_text(truth))
 
 
-def read_truth(path: Path, record: Path) -> dict[str, Any]:
+def read_truth(path: Path, record: Path) -> TrueRobot:
     """Reads a truth that a record vouches for.
 
     Raises:
@@ -39,8 +39,18 @@ def read_truth(path: Path, record: Path) -> dict[str, Any]:
             where=str(record),
             remedy=f"`{_MAKER} --force` makes it again",
         )
-    found: dict[str, Any] = read_json(path, made_by=_MAKER)
-    return found
+    try:
+        return from_plain(TrueRobot, read_json(path, made_by=_MAKER))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ArtifactError(
+            f"The truth is not one of this version ({error}).",
+            where=str(path),
+            remedy=f"`{_MAKER} --force` makes it again",
+        ) from error
+
+
+def _text(truth: TrueRobot) -> bytes:
+    return json_text(to_plain(truth)).encode()
 
 
 def check_truth(path: Path, record: Path) -> bool:
@@ -73,4 +83,4 @@ def is_truth(path: Path) -> bool:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(found, dict) and {"values", "truth", "imperfections", "seed"} <= found.keys()
+    return isinstance(found, dict) and {"robot", "truth", "imperfections", "seed"} <= found.keys()

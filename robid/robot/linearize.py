@@ -124,7 +124,7 @@ def linearize(
     """
     data = mujoco.MjData(model.mujoco)
     to_spring = np.linalg.inv(np.vstack([np.eye(model.mujoco.nv)[model.motor], model.deflection]))
-    axial = _axial_inertia(model)
+    axial = axial_inertia(model)
     masses, gravities, links, outputs = [], [], [], []
     names = output_names or tuple(joint.name for joint in model.robot.joints)
     for position in equilibrium.position:
@@ -221,7 +221,8 @@ def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
     return mass, turns
 
 
-def _axial_inertia(model: ElasticModel) -> FloatArray:
+def axial_inertia(model: ElasticModel) -> FloatArray:
+    """Returns the links' own inertia (n_joint,) about their joint's direction, payload included [kg m^2]."""
     axial = []
     for joint in model.robot.joints:
         body = model.mujoco.body(joint.name)

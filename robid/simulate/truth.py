@@ -2,13 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.description import Friction, Inertial, Joint, Robot, Spring
 from robid.simulate.options import Imperfections, Truth
+
+
+@dataclass(frozen=True)
+class TrueRobot:
+    """The robot that was simulated, and what of its simulation a fit may estimate.
+
+    Attributes:
+        robot: The robot with all deviations and further springs.
+        truth: How it deviates from its file.
+        imperfections: What the simulation does beyond the linear model.
+        delay_s: Delay from recorded to applied torque, hold excluded [s].
+        seed: Seed of the noise.
+        steps_per_sample: RK4 steps per controller sample.
+    """
+
+    robot: Robot
+    truth: Truth
+    imperfections: Imperfections
+    delay_s: float
+    seed: int
+    steps_per_sample: int | None
+
+    def without_springs(self, known: Collection[str]) -> Robot:
+        """Returns the robot with the springs of these names alone."""
+        springs = tuple(spring for spring in self.robot.springs if spring.name in known)
+        return replace(self.robot, springs=springs)
 
 
 def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> Robot:
@@ -38,6 +65,24 @@ def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> 
     )
     joints = tuple(_deviate(joint, *row) for joint, row in zip(robot.joints, friction.tolist(), strict=True))
     return _reweighed(replace(robot, springs=(*springs, *further), joints=joints), truth)
+
+
+def bare(robot: Robot) -> Robot:
+    """Returns a robot without what is not physics: names, notes, limits of the joints, what its file knows how well."""
+    joints = tuple(
+        replace(
+            joint,
+            lower_rad=-np.inf,
+            upper_rad=np.inf,
+            motor=replace(
+                joint.motor,
+                inertia_relative_std=0.0,
+                friction=replace(joint.motor.friction, relative_std=0.0),
+            ),
+        )
+        for joint in robot.joints
+    )
+    return replace(robot, name="", assumed=(), notes=(), joints=joints)
 
 
 def recorded_torque_factor(robot: Robot, truth: Truth) -> FloatArray:

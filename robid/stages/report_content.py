@@ -19,6 +19,7 @@ from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION, validation_from_artifact
 from robid.design.excitation import UNITS, Plan
 from robid.design.information import ConfigurationDesign
+from robid.families.elastic.truth import true_values
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.report.content import (
@@ -150,9 +151,12 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
 
 
 def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float]:
-    paths = {key: folder / path for key, path in truth_input(loaded, loaded.experiment.fits[name]).items()}
-    values: dict[str, float] = read_truth(paths["truth"], paths["record"])["values"] if paths else {}
-    return values
+    fit = loaded.experiment.fits[name]
+    paths = {key: folder / path for key, path in truth_input(loaded, fit).items()}
+    if not paths:
+        return {}
+    nominal = loaded.robot.to_robot(loaded.experiment.campaigns[fit.campaign].payload_kg)
+    return true_values(nominal, read_truth(paths["truth"], paths["record"]))
 
 
 def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) -> Section:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +15,17 @@ from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import check_truth, truth_sha256, write_truth
-from robid.robot.description import Joint, Robot
-from robid.robot.linearize import linearize, solve_statics
-from robid.robot.model import build_model
 from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
+from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller, robot_settings
 from robid.settings.slices import to_plain
 from robid.settings.truth import true_robot_of
 from robid.simulate.experiment import Experiment, simulate, with_settled_steps
-from robid.simulate.options import SimulateOptions
+from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.steps import LIMITS
-from robid.simulate.truth import true_robot, with_imperfections
+from robid.simulate.truth import TrueRobot, bare, with_imperfections
 from robid.stages.acquire import acquire_configuration, experiment_count, log_files
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
@@ -127,12 +125,10 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
 
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
-    nominal = job.loaded.robot.to_robot(job.campaign.payload_kg)
     experiment = simulated_experiment(job.loaded, job.campaign, options, content)
     experiment, steps = with_settled_steps(experiment, content.configurations)
     n_conf = len(content.configurations)
-    values = true_values(nominal, experiment, content.configurations, delay_s(job.loaded, job.campaign))
-    truth = _truth(values, experiment.options)
+    truth = simulated_truth(experiment, delay_s(job.loaded, job.campaign))
     digest = truth_sha256(truth)
     parts = Parts(job.output, RECORD, canonical_hash([job.key, digest, steps.count]))
     todo = [index for index in range(n_conf) if not parts.has(index)]
@@ -164,58 +160,22 @@ def simulated_experiment(
     )
 
 
-def true_values(nominal: Robot, experiment: Experiment, configurations: FloatArray, delay_s: float) -> dict[str, float]:
-    """Returns the true value of everything that a fit may estimate, by the fit's own names.
-
-    What the robot file has no spring for is no value of a fit: the springs that it lacks are left out here.
+def simulated_truth(experiment: Experiment, delay_s: float) -> TrueRobot:
+    """Returns the true robot of a simulated campaign.
 
     Args:
-        nominal: The robot as its file describes it.
         experiment: What is simulated.
-        configurations (n_conf, n_joint): Its configurations [rad].
         delay_s: Delay from recorded to applied torque [s].
     """
     options = experiment.options
-    robot = with_imperfections(true_robot(nominal, options.truth), options.imperfections)
-    values: dict[str, float] = {}
-    for spring in robot.springs:
-        values[f"{spring.name}.stiffness"] = spring.stiffness_nm_rad
-        values[f"{spring.name}.damping"] = spring.damping_nms_rad
-        values[f"{spring.name}.cubic"] = spring.cubic_nm_rad3
-        values |= {f"{spring.name}.location_{axis}": x for axis, x in zip("xyz", spring.point_m.tolist(), strict=True)}
-    model = build_model(robot)
-    axial = linearize(model, solve_statics(model, configurations[:1])).axial
-    for joint, stated, inertia in zip(robot.joints, nominal.joints, axial.tolist(), strict=True):
-        values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
-        values[f"{joint.name}.motor_inertia"] = joint.motor.inertia_kgm2
-        values[f"{joint.name}.link_inertia"] = inertia
-        values |= {f"{joint.name}.{key}": value for key, value in _torque_errors(joint, stated, options).items()}
-    values["delay"] = delay_s
-    return values
-
-
-def _truth(values: dict[str, float], options: SimulateOptions) -> dict[str, Any]:
-    """The true values and where they come from."""
-    return {
-        "values": values,
-        "truth": to_plain(options.truth),
-        "imperfections": asdict(options.imperfections),
-        "seed": options.seed,
-        "steps_per_sample": options.steps_per_sample,
-    }
-
-
-def _torque_errors(joint: Joint, stated: Joint, options: SimulateOptions) -> dict[str, float]:
-    """Relative errors of the robot file's friction and ripple, as the response's coefficients count them."""
-    errors: dict[str, float] = {}
-    law, known, flaws = joint.motor.friction, stated.motor.friction, options.imperfections
-    if known.coulomb_nm > 0 and flaws.friction != "none":
-        errors["level"] = law.coulomb_nm / known.coulomb_nm - 1
-        errors |= {"shape": law.presliding_rad / known.presliding_rad - 1} if flaws.friction == "lugre" else {}
-    if stated.motor.ripple_nm > 0:
-        # The ripple drives the motor; what a regressor counts opposes it.
-        errors |= {"ripple_sin": -1.0 if flaws.ripple else 0.0, "ripple_cos": 0.0}
-    return errors
+    return TrueRobot(
+        robot=bare(with_imperfections(experiment.robot, options.imperfections)),
+        truth=part(options.truth, Truth),
+        imperfections=options.imperfections,
+        delay_s=delay_s,
+        seed=options.seed,
+        steps_per_sample=options.steps_per_sample,
+    )
 
 
 def _vouched(outputs: Sequence[Path]) -> str:

@@ -8,6 +8,7 @@ from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION, validation_to_artifact
 from robid.families.elastic.settings import elastic_fit
+from robid.families.elastic.truth import true_values
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings
 from robid.settings.load import LoadedExperiment
@@ -52,12 +53,19 @@ def _run(job: Job) -> str:
         frf_from_artifact(read_artifact(job.inputs["frf"], FRF)),
         fit.options(),
         delay_s(job.loaded, job.loaded.experiment.campaigns[fit.campaign]),
-        read_truth(job.inputs["truth"], job.inputs["record"])["values"] if "truth" in job.inputs else None,
+        _true_values(job, fit),
         () if alone is None else alone.doubts,
         str(fit.validate_on),
     )
     write_artifact(job.output, validation_to_artifact(validation, job.provenance(STAGE.name)))
     return figures(validation)
+
+
+def _true_values(job: Job, fit: FitSettings) -> dict[str, float] | None:
+    if "truth" not in job.inputs:
+        return None
+    nominal = job.loaded.robot.to_robot(job.loaded.experiment.campaigns[fit.campaign].payload_kg)
+    return true_values(nominal, read_truth(job.inputs["truth"], job.inputs["record"]))
 
 
 def figures(validation: Validation) -> str:

@@ -15,6 +15,7 @@ from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitatio
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import DataError
+from robid.families.elastic.truth import true_values
 from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.joined import join
@@ -26,7 +27,7 @@ from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
 from robid.settings.study import Mistake
 from robid.simulate.experiment import Experiment, simulate
-from robid.stages.simulate_or_acquire import simulated_experiment, true_values
+from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.studies.mistaken import mistaken_record, mistaken_robot
 from robid.studies.mistakes import Case, campaigns_of, cases, read_with, study_of, subjects
 from robid.studies.simulated import Estimator, make_estimator, simulation_settings
@@ -139,7 +140,7 @@ def measure(one: Measurement) -> Content:
             datasets |= {f"{key}/{campaign.name}/{name}": values for name, values in held.datasets.items()}
             attributes |= {f"{key}/{campaign.name}/{name}": value for name, value in held.attributes.items()}
     first = one.campaigns[0]
-    truth = true_values(first.nominal, first.experiment, first.configurations, first.delay_s)
+    truth = true_values(first.nominal, simulated_truth(first.experiment, first.delay_s))
     datasets["truth_names"] = Dataset(np.array(list(truth)), "1", ("truth",))
     datasets["truth"] = Dataset(np.array(list(truth.values())), "SI", ("truth",), "True values by name")
     return Content(datasets, attributes)

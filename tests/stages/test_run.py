@@ -11,6 +11,9 @@ import pytest
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
+from robid.artifacts.truth import read_truth
+from robid.families.elastic.truth import true_values
+from robid.families.files import load_experiment
 from tolerances import RECOVERY_SIGMA
 
 OUTPUTS = {
@@ -31,10 +34,11 @@ def test_a_run_makes_everything_and_recovers_the_springs(done):
     summary = json.loads((done.runs / "summary.json").read_text())
     assert all(isinstance(value, int | float) for value in summary.values())
     truth = json.loads((done.runs / "estimation" / "truth.json").read_text())
-    for name in ("gear_turn.stiffness", "gear_lift.stiffness"):
-        prefix = f"fits.elastic.parameters.{name}"
-        assert summary[f"{prefix}.truth"] == truth["values"][name] != summary[f"{prefix}.nominal"]
-        assert summary[f"{prefix}.estimate"] == pytest.approx(truth["values"][name], rel=0.02)
+    stiffness = {spring["name"]: spring["stiffness_nm_rad"] for spring in truth["robot"]["springs"]}
+    for name in ("gear_turn", "gear_lift"):
+        prefix = f"fits.elastic.parameters.{name}.stiffness"
+        assert summary[f"{prefix}.truth"] == stiffness[name] != summary[f"{prefix}.nominal"]
+        assert summary[f"{prefix}.estimate"] == pytest.approx(stiffness[name], rel=0.02)
     assert summary["fits.elastic.springs.worst_error"] < 0.02
     modes = [key for key in summary if ".resonances.configuration_1." in key and key.endswith(".model_hz")]
     assert modes
@@ -66,21 +70,23 @@ def test_a_stated_truth_is_simulated_and_told_by_the_names_of_the_fit(shop):
             assert answer.code == 0, answer.err
         folder = shop.runs / "validation"
         record = record_from_artifact(read_artifact(folder / "record.h5", RECORD))
-        return record, json.loads((folder / "truth.json").read_text())
+        nominal = load_experiment(shop.folder / "small.yaml").robot.to_robot()
+        true = read_truth(folder / "truth.json", folder / "record.h5")
+        return record, true, true_values(nominal, true)
 
     stated = "rotor_inertia_factor: {turn: 1.1}, mass_factor: {payload: 2}"
     tilt = "springs: [{name: tilt, place: base, axis: [1, 0, 0], stiffness_nm_rad: 1.0e+6, damping_nms_rad: 300}]"
-    _, plain = recorded()
+    _, _, plain = recorded()
     shop.change("truth: {", f"truth: {{{stated}, {tilt}, ")
     shop.change("friction: lugre", "friction: stribeck")
-    right, truth = recorded()
-    assert truth["truth"]["springs"][0]["name"] == "tilt"
-    assert set(truth["values"]) == set(plain["values"]) - {"turn.shape", "lift.shape"}
-    changed = {name for name, value in truth["values"].items() if value != plain["values"][name]}
+    right, true, values = recorded()
+    assert true.robot.springs[-1].name == "tilt"
+    assert set(values) == set(plain) - {"turn.shape", "lift.shape"}
+    changed = {name for name, value in values.items() if value != plain[name]}
     assert changed == {"turn.motor_inertia", "lift.link_inertia"}
-    assert truth["values"]["turn.motor_inertia"] == pytest.approx(1.1 * 0.002)
+    assert values["turn.motor_inertia"] == pytest.approx(1.1 * 0.002)
     shop.change("truth: {", "truth: {reversed_torque: [turn], torque_constant_factor: {lift: 0.8}, ")
-    wrong, _ = recorded()
+    wrong, _, _ = recorded()
     np.testing.assert_array_equal(wrong.position, right.position)
     np.testing.assert_allclose(wrong.torque, right.torque * [-1.0, 1.25], rtol=1e-6, atol=1e-6)
 
@@ -129,10 +135,11 @@ def test_friction_identified_at_the_silent_lines(shop):
     assert answer.code == 0, answer.err
     frf = frf_from_artifact(read_artifact(shop.runs / "estimation/frf.h5", FRF))
     found = dict(zip(frf.law_names, zip(frf.law_values, frf.law_std, strict=True), strict=True))
-    truth = json.loads((shop.runs / "estimation" / "truth.json").read_text())["values"]
-    for joint in ("turn", "lift"):
-        value, std = found[f"{joint}.coulomb_nm"]
-        assert abs(value - 0.2 * (1 + truth[f"{joint}.level"])) < RECOVERY_SIGMA * std
+    true = read_truth(shop.runs / "estimation/truth.json", shop.runs / "estimation/record.h5").robot
+    for joint in true.joints:
+        value, std = found[f"{joint.name}.coulomb_nm"]
+        assert joint.motor.friction.coulomb_nm != pytest.approx(0.2, rel=0.01)
+        assert abs(value - joint.motor.friction.coulomb_nm) < RECOVERY_SIGMA * std
         assert std < 0.03
     assert any("silent lines of 1 configuration: they explain at least" in note for note in frf.notes)
     summary = json.loads((shop.runs / "summary.json").read_text())

@@ -87,7 +87,7 @@ def test_an_exchanged_input_makes_stale_what_read_it(done):
     assert set(done.states().values()) == {("fresh", "")}  # made again, but the same content
     (done.runs / "estimation" / "frf.h5").write_bytes((done.runs / "validation" / "frf.h5").read_bytes())
     assert done.states()["fits/elastic/model.h5"] == ("stale", "input estimation/frf.h5 will be made again")
-    (done.runs / "estimation" / "truth.json").write_text('{"values": {}}')
+    (done.runs / "estimation" / "truth.json").write_text('{"robot": {}}')
     assert done.states()["fits/elastic/validation.h5"][0] == "stale"
 
 

@@ -1,0 +1,51 @@
+"""The true values of an elastic fit's parameters in a true robot."""
+
+from __future__ import annotations
+
+from robid.robot.description import Joint, Robot
+from robid.robot.linearize import axial_inertia
+from robid.robot.model import build_model
+from robid.simulate.options import Imperfections
+from robid.simulate.truth import TrueRobot
+
+
+def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
+    """Returns the true value of everything that an elastic fit may estimate, by the fit's own names.
+
+    What the robot file has no spring for is no value of a fit: the springs that it lacks are left out.
+
+    Args:
+        nominal: The robot as its file describes it, with the campaign's payload.
+        true: The robot that was simulated.
+    """
+    known = [spring.name for spring in nominal.springs]
+    values: dict[str, float] = {}
+    for spring in true.robot.springs:
+        if spring.name in known:
+            values[f"{spring.name}.stiffness"] = spring.stiffness_nm_rad
+            values[f"{spring.name}.damping"] = spring.damping_nms_rad
+            values[f"{spring.name}.cubic"] = spring.cubic_nm_rad3
+            place = zip("xyz", spring.point_m.tolist(), strict=True)
+            values |= {f"{spring.name}.location_{axis}": x for axis, x in place}
+    axial = axial_inertia(build_model(true.without_springs(known)))
+    for joint, stated, inertia in zip(true.robot.joints, nominal.joints, axial.tolist(), strict=True):
+        values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
+        values[f"{joint.name}.motor_inertia"] = joint.motor.inertia_kgm2
+        values[f"{joint.name}.link_inertia"] = inertia
+        errors = _torque_errors(joint, stated, true.imperfections)
+        values |= {f"{joint.name}.{key}": value for key, value in errors.items()}
+    values["delay"] = true.delay_s
+    return values
+
+
+def _torque_errors(joint: Joint, stated: Joint, flaws: Imperfections) -> dict[str, float]:
+    """Relative errors of the robot file's friction and ripple, as the response's coefficients count them."""
+    errors: dict[str, float] = {}
+    law, known = joint.motor.friction, stated.motor.friction
+    if known.coulomb_nm > 0 and flaws.friction != "none":
+        errors["level"] = law.coulomb_nm / known.coulomb_nm - 1
+        errors |= {"shape": law.presliding_rad / known.presliding_rad - 1} if flaws.friction == "lugre" else {}
+    if stated.motor.ripple_nm > 0:
+        # The ripple drives the motor; what a regressor counts opposes it.
+        errors |= {"ripple_sin": -1.0 if flaws.ripple else 0.0, "ripple_cos": 0.0}
+    return errors
