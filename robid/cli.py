@@ -17,6 +17,7 @@ from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.artifacts.store import inspect_artifact
 from robid.backends.map import make_map
 from robid.errors import ArtifactError, RobidError, SettingsError
+from robid.families.family import Graded
 from robid.families.files import experiment_schema, load_experiment
 from robid.pipeline import (
     STAGES,
@@ -35,7 +36,7 @@ from robid.pipeline import (
 from robid.report.numbers import duration
 from robid.report.terminal import fit_tables
 from robid.settings.schema import robot_schema
-from robid.stages.export import ExportOptions, Format, check_options, export, export_plan, write_export
+from robid.stages.export import ExportOptions, check_options, export, export_plan, export_target, write_export
 from robid.stages.export_excitation import (
     ExcitationExport,
     check_excitation_export,
@@ -44,7 +45,7 @@ from robid.stages.export_excitation import (
 )
 from robid.stages.replacing import check_outputs, settings_files
 from robid.stages.report_content import gather
-from robid.stages.stage import Graded, Stage
+from robid.stages.stage import Stage
 from robid.stages.terminal import Shell, dataset_table, make_console, section_table, status_table
 from robid.studies.study import run_study
 
@@ -303,7 +304,10 @@ def run_a_study(
 @app.command("export")
 def export_model(
     experiment: ExperimentFile,
-    format_: Annotated[Format, typer.Option("--format", help="What to write.")],
+    format_: Annotated[
+        str,
+        typer.Option("--format", help="What to write: mjcf, json, csv, mat, statespace; of a campaign csv, mat."),
+    ],
     fit: Annotated[
         str | None, typer.Option("--fit", help="Name of the fit; may be left out if it is the only one.")
     ] = None,
@@ -338,7 +342,10 @@ def export_model(
     options = ExportOptions(format_, configuration, friction, output)
     check_options(options, run.loaded, node.owner)
     inputs = require_inputs(run, dataclasses.replace(node, plan=export_plan(run.loaded, node.owner)), [])
-    content, target = export(options, run.loaded, node.owner, inputs), options.target(run.folder, node.owner)
+    content, target = (
+        export(options, run.loaded, node.owner, inputs),
+        export_target(options, run.loaded, node.owner, run.folder),
+    )
     with locked(_lock(run, target), f"robid export {experiment}"):
         outcome = write_export(target, content, {**settings_files(run.loaded), **inputs}, force=force)
     shell = _shell(run, as_json=as_json)

@@ -12,12 +12,14 @@ from typing import Literal
 from robid.artifacts.leftovers import remove_leftovers
 from robid.artifacts.store import read_header
 from robid.backends.map import Map, make_map
+from robid.backends.progress import Progress
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
+from robid.families.family import Graded
 from robid.settings.load import LoadedExperiment
 from robid.stages import report
 from robid.stages.freshness import State, compare, input_hashes
 from robid.stages.replacing import check_outputs, outputs_at
-from robid.stages.stage import Graded, Job, Plan, Progress, Stage, check_room
+from robid.stages.stage import Job, Plan, Stage, check_room
 
 _SMALL_BYTES = 1e6
 

@@ -2,13 +2,112 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
+from robid.artifacts.artifact import Artifact
+from robid.backends.map import Map
+from robid.backends.progress import Progress
+from robid.frf.frf import Frf
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings, Read
+from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
+from robid.signals.record import Record
+from robid.simulate.truth import TrueRobot
+
+
+@dataclass(frozen=True)
+class Graded:
+    """How far to trust a model: 2 to trust, 1 it predicts but single parameters may be off, 0 not to be used."""
+
+    value: int
+    sentence: str
+
+    def fails(self, *, strict: bool) -> bool:
+        """Whether a command that gives this grade exits with 5."""
+        return self.value < (2 if strict else 1)
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a fit or its validation reads.
+
+    Attributes:
+        loaded: The experiment.
+        name: Name of the fit.
+        frf: Response of the campaigns that it reads, joined and in the configurations of the fit; None where the
+            family reads none.
+        records: Record of each campaign, where the family reads them.
+        configurations: Index of each configuration of the response in its campaigns, those of further ones counted on.
+    """
+
+    loaded: LoadedExperiment
+    name: str
+    frf: Frf | None
+    records: tuple[Record, ...] = ()
+    configurations: tuple[int, ...] = ()
+
+    @property
+    def settings(self) -> FitSettings:
+        """The fit's settings."""
+        return self.loaded.experiment.fits[self.name]
+
+    @property
+    def response(self) -> Frf:
+        """The response, for a family that reads one."""
+        if self.frf is None:
+            message = f"fit {self.name} reads no response"
+            raise RuntimeError(message)
+        return self.frf
+
+
+@dataclass(frozen=True)
+class Work:
+    """How a fit is computed: what runs independent tasks, and where it tells how far it is."""
+
+    map: Map
+    progress: Progress
+
+
+@dataclass(frozen=True)
+class ExportTask:
+    """What is exported.
+
+    Attributes:
+        data: What the fit read.
+        model: Its artifact.
+        configuration: Index of one configuration; None for all of the fit.
+        friction: Whether friction is in, where a format can hold it; None where nothing was said.
+        suffix: Suffix of the file.
+    """
+
+    data: Data
+    model: Artifact
+    configuration: int | None
+    friction: bool | None
+    suffix: str
+
+
+@dataclass(frozen=True)
+class Export:
+    """A format that a model can be written in.
+
+    Attributes:
+        file: Name of the file where none is given.
+        suffixes: Suffixes that the file may have.
+        make: Makes the file's content.
+        takes_configuration: Whether it may hold a single configuration.
+        takes_friction: Whether friction may be in or out.
+    """
+
+    file: str
+    suffixes: tuple[str, ...]
+    make: Callable[[ExportTask], bytes]
+    takes_configuration: bool = True
+    takes_friction: bool = False
 
 
 @dataclass(frozen=True)
@@ -21,9 +120,36 @@ class Family:
         reads: What of a campaign a fit reads.
         problems: Finds what is wrong with one of its fits for a robot, by the fit's name: fields below the fit and
             messages.
+        decides: Settings by dotted name that decide what a fit makes of a campaign, beside those of the fit itself;
+            takes the campaign's name.
+        fit: Fits a model and grades it by itself; the stage adds the provenance.
+        validate: Holds a fitted model against data that it never saw; takes the data, the model, and the true robot
+            where it is known.
+        seed: Seed of a fit, for its provenance.
+        true_values: True value of every parameter, by name, in a true robot; takes the fit's name.
+        phrase: How a fit ended, from its artifact.
+        verdict: What a validation found, from its artifact.
+        exports: Formats that a model can be written in, by name.
     """
 
     name: str
     settings: type[FitSettings]
     reads: tuple[Read, ...]
     problems: Callable[[Experiment, str, RobotFile], Iterator[tuple[FieldPath, str]]]
+    decides: Callable[[LoadedExperiment, str], dict[str, Any]]
+    fit: Callable[[Data, Work], Artifact]
+    validate: Callable[[Data, Artifact, TrueRobot | None], Artifact]
+    seed: Callable[[FitSettings], int | None]
+    true_values: Callable[[LoadedExperiment, str, TrueRobot], Mapping[str, float]]
+    phrase: Callable[[Artifact], str]
+    verdict: Callable[[Artifact], str]
+    exports: Mapping[str, Export]
+
+
+def family_of(loaded: LoadedExperiment, fit: str) -> Family:
+    """Returns the family of one of an experiment's fits."""
+    family = loaded.families[loaded.experiment.fits[fit].family]
+    if not isinstance(family, Family):
+        message = f"{family.name} is no family"
+        raise TypeError(message)
+    return family

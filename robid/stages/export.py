@@ -1,40 +1,21 @@
-"""export: a fitted model for other programs, as MJCF, tables of parameters, MAT or state space."""
+"""export: a fitted model for other programs, in the formats of its family."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal
 
 from robid.artifacts.atomic import replacing
-from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
+from robid.families.family import Export, ExportTask, family_of
 from robid.settings.load import LoadedExperiment
-from robid.stages.export_content import COLUMNS, FittedExport, arrays, mjcf, parameter_records, state_spaces
-from robid.stages.export_files import Content, encode_csv, encode_json, encode_mat, encode_npz
-from robid.stages.fit import frf_inputs, read_frf
+from robid.stages.fit import data_inputs, read_data
 from robid.stages.replacing import check_replaceable
 from robid.stages.stage import Plan
-
-Format: TypeAlias = Literal["mjcf", "json", "csv", "mat", "statespace"]
-
-_DEFAULT_NAMES: dict[Format, str] = {
-    "mjcf": "model.xml",
-    "json": "parameters.json",
-    "csv": "parameters.csv",
-    "mat": "model.mat",
-    "statespace": "statespace.mat",
-}
-_SUFFIXES: dict[Format, tuple[str, ...]] = {
-    "mjcf": (".xml",),
-    "json": (".json",),
-    "csv": (".csv",),
-    "mat": (".mat",),
-    "statespace": (".mat", ".json", ".npz"),
-}
-_ENCODERS: dict[str, Callable[[Content], bytes]] = {".mat": encode_mat, ".json": encode_json, ".npz": encode_npz}
 
 
 @dataclass(frozen=True)
@@ -42,25 +23,36 @@ class ExportOptions:
     """What to export.
 
     Attributes:
-        format: The format.
+        format: The format, one of the family's.
         configuration: Index of one configuration of the campaign; None for all of the fit.
-        friction: MJCF only: whether friction and ripple are in; None where nothing was said.
+        friction: Whether friction and ripple are in; None where nothing was said.
         output: Where to; None for the fit's folder.
     """
 
-    format: Format
+    format: str
     configuration: int | None = None
     friction: bool | None = None
     output: Path | None = None
 
-    def target(self, folder: Path, fit: str) -> Path:
-        """Returns where the file goes."""
-        return self.output or folder / "fits" / fit / "export" / _DEFAULT_NAMES[self.format]
-
 
 def export_plan(loaded: LoadedExperiment, fit: str) -> Plan:
     """Returns what an export reads; what it writes depends on its options."""
-    return Plan((), {}, {"model": f"fits/{fit}/model.h5", **frf_inputs(loaded.experiment.fits[fit])})
+    inputs = data_inputs(family_of(loaded, fit).reads, loaded.experiment.fits[fit].campaigns)
+    return Plan((), {}, {"model": f"fits/{fit}/model.h5", **inputs})
+
+
+def export_target(options: ExportOptions, loaded: LoadedExperiment, fit: str, folder: Path) -> Path:
+    """Returns where the file goes."""
+    return options.output or folder / "fits" / fit / "export" / _format(options, loaded, fit).file
+
+
+def _format(options: ExportOptions, loaded: LoadedExperiment, fit: str) -> Export:
+    family = family_of(loaded, fit)
+    if options.format not in family.exports:
+        known = ", ".join(f"`{name}`" for name in family.exports)
+        message = f"a fit of family `{family.name}` is not written as `{options.format}`"
+        raise SettingsError(message, where="export --format", remedy=f"choose one of {known}")
+    return family.exports[options.format]
 
 
 def check_options(options: ExportOptions, loaded: LoadedExperiment, fit: str) -> None:
@@ -70,16 +62,21 @@ def check_options(options: ExportOptions, loaded: LoadedExperiment, fit: str) ->
         SettingsError: With every problem.
     """
     problems = []
-    suffixes = _SUFFIXES[options.format]
-    if options.output is not None and options.output.suffix not in suffixes:
-        problems.append(f"`--output {options.output}` must end with {' or '.join(suffixes)} for `{options.format}`")
-    if options.friction is not None and options.format != "mjcf":
-        problems.append(f"`--friction` and `--no-friction` are for `mjcf`, not for `{options.format}`")
-    if options.configuration is not None and options.format in ("json", "csv"):
+    chosen = _format(options, loaded, fit)
+    if options.output is not None and options.output.suffix not in chosen.suffixes:
+        ends = " or ".join(chosen.suffixes)
+        problems.append(f"`--output {options.output}` must end with {ends} for `{options.format}`")
+    if options.friction is not None and not chosen.takes_friction:
+        others = [f"`{name}`" for name, each in family_of(loaded, fit).exports.items() if each.takes_friction]
+        problems.append(
+            f"`--friction` and `--no-friction` are for {', '.join(others) or 'no format'}, not for `{options.format}`"
+        )
+    if options.configuration is not None and not chosen.takes_configuration:
         problems.append(f"`{options.format}` holds parameters, which have no `--configuration`")
     listed = loaded.experiment.fits[fit].configurations
     if options.configuration is not None and listed is not None and options.configuration not in listed:
-        problems.append(f"fit `{fit}` has no configuration {options.configuration} (it has {_shown(listed)})")
+        shown = ", ".join(map(str, listed))
+        problems.append(f"fit `{fit}` has no configuration {options.configuration} (it has {shown})")
     if problems:
         raise SettingsError("; ".join(problems), where="export", remedy="`robid export --help` says what goes together")
 
@@ -91,30 +88,16 @@ def export(options: ExportOptions, loaded: LoadedExperiment, fit: str, inputs: M
         options: What to export; checked.
         loaded: The experiment.
         fit: Name of the fit.
-        inputs: Its `model` and the `frf` that it was fitted to.
+        inputs: Its `model` and what it was fitted to.
 
     Raises:
         SettingsError: If the configuration does not exist.
         DataError: If the fitted values make no mechanical model.
     """
-    model = read_artifact(inputs["model"], MODEL)
-    settings = loaded.experiment.fits[fit]
-    listed, frf = settings.configurations, read_frf(settings, inputs)
-    chosen = tuple(listed) if listed is not None else tuple(range(len(frf.configurations)))
-    found = FittedExport(loaded, fit, model.provenance.finished_utc, model_from_artifact(model), frf, chosen)
-    rows = _rows(found, options.configuration)
-    if options.format == "mjcf":
-        return mjcf(found, rows, friction=options.friction is not False).encode()
-    if options.format == "json":
-        return encode_json(
-            {**found.origin, "confidence": found.solution.confidence, "parameters": parameter_records(found)}
-        )
-    if options.format == "csv":
-        return encode_csv(COLUMNS, [list(record.values()) for record in parameter_records(found)])
-    if options.format == "mat":
-        return encode_mat(arrays(found, rows))
-    suffix = options.target(Path(), fit).suffix
-    return _ENCODERS[suffix](state_spaces(found, rows))
+    chosen = _format(options, loaded, fit)
+    suffix = options.output.suffix if options.output is not None else Path(chosen.file).suffix
+    data, model = read_data(loaded, fit, inputs), read_artifact(inputs["model"], MODEL)
+    return chosen.make(ExportTask(data, model, options.configuration, options.friction, suffix))
 
 
 def write_export(path: Path, content: bytes, read: Mapping[str, Path], *, force: bool) -> Literal["made", "fresh"]:
@@ -141,16 +124,3 @@ def write_export(path: Path, content: bytes, read: Mapping[str, Path], *, force:
     with replacing(path) as partial:
         partial.write_bytes(content)
     return "made"
-
-
-def _rows(found: FittedExport, configuration: int | None) -> list[int]:
-    if configuration is None:
-        return list(range(len(found.chosen)))
-    if configuration not in found.chosen:
-        message = f"fit `{found.name}` has no configuration {configuration} (it has {_shown(found.chosen)})"
-        raise SettingsError(message, where="--configuration", remedy="name one of them, or none for all")
-    return [found.chosen.index(configuration)]
-
-
-def _shown(configurations: tuple[int, ...]) -> str:
-    return ", ".join(map(str, configurations))

@@ -13,9 +13,9 @@ from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitatio
 from robid.artifacts.store import read_artifact
 from robid.design.excitation import UNITS
 from robid.errors import ArtifactError, SettingsError
+from robid.families.encode import encode_mat, encode_table
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.stages.export_files import encode_mat, encode_table
 from robid.stages.stage import Plan, counted
 
 _HOW = {

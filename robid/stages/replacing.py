@@ -10,8 +10,8 @@ from pathlib import Path
 from robid.artifacts.store import kind_of
 from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
+from robid.families.encode import PARAMETER_COLUMNS
 from robid.settings.load import LoadedExperiment
-from robid.stages.export_content import COLUMNS
 from robid.stages.report import read_stamp
 from robid.stages.stage import Plan, Stage
 
@@ -19,7 +19,7 @@ _HEAD_BYTES = 4096
 _MARKS = {
     ".xml": (b"elastic model identified by robid ",),
     ".mat": (b"MATLAB 5.0 MAT-file, written by robid",),
-    ".csv": (",".join(COLUMNS).encode(), b"# Excitation of campaign "),
+    ".csv": (",".join(PARAMETER_COLUMNS).encode(), b"# Excitation of campaign "),
 }
 
 

@@ -19,7 +19,7 @@ from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION, validation_from_artifact
 from robid.design.excitation import UNITS, Plan
 from robid.design.information import ConfigurationDesign
-from robid.families.elastic.truth import true_values
+from robid.families.elastic.fitting import fit_phrase, values_in, verdict
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.report.content import (
@@ -38,7 +38,7 @@ from robid.report.summary import identified_phrase
 from robid.report.tables import widened_sentence
 from robid.robot.skeleton import skeleton
 from robid.settings.load import LoadedExperiment
-from robid.stages import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
+from robid.stages import design_configs, design_excitation, estimate_frf, simulate_or_acquire
 from robid.stages.plausible import contradictions
 from robid.stages.report_fit import fit_content
 from robid.stages.validate import truth_input
@@ -155,8 +155,7 @@ def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float
     paths = {key: folder / path for key, path in truth_input(loaded, fit).items()}
     if not paths:
         return {}
-    nominal = loaded.robot.to_robot(loaded.experiment.campaigns[fit.campaign].payload_kg)
-    return true_values(nominal, read_truth(paths["truth"], paths["record"]))
+    return values_in(loaded, name, read_truth(paths["truth"], paths["true_record"]))
 
 
 def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) -> Section:
@@ -258,9 +257,9 @@ def _figures(path: str, run: _Run) -> str:
         return design_configs.figures(run.designs[name])
     owner = folder.removeprefix("fits/")
     if name == "model":
-        return fit.figures(run.solutions[owner])
+        return fit_phrase(run.solutions[owner])
     if name == "validation":
-        return validate.figures(run.validations[owner])
+        return verdict(run.validations[owner])
     if owner not in run.frfs:
         return ""
     excitation = run.excitations[owner]

@@ -9,13 +9,14 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.families.elastic.settings import elastic_fit
+from robid.families.units import with_torque_unit
 from robid.fit.model_error import ModelError
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
 from robid.report.content import CostRow, ElementErrors, FitContent, GradeRow, ParameterRow, ResonanceRow, StartRow
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
-from robid.stages.fit import chosen_frf, with_torque_unit
+from robid.stages.fit import chosen_frf
 from robid.validation.elastic import Validation
 from robid.validation.grade import Grade
 from robid.validation.resonances import ResonanceTable, tabulate_resonances

@@ -8,29 +8,18 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from rich.console import Group
 
 from robid.artifacts.artifact import Kind, Provenance
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
 from robid.backends.map import Map
+from robid.backends.progress import Progress
 from robid.errors import ArtifactError
+from robid.families.family import Graded
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.load import LoadedExperiment
-
-
-class Progress(Protocol):
-    """Where a stage tells how far it is."""
-
-    def expect(self, total: int, unit: str, done: int = 0) -> None:
-        """Says how many tasks there are, and how many of them an earlier run did."""
-
-    def advance(self) -> None:
-        """Says that one more is done."""
-
-    def warn(self, text: str) -> None:
-        """Tells what the user should know before using the result."""
 
 
 @dataclass(frozen=True)
@@ -105,18 +94,6 @@ class Job:
             started_utc=self.started_utc,
             finished_utc=utc_now(),
         )
-
-
-@dataclass(frozen=True)
-class Graded:
-    """How far to trust a model: 2 to trust, 1 it predicts but single parameters may be off, 0 not to be used."""
-
-    value: int
-    sentence: str
-
-    def fails(self, *, strict: bool) -> bool:
-        """Whether a command that gives this grade exits with 5."""
-        return self.value < (2 if strict else 1)
 
 
 @dataclass(frozen=True)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact
+from robid.artifacts.model import MODEL
+from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
-from robid.artifacts.validation import VALIDATION, validation_to_artifact
-from robid.families.elastic.settings import elastic_fit
-from robid.families.elastic.truth import true_values
+from robid.artifacts.validation import VALIDATION
+from robid.families.family import Data, family_of
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
-from robid.stages.fit import graded, model_settings
+from robid.stages.fit import data_inputs, graded
 from robid.stages.stage import Job, Plan, Stage
-from robid.validation.elastic import Validation, validate_elastic
-from robid.validation.recovery import recovery_sentence
 
 
 def _owners(experiment: Experiment) -> tuple[str, ...]:
@@ -25,10 +24,11 @@ def _owners(experiment: Experiment) -> tuple[str, ...]:
 
 
 def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
-    fit = loaded.experiment.fits[owner]
-    settings = {f"fits.{owner}": to_plain(fit), **model_settings(loaded, fit.campaign)}
-    settings |= {f"campaigns.{fit.validate_on}.payload_kg": _validation_payload(loaded, fit)}
-    inputs = {"model": f"fits/{owner}/model.h5", "frf": f"{fit.validate_on}/frf.h5", **truth_input(loaded, fit)}
+    fit, family = loaded.experiment.fits[owner], family_of(loaded, owner)
+    campaign = fit.validate_on or fit.campaign
+    settings = {f"fits.{owner}": to_plain(fit), **family.decides(loaded, fit.campaign)}
+    settings |= {f"campaigns.{campaign}.payload_kg": loaded.experiment.campaigns[campaign].payload_kg}
+    inputs = {"model": f"fits/{owner}/model.h5", **data_inputs(family.reads, (campaign,)), **truth_input(loaded, fit)}
     return Plan((f"fits/{owner}/validation.h5",), settings, inputs)
 
 
@@ -36,42 +36,18 @@ def truth_input(loaded: LoadedExperiment, fit: FitSettings) -> dict[str, str]:
     """Returns where the truth of a fit's campaign and its record lie; a measured robot has none."""
     source = loaded.experiment.campaigns[fit.campaign].source
     simulated = source is not None and source.simulate is not None
-    return {"truth": f"{fit.campaign}/truth.json", "record": f"{fit.campaign}/record.h5"} if simulated else {}
-
-
-def _validation_payload(loaded: LoadedExperiment, fit: FitSettings) -> float | None:
-    return None if fit.validate_on is None else loaded.experiment.campaigns[fit.validate_on].payload_kg
+    return {"truth": f"{fit.campaign}/truth.json", "true_record": f"{fit.campaign}/record.h5"} if simulated else {}
 
 
 def _run(job: Job) -> str:
-    fit = elastic_fit(job.loaded.experiment, job.owner)
-    model = read_artifact(job.inputs["model"], MODEL)
-    alone = grade_from_artifact(model)
-    validation = validate_elastic(
-        job.loaded.robot.to_robot(_validation_payload(job.loaded, fit)),
-        model_from_artifact(model),
-        frf_from_artifact(read_artifact(job.inputs["frf"], FRF)),
-        fit.options(),
-        delay_s(job.loaded, job.loaded.experiment.campaigns[fit.campaign]),
-        _true_values(job, fit),
-        () if alone is None else alone.doubts,
-        str(fit.validate_on),
-    )
-    write_artifact(job.output, validation_to_artifact(validation, job.provenance(STAGE.name)))
-    return figures(validation)
-
-
-def _true_values(job: Job, fit: FitSettings) -> dict[str, float] | None:
-    if "truth" not in job.inputs:
-        return None
-    nominal = job.loaded.robot.to_robot(job.loaded.experiment.campaigns[fit.campaign].payload_kg)
-    return true_values(nominal, read_truth(job.inputs["truth"], job.inputs["record"]))
-
-
-def figures(validation: Validation) -> str:
-    """Says whether the model holds, in a sentence or two."""
-    known = recovery_sentence(validation.springs_within, validation.springs_known, validation.coverage)
-    return f"{validation.verdict}. {known}" if known else validation.verdict
+    family, inputs = family_of(job.loaded, job.owner), job.inputs
+    frf = frf_from_artifact(read_artifact(inputs["frf"], FRF)) if "frf" in inputs else None
+    records = (record_from_artifact(read_artifact(inputs["record"], RECORD)),) if "record" in inputs else ()
+    true = read_truth(inputs["truth"], inputs["true_record"]) if "truth" in inputs else None
+    found = family.validate(Data(job.loaded, job.owner, frf, records), read_artifact(inputs["model"], MODEL), true)
+    made = replace(found, provenance=job.provenance(STAGE.name))
+    write_artifact(job.output, made)
+    return family.verdict(made)
 
 
 STAGE = Stage(

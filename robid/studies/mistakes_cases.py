@@ -13,6 +13,7 @@ from robid.artifacts.model import MODEL, model_from_artifact, model_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.errors import DataError
+from robid.families.elastic.fitting import model_settings
 from robid.families.elastic.settings import elastic_fit
 from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions
@@ -23,7 +24,6 @@ from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
-from robid.stages.fit import model_settings
 from robid.studies.mistaken import mistaken_robot
 from robid.studies.mistakes import Case, campaigns_of, cases, study_of
 from robid.studies.mistakes_grades import GRADING, Against, against_truth, refused_causes

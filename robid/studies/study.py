@@ -14,6 +14,7 @@ from robid.artifacts.provenance import canonical_hash, git_commit, package_versi
 from robid.artifacts.store import read_header
 from robid.artifacts.task import TASK
 from robid.backends.map import make_map
+from robid.backends.progress import Progress
 from robid.errors import ArtifactError, SettingsError
 from robid.pipeline import Result, Run, run_all
 from robid.report.content import ReportContent, StageRow
@@ -24,7 +25,7 @@ from robid.settings.slices import to_plain
 from robid.settings.study import FrfStudy
 from robid.stages.replacing import check_replaceable, settings_files
 from robid.stages.report import read_stamp, write_page
-from robid.stages.stage import Progress, counted
+from robid.stages.stage import counted
 from robid.studies import (
     frf,
     frf_report,

@@ -12,8 +12,8 @@ from robid.artifacts.provenance import canonical_hash, git_commit, package_versi
 from robid.artifacts.store import kind_of, read_artifact, write_artifact
 from robid.artifacts.task import TASK
 from robid.backends.map import Map
+from robid.backends.progress import Progress
 from robid.errors import ArtifactError
-from robid.stages.stage import Progress
 
 
 @dataclass(frozen=True)

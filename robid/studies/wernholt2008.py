@@ -12,6 +12,7 @@ import numpy as np
 from robid.artifacts.artifact import Dataset
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
+from robid.families.elastic.fitting import model_settings
 from robid.fit.elastic import draw_starts, set_up
 from robid.fit.options import ElasticOptions, EstimatorKind, WeightsKind
 from robid.fit.problem import Problem
@@ -24,7 +25,6 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
 from robid.settings.study import WernholtStudy
-from robid.stages.fit import model_settings
 from robid.studies.paper import paper_figures
 from robid.studies.tasks import Content, Task
 

@@ -15,6 +15,7 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.design.measured import measured_information
 from robid.design.wanted import ALONG
+from robid.families.elastic.fitting import model_settings
 from robid.fit.elastic import fit_elastic
 from robid.fit.fitted_robot import fitted_robot
 from robid.fit.options import ElasticOptions
@@ -33,7 +34,6 @@ from robid.settings.slices import to_plain
 from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
-from robid.stages.fit import model_settings
 from robid.studies.simulated import simulate_options
 from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023 import Earlier, Pair, pairs, study_of

@@ -13,7 +13,7 @@ from scipy.io import loadmat
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.stages.export_files import encode_mat
+from robid.families.encode import encode_mat
 from tolerances import MJCF
 
 FOLDER = "fits/elastic"

@@ -9,6 +9,9 @@ import numpy as np
 import robid
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.families.encode import PARAMETER_COLUMNS as COLUMNS
+from robid.families.encode import Content
+from robid.families.units import with_torque_unit
 from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
@@ -22,10 +25,6 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
-from robid.stages.export_files import Content
-from robid.stages.fit import with_torque_unit
-
-COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
 
 
 @dataclass(frozen=True)

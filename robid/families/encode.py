@@ -16,6 +16,7 @@ from robid.artifacts.atomic import plain
 
 Content: TypeAlias = dict[str, Any]
 
+PARAMETER_COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
 _MAT_TITLE = 116
 
 
