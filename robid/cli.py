@@ -24,12 +24,12 @@ from robid.pipeline import (
     Node,
     Result,
     Run,
+    asked_for,
     choose_node,
     examine,
     execute,
     fresh_at,
     grade_of,
-    graph,
     require_inputs,
     run_all,
 )
@@ -383,7 +383,7 @@ def show_status(
     """Says what is fresh, stale or missing, and why."""
     del debug
     run = _open(experiment, run_dir, None, None)
-    states = examine(run, graph(run.loaded))
+    states = examine(run, asked_for(run.loaded))
     if as_json:
         nodes = [
             {"stage": node.stage.name, "for": node.owner, "output": node.output}

@@ -104,6 +104,11 @@ def graph(loaded: LoadedExperiment) -> tuple[Node, ...]:
     return tuple(order)
 
 
+def asked_for(loaded: LoadedExperiment) -> tuple[Node, ...]:
+    """Returns the nodes that a run makes: all but those whose output nothing reads."""
+    return tuple(node for node in graph(loaded) if not node.stage.on_request(loaded, node.owner))
+
+
 def examine(run: Run, nodes: tuple[Node, ...]) -> dict[Node, State]:
     """Tells of every node whether it is fresh, and why not."""
     states: dict[str, State] = {}
@@ -153,7 +158,7 @@ def run_all(
     Raises:
         RobidError: What the first node that cannot be made raised; what is finished stays.
     """
-    nodes = graph(run.loaded) if outputs is None else needed_for(graph(run.loaded), outputs)
+    nodes = asked_for(run.loaded) if outputs is None else needed_for(graph(run.loaded), outputs)
     _preflight(run, nodes)
     states: dict[str, State] = {}
     results = []

@@ -16,6 +16,7 @@ from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
+from robid.families.family import family_of
 from robid.frf.checks import is_finding
 from robid.frf.estimate import READS_REFERENCE, estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
@@ -39,6 +40,19 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     if campaign.estimate.compensation != "none":
         settings |= {"delay_s": delay_s(loaded, campaign), **robot_settings(loaded, "friction", "friction_std")}
     return Plan((f"{owner}/frf.h5",), settings, {"record": f"{owner}/record.h5"})
+
+
+def _on_request(loaded: LoadedExperiment, owner: str) -> bool:
+    """Whether fits read the campaign's record, and nothing reads its response."""
+    experiment = loaded.experiment
+    reads = {
+        kind
+        for name, fit in experiment.fits.items()
+        if owner in (*fit.campaigns, fit.validate_on)
+        for kind in family_of(loaded, name).reads
+    }
+    designs = [design for design in experiment.designs.values() if design.information == "measured"]
+    return "record" in reads and "frf" not in reads and owner not in [design.campaign for design in designs]
 
 
 @dataclass(frozen=True)
@@ -223,4 +237,5 @@ STAGE = Stage(
     measured_campaigns,
     _plan,
     _run,
+    on_request=_on_request,
 )

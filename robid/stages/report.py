@@ -51,7 +51,11 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         campaign = experiment.campaigns[name]
         settings[f"campaigns.{name}"] = {"payload_kg": campaign.payload_kg, "delay_s": delay_s(loaded, campaign)}
     inputs = {
-        path: path for stage in CHAIN for name in stage.owners(experiment) for path in stage.plan(loaded, name).outputs
+        path: path
+        for stage in CHAIN
+        for name in stage.owners(experiment)
+        if not stage.on_request(loaded, name)
+        for path in stage.plan(loaded, name).outputs
     }
     return Plan(("report.html", "summary.json"), settings, inputs)
 

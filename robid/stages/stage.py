@@ -113,6 +113,7 @@ class Stage:
         told: Reads from its output what `--json` adds to its answer.
         takes_what_is_there: Whether it runs without inputs that a numerical problem has kept from being made.
         grade: Reads from its output how far to trust the model, and why; None where it does not say.
+        on_request: Whether nothing reads its output, so that `run` leaves it alone; its own command makes it.
         vouched: Says why its main output does not vouch for the others, empty when it does; raises an `ArtifactError`
             where another one is foreign.
     """
@@ -129,6 +130,7 @@ class Stage:
     told: Callable[[Path], dict[str, Any]] = lambda _: {}
     takes_what_is_there: bool = False
     grade: Callable[[LoadedExperiment, str, Path], Graded | None] = lambda *_: None
+    on_request: Callable[[LoadedExperiment, str], bool] = lambda *_: False
     vouched: Callable[[Sequence[Path]], str] = lambda _: ""
 
 

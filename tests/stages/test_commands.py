@@ -156,7 +156,7 @@ def test_a_defect_says_so_and_debug_shows_where(shop, monkeypatch):
     def fail(*_):
         raise KeyError("lost")
 
-    monkeypatch.setattr(cli, "graph", fail)
+    monkeypatch.setattr(cli, "asked_for", fail)
     answer = shop.robid("status", "small.yaml")
     assert answer.code == 1
     assert "a defect of ours: KeyError" in answer.err

@@ -194,7 +194,7 @@ def test_values_that_make_no_mechanical_model(done, monkeypatch):
     def refuse(*_args, **_kwargs):
         raise ValueError("inertia must satisfy A + B >= C")
 
-    monkeypatch.setattr("robid.stages.export_content.build_model", refuse)
+    monkeypatch.setattr("robid.families.elastic.mechanics.build_model", refuse)
     answer = done.robid("export", "small.yaml", "--format", "mjcf")
     assert answer.code == 4
     assert "A + B >= C" in answer.flat
