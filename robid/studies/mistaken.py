@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -51,6 +52,12 @@ def mistaken_robot(robot: RobotFile, mistake: Mistake) -> RobotFile:
     joints = tuple(_mistaken_joint(joint, mistake) for joint in robot.joints)
     springs = tuple(spring for spring in robot.springs if spring.name not in mistake.without_springs)
     return robot.model_copy(update={"joints": joints, "springs": springs})
+
+
+def mistaken_truth(truth: Mapping[str, float], mistake: Mistake) -> dict[str, float]:
+    """Returns true values as they relate to the robot file that is read: levels of friction are relative to its own."""
+    factor = mistake.friction_factor
+    return {name: (1 + value) / factor - 1 if name.endswith(".level") else value for name, value in truth.items()}
 
 
 def _mistaken_joint(joint: JointSection, mistake: Mistake) -> JointSection:

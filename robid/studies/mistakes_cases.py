@@ -24,7 +24,8 @@ from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
-from robid.studies.mistaken import mistaken_robot
+from robid.settings.study import Mistake
+from robid.studies.mistaken import mistaken_robot, mistaken_truth
 from robid.studies.mistakes import Case, campaigns_of, cases, study_of
 from robid.studies.mistakes_grades import GRADING, Against, against_truth, refused_causes
 from robid.studies.mistakes_responses import Earlier, read_response, read_truth
@@ -60,11 +61,13 @@ class Judged:
     Attributes:
         fitting: How it was made.
         model: Where it lies.
+        mistake: What is wrong.
         about: Names of its mistake and robot, and its seed.
     """
 
     fitting: Fitting
     model: Path
+    mistake: Mistake
     about: dict[str, Attribute]
 
 
@@ -81,7 +84,7 @@ def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
         about: dict[str, Attribute] = {"case": case.name, "robot": case.subject.name, "seed": case.seed}
         about["cause"] = case.mistake.cause or ""
         decides = {"model": model.name, "grading": GRADING, **about}
-        found.append(Task(case.key, decides, Judged(fitting, model, about)))
+        found.append(Task(case.key, decides, Judged(fitting, model, case.mistake, about)))
     return found
 
 
@@ -119,7 +122,7 @@ def fit_case(one: Fitting) -> Content:
 def judge_case(one: Judged) -> Content:
     """Validates and grades a case, and holds it against the truth."""
     held, responses = read_artifact(one.model, TASK), read_artifact(one.fitting.responses, TASK)
-    fitting, truth = one.fitting, read_truth(responses)
+    fitting, truth = one.fitting, mistaken_truth(read_truth(responses), one.mistake)
     frf: Frf | None = None
     try:
         frf = read_response(responses, fitting.response, "estimation")
@@ -141,7 +144,7 @@ def _solution(held: Artifact) -> Solution:
 
 def _refused(one: Judged, frf: Frf | None, text: str) -> Content:
     """What a refusal amounts to: nothing may be used, which no truth contradicts."""
-    causes = np.array(refused_causes(one.fitting.robots[0], frf, text), dtype=str)
+    causes = np.array(refused_causes(one.fitting.robots[0], frf, text, one.fitting.delay_s), dtype=str)
     return Content({"causes": Dataset(causes, "1", ("doubt",))}, {**one.about, "refusal": text, "given": 0, "right": 0})
 
 

@@ -68,14 +68,15 @@ def against_truth(solution: Solution, validation: Validation, truth: dict[str, f
     )
 
 
-def refused_causes(robot: Robot, frf: Frf | None, text: str) -> tuple[str, ...]:
+def refused_causes(robot: Robot, frf: Frf | None, text: str, delay_s: float = 0.0) -> tuple[str, ...]:
     """Returns the causes that the tool names where it refuses data, in their order.
 
     Args:
         robot: The robot as the file that the fit reads describes it.
         frf: The response, if that was not refused itself.
         text: Why it was refused.
+        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
     """
-    seen = () if frf is None else tuple(doubt.cause for doubt in data_doubts(robot, frf))
+    seen = () if frf is None else tuple(doubt.cause for doubt in data_doubts(robot, frf, delay_s))
     named = sorted((text.find(words), cause) for cause, words in CAUSES.items() if words in text)
     return tuple(dict.fromkeys((*seen, *(cause for _, cause in named))))

@@ -9,7 +9,7 @@ import pytest
 from robid.settings.load import load_robot
 from robid.settings.study import Mistake
 from robid.signals.record import Record
-from robid.studies.mistaken import mistaken_record, mistaken_robot
+from robid.studies.mistaken import mistaken_record, mistaken_robot, mistaken_truth
 from robid.studies.mistakes import Case
 from robid.studies.mistakes_grades import Against, against_truth, refused_causes
 from robid.studies.mistakes_report import Row, summarise
@@ -57,6 +57,17 @@ def test_factors_reach_their_channel_alone(record):
     assert np.array_equal(wrong.torque, record.torque * [1, -1])
     assert np.array_equal(wrong.position, record.position * [-1, 1])
     assert np.array_equal(wrong.position_offset_rad, record.position_offset_rad * [-1, 1])
+
+
+def test_the_truth_is_told_relative_to_the_file_that_is_read():
+    truth = {"turn.level": -0.1, "turn.shape": 0.2, "gear_turn.stiffness": 3.0}
+    told = mistaken_truth(truth, Mistake(friction_factor=1.15))
+    stated, true = ROBOT.joints[0].motor.friction.coulomb_nm, 0.9 * ROBOT.joints[0].motor.friction.coulomb_nm
+    wrong = mistaken_robot(ROBOT, Mistake(friction_factor=1.15)).joints[0].motor.friction.coulomb_nm
+    assert stated > 0
+    assert wrong * (1 + told.pop("turn.level")) == pytest.approx(true, rel=IDENTITY)
+    assert told == {"turn.shape": 0.2, "gear_turn.stiffness": 3.0}
+    assert mistaken_truth(truth, Mistake()) == pytest.approx(truth)
 
 
 @pytest.mark.parametrize(("index", "told"), [(0, 2), (1, 1), (2, 0)])
