@@ -19,7 +19,9 @@ from robid.validation.trials import try_springs
 _CHANCE = 50.0  # times what a random column explains: neighbouring lines err alike
 _TELLING = 0.1
 _MOST_NAMED = 3
-_RUINED = 0.2
+_RUINED = 0.2  # relative error of a spring
+_MOSTLY = 0.5  # of the misfit
+_CLEARLY = 3.0  # half-widths
 
 
 @dataclass(frozen=True)
@@ -75,10 +77,11 @@ def misfit_doubts(
         delay_s: Nominal delay of the fit, hold excluded [s].
 
     Returns:
-        Doubts whose strength is how many half widths of its interval some parameter would move.
+        Doubts whose strength is how many half widths of its interval some parameter would move. The first is decisive
+        where a spring was put in place, explains most of the residual and leaves another one far from its estimate.
     """
-    found = explain(robot, fitted, options, delay_s)
-    return tuple(_doubt(solution, each) for each in found if each.share > _TELLING)
+    found = [each for each in explain(robot, fitted, options, delay_s) if each.share > _TELLING]
+    return tuple(_doubt(solution, each, leads=each is found[0]) for each in found)
 
 
 def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Explanation]:
@@ -185,7 +188,7 @@ def _gain(scores: _Scores, chosen: list[int], every: list[Suspect]) -> tuple[flo
     return explained, amounts
 
 
-def _doubt(solution: Solution, found: Explanation) -> Doubt:
+def _doubt(solution: Solution, found: Explanation, *, leads: bool) -> Doubt:
     named = zip(found.names[:_MOST_NAMED], found.amounts.tolist(), found.units, strict=False)
     signed = "" if found.cause == "missing_spring" else "+"
     what = ", ".join(f"{name} {plain(amount, signed)} {unit}" for name, amount, unit in named)
@@ -193,9 +196,30 @@ def _doubt(solution: Solution, found: Explanation) -> Doubt:
     slopes = np.where(np.array(solution.nominal) == 0, 1.0, np.abs(solution.estimate))
     telling = np.array([kind in ("stiffness", "damping") for kind in solution.kinds])
     widths = np.where(telling, np.abs(found.moved) * slopes / half, 0.0)
-    worst = int(np.argmax(widths))
+    ruined = _ruined(solution, found, widths) if leads else None
+    worst = int(np.argmax(widths)) if ruined is None else ruined
     message = (
         f"{what} would explain {found.share:.0%} of the misfit and move {solution.names[worst]} by "
         f"{plain(float(widths[worst]))} half-widths of its interval"
     )
-    return Doubt(found.cause, message, decisive=False, strength=float(widths[worst]))
+    if ruined is not None:
+        message += f", which leaves it {_error(found)[ruined]:.0%} off"
+    return Doubt(found.cause, message, decisive=ruined is not None, strength=float(widths[worst]))
+
+
+def _ruined(solution: Solution, found: Explanation, widths: FloatArray) -> int | None:
+    """The identified spring that an explanation leaves farthest off, if that is far and the explanation good.
+
+    Only springs that were put in place count: a column beside the parameters' own says little of what is far away.
+    """
+    if found.cause != "missing_spring" or found.share < _MOSTLY:
+        return None
+    springs = np.array([kind == "stiffness" for kind in solution.kinds]) & solution.identified & (widths > _CLEARLY)
+    error = np.where(springs, _error(found), 0.0)
+    worst = int(np.argmax(error))
+    return worst if error[worst] > _RUINED else None
+
+
+def _error(found: Explanation) -> FloatArray:
+    """Relative error (n_param,) of each logarithmic estimate, were the explanation true."""
+    return np.asarray(np.abs(np.expm1(np.clip(-found.moved, -50.0, 50.0))))

@@ -9,16 +9,18 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.fit.levenberg import Minimum
 from robid.fit.optimizers import optimise
 from robid.fit.options import ElasticOptions
 from robid.fit.parameters import map_parameters
 from robid.fit.problem import Problem
 from robid.fit.rest_model import rest_model
-from robid.robot.description import Inertial, Robot, Spring, SpringPlace
+from robid.robot.description import Inertial, Joint, Robot, Spring, SpringPlace
 from robid.robot.response import nominal_parameters
 from robid.validation.fitted import FittedModel
 
 _STIFFER = 3.0  # than the gear nearby: where a trial starts
+_IN_SERIES = 2.0  # times a fitted gear, for gear and trial alike: together as soft as the gear was
 _TIME_S = 5e-4  # damping over stiffness
 _FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
 _ALONG = 0.9  # cosine above which two axes are one
@@ -55,24 +57,61 @@ def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions, dela
             problem = _with_spring(replace(robot, springs=(*robot.springs, spring)), fitted, options, delay_s)
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
-        begun.append((_descend(problem, spring, fitted, _FIRST_STEPS), problem, spring))
-    begun.sort(key=lambda each: -each[0].share)
-    return sorted(
-        (_descend(problem, spring, fitted, _STEPS) for _, problem, spring in begun[:_KEPT]),
-        key=lambda trial: -trial.share,
-    )
+        starts = _starts(robot, problem, spring, fitted)
+        first = min((_descend(problem, start, _FIRST_STEPS) for start in starts), key=lambda end: end.cost)
+        begun.append((first, problem, spring))
+    begun.sort(key=lambda each: each[0].cost)
+    ends = [(spring, problem, _descend(problem, end.parameters, _STEPS)) for end, problem, spring in begun[:_KEPT]]
+    return sorted((_trial(*end, fitted) for end in ends), key=lambda trial: -trial.share)
 
 
-def _descend(problem: Problem, spring: Spring, fitted: FittedModel, steps: int) -> Trial:
+def _descend(problem: Problem, start: FloatArray, steps: int) -> Minimum:
+    return optimise(problem, start, max_iterations=steps)
+
+
+def _starts(robot: Robot, problem: Problem, spring: Spring, fitted: FittedModel) -> Iterator[FloatArray]:
+    """Where a trial starts: stiff beside the fitted values, and as one of two springs that share a gear's compliance.
+
+    A fitted gear that stands for two springs in series is stiffer by itself: from its fitted value the trial's spring
+    only gets stiffer, and the gear never recovers.
+    """
     before = dict(zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True))
-    start = np.array([before.get(name, 0.0) for name in problem.parameters.names])
-    end = optimise(problem, start, max_iterations=steps)
+    names = problem.parameters.names
+    start = np.array([before.get(name, 0.0) for name in names])
+    yield start
+    stiffness = dict(zip((each.name for each in robot.springs), fitted.parameters.stiffness.tolist(), strict=True))
+    for gear in _gears_in_series(robot, spring):
+        own = f"{gear}.stiffness"
+        if own in names:
+            shared = start.copy()
+            shared[names.index(own)] += np.log(_IN_SERIES)
+            shared[names.index(f"{spring.name}.stiffness")] = np.log(
+                _IN_SERIES * stiffness[gear] / spring.stiffness_nm_rad
+            )
+            yield shared
+
+
+def _gears_in_series(robot: Robot, spring: Spring) -> Iterator[str]:
+    """Transmissions next to a spring that turn about the same axis, at zero joint angles."""
+    own, upright = robot.joints[spring.joint], np.array([0.0, 0.0, 1.0])
+    axes = {spring.joint: own.rotation @ upright if spring.place == "base" else upright}
+    if spring.place == "bearing" and spring.joint > 0:
+        axes[spring.joint - 1] = own.rotation.T @ upright
+    if spring.place == "split" and spring.joint + 1 < len(robot.joints):
+        axes[spring.joint + 1] = robot.joints[spring.joint + 1].rotation @ upright
+    for each in robot.springs:
+        if each.place == "transmission" and each.joint in axes and abs(float(axes[each.joint] @ spring.axis)) > _ALONG:
+            yield each.name
+
+
+def _trial(spring: Spring, problem: Problem, end: Minimum, fitted: FittedModel) -> Trial:
     after = dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
     stiffness = spring.stiffness_nm_rad * float(np.exp(after[f"{spring.name}.stiffness"]))
+    before = zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True)
     return Trial(
         replace(spring, stiffness_nm_rad=stiffness),
         1 - end.cost / fitted.problem.cost(fitted.internal),
-        np.array([after[name] - value for name, value in before.items()]),
+        np.array([after[name] - value for name, value in before]),
     )
 
 
@@ -108,7 +147,7 @@ def further_springs(robot: Robot) -> Iterator[Spring]:
             if index < last and not _there(robot, "split", index, None):
                 name = f"link of {joint.name} about its {letter} axis"
                 split = _spring(name, index, "split", axis, _STIFFER * gears[index + 1].stiffness_nm_rad)
-                yield replace(split, outboard=_part(joint.link))
+                yield replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
             if (
                 index == last
                 and letter != "z"
@@ -116,6 +155,12 @@ def further_springs(robot: Robot) -> Iterator[Spring]:
                 and not _there(robot, "payload", last, axis)
             ):
                 yield _spring(f"payload mount about {letter}", last, "payload", axis, stiff)
+
+
+def _middle(following: Joint, axis: FloatArray) -> FloatArray:
+    """Where a link is split: a link that twists along the next joint's axis does so about that very line."""
+    along = abs(float(axis @ following.rotation[:, 2])) > _ALONG
+    return following.position_m if along else np.zeros(3)
 
 
 def _part(link: Inertial) -> Inertial:

@@ -8,9 +8,9 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions
-from robid.robot.description import Inertial
+from robid.robot.description import Inertial, Spring
 from robid.validation.assessment import assess_fit
-from robid.validation.causes import explain
+from robid.validation.causes import Explanation, _doubt, explain
 from robid.validation.fitted import fitted_model
 
 FREQUENCY_HZ = np.geomspace(1, 60, 40)
@@ -80,6 +80,58 @@ def test_a_torque_constant_that_is_off_is_measured(true_arm):
 def test_a_spring_that_the_file_lacks_is_found(true_arm, spring):
     _, found = explained(without(two_joint_robot(), spring), measured(true_arm))
     assert found[0].cause == "missing_spring"
+
+
+def with_twist(robot, stiffness):
+    """The robot with a first link that twists along the second joint's axis, in series with that joint's gear."""
+    link, elbow = robot.joints[0].link, robot.joints[1]
+    twist = Spring(
+        *("twist", 0, "split", elbow.rotation[:, 2], stiffness, 1e-3 * stiffness),
+        point_m=elbow.position_m,
+        outboard=heavier(link, 0.6),
+    )
+    return replace(robot, springs=(*robot.springs, twist))
+
+
+def test_a_spring_in_series_with_a_gear_is_found_and_its_error_forbids_use():
+    frf = measured(with_twist(two_joint_robot(), 2e4))
+    solution, found = explained(two_joint_robot(), frf)
+    gear = solution.names.index("gear_2.stiffness")
+    assert solution.estimate[gear] > 1.2 * 6e3  # the fit makes a compromise of it
+    assert (found[0].cause, found[0].names[0]) == ("missing_spring", "link of shoulder about its z axis")
+    np.testing.assert_allclose(found[0].amounts[0], 0.02, rtol=0.02)
+    np.testing.assert_allclose(solution.estimate[gear] * np.exp(found[0].moved[gear]), 6e3, rtol=0.02)
+    assert found[0].share > 0.9
+    grade = assess_fit(two_joint_robot(), solution, frf, OPTIONS, DELAY_S)
+    assert (grade.value, grade.causes[0], bool(grade.decisive[0])) == (0, "missing_spring", True)
+    assert grade.reasons[0] == grade.messages[0]
+    assert grade.messages[0].endswith("% off")
+
+
+def test_a_series_spring_far_softer_than_the_fitted_gear_is_tried_from_where_both_share_its_compliance():
+    _, found = explained(two_joint_robot(), measured(with_twist(two_joint_robot(), 3e3)))
+    assert (found[0].cause, found[0].names[0]) == ("missing_spring", "link of shoulder about its z axis")
+
+
+def test_explanations_that_move_springs_little_or_explain_little_or_are_linear_forbid_nothing():
+    robot = two_joint_robot()
+    solution = fit_elastic(robot, measured(robot), OPTIONS, DELAY_S)
+    gear = np.array(solution.names) == "gear_2.stiffness"
+
+    def decisive(cause="missing_spring", share=0.8, moved=0.3, leads=True):
+        found = Explanation(cause, ("spring",), np.ones(1), ("MN m/rad",), share, moved * gear)
+        return _doubt(solution, found, leads=leads).decisive
+
+    assert decisive()
+    assert decisive(moved=-0.2)  # 22 % off
+    assert not decisive(moved=0.2)  # 18 % off
+    assert not decisive(share=0.4)
+    assert not decisive(cause="masses")
+    assert not decisive(leads=False)
+    unknown = replace(solution, lower=0.5 * solution.estimate, upper=1.5 * solution.estimate)
+    assert not _doubt(
+        unknown, Explanation("missing_spring", ("spring",), np.ones(1), ("MN m/rad",), 0.8, 0.3 * gear), leads=True
+    ).decisive
 
 
 def test_a_right_model_has_nothing_to_explain(true_arm):
