@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from robid.errors import DataError, SettingsError
 from robid.settings.load import LoadedExperiment
+from robid.stages.slices import delay_s
 from robid.validation.plausible import evidence_doubts
 from robid.validation.plausible_evidence import Evidence
 
@@ -21,7 +22,8 @@ def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) 
     """
     settings = loaded.experiment.campaigns[campaign]
     try:
-        doubts, notes = evidence_doubts(loaded.robot.to_robot(settings.payload_kg), evidence)
+        robot, declared_s = loaded.robot.to_robot(settings.payload_kg), delay_s(loaded, settings)
+        doubts, notes = evidence_doubts(robot, evidence, declared_s)
     except (DataError, SettingsError):
         return ()
     return tuple(f"Campaign {campaign}: {told}." for told in (*(doubt.sentence for doubt in doubts), *notes))

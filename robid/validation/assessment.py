@@ -40,7 +40,7 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     Returns:
         The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
     """
-    seen = data_doubts(robot, frf)
+    seen = data_doubts(robot, frf, delay_s)
     read = parameter_doubts(robot, solution, frf.sampling_period_s, options.prior_decades)
     doubts = [doubt for doubt in seen if doubt.decisive] + [doubt for doubt in read if doubt.cause == "delay"]
     used = frf if options.correct_torques else without_coefficients(frf)

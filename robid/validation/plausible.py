@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
+from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
 from robid.robot.description import Robot
-from robid.validation.doubt import Doubt
+from robid.validation.doubt import Doubt, plain
 from robid.validation.plausible_angles import judge_angles
 from robid.validation.plausible_evidence import CLEAR, Evidence, gather_evidence
 from robid.validation.plausible_gravity import gravity_signs, judge_gravity, judge_places, weigh
@@ -17,22 +20,27 @@ from robid.validation.plausible_signs import judge_signs
 __all__ = ["data_doubts", "evidence_doubts", "parameter_doubts"]
 
 _LOST = 2.0
+_HALF_TURN = 0.5
 
 
-def data_doubts(robot: Robot, frf: Frf) -> tuple[Doubt, ...]:
+def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0) -> tuple[Doubt, ...]:
     """Returns what of a campaign's data contradicts the robot file, strongest first, before any fit.
 
     Args:
         robot: The robot file's, with the campaign's payload.
         frf: The campaign's response.
+        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
     """
-    return evidence_doubts(robot, gather_evidence(frf))[0]
+    return evidence_doubts(robot, gather_evidence(frf), delay_s)[0]
 
 
-def evidence_doubts(robot: Robot, evidence: Evidence) -> tuple[tuple[Doubt, ...], tuple[str, ...]]:
+def evidence_doubts(
+    robot: Robot, evidence: Evidence, delay_s: float = 0.0
+) -> tuple[tuple[Doubt, ...], tuple[str, ...]]:
     """Returns doubts about a campaign's data, strongest first, and notes on what its data cannot tell."""
     if not evidence.belongs_to(robot):
         return (), ()
+    evidence, late = _without_delay(evidence, delay_s)
     angles = judge_angles(robot, evidence)
     weights = weigh(robot, evidence, angles.ratio_fits) if angles.placed else None
     none: FloatArray = np.zeros(len(evidence.names))
@@ -48,8 +56,35 @@ def evidence_doubts(robot: Robot, evidence: Evidence) -> tuple[tuple[Doubt, ...]
     turned = [
         doubt for doubt in signs.doubts if doubt.cause != "angle_sign" or doubt.message.partition(":")[0] not in told
     ]
-    doubts = (*angles.doubts, *turned, *loads, *_noise_doubts(evidence))
+    doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence))
     return tuple(sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength))), angles.notes
+
+
+def _without_delay(evidence: Evidence, declared_s: float) -> tuple[Evidence, list[Doubt]]:
+    """Takes a delay that is not declared out of the responses, whose signs it would turn, and doubts it."""
+    found = undeclared_delay(
+        DrivingPoints(
+            evidence.lines_hz,
+            evidence.driving,
+            evidence.signal_to_noise,
+            evidence.sampling_period_s,
+            evidence.hold_period_s,
+        ),
+        declared_s,
+    )
+    if found is None:
+        return evidence, []
+    samples, declared = found / evidence.sampling_period_s, declared_s / evidence.sampling_period_s
+    told = (
+        f"the phases of the motors' own responses leave no room for a delay below {plain(samples)} samples, "
+        f"where {plain(declared)} are declared"
+    )
+    decisive = found * float(evidence.lines_hz.max()) > _HALF_TURN
+    ahead = np.exp(2j * np.pi * evidence.frequency_hz * (found - declared_s))[:, None, None]
+    return (
+        replace(evidence, response=evidence.response * ahead),
+        [Doubt("delay", told, decisive=decisive, strength=(samples - declared) / FEW_SAMPLES)],
+    )
 
 
 def _noise_doubts(evidence: Evidence) -> list[Doubt]:

@@ -33,6 +33,10 @@ class Evidence:
         mean_torque (n_conf, n_motor): Mean motor torques, None in old files [N m].
         motion_rms (n_conf, n_motor): RMS of the motor angles about their means, None in old files [rad].
         torque_unit: Unit that stands for N m.
+        lines_hz (n_freq,): All lines [Hz].
+        driving (n_conf, n_freq, n_motor): Driving points there [rad/(s^2 N m)].
+        sampling_period_s: Sampling period of the experiment [s].
+        hold_period_s: Period for which the torque is held; None where it is not [s].
     """
 
     names: tuple[str, ...]
@@ -45,6 +49,10 @@ class Evidence:
     mean_torque: FloatArray | None
     motion_rms: FloatArray | None
     torque_unit: str
+    lines_hz: FloatArray
+    driving: ComplexArray
+    sampling_period_s: float
+    hold_period_s: float | None
 
     def joints(self, robot: Robot) -> IntArray:
         """Indices of the motors among a robot's joints."""
@@ -76,6 +84,10 @@ def gather_evidence(frf: Frf) -> Evidence:
         mean_torque=None if frf.mean_torque is None else frf.mean_torque[:, inputs],
         motion_rms=None if frf.motion_rms is None else frf.motion_rms[:, outputs],
         torque_unit=frf.torque_unit,
+        lines_hz=frf.frequency_hz,
+        driving=np.diagonal(response, axis1=-2, axis2=-1),
+        sampling_period_s=frf.sampling_period_s,
+        hold_period_s=frf.hold_period_s,
     )
 
 
@@ -98,6 +110,10 @@ def join_evidence(parts: Sequence[Evidence]) -> Evidence:
         mean_torque=joined("mean_torque"),
         motion_rms=joined("motion_rms"),
         torque_unit=first.torque_unit,
+        lines_hz=first.lines_hz,
+        driving=np.concatenate([part.driving for part in parts]),
+        sampling_period_s=first.sampling_period_s,
+        hold_period_s=first.hold_period_s,
     )
 
 

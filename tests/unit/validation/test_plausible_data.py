@@ -241,8 +241,41 @@ def test_evidence_of_single_configurations_joins():
     frf = exact()
     parts = [gather_evidence(frf.select([index])) for index in range(len(CONFIGURATIONS))]
     whole, joined = gather_evidence(frf), join_evidence(parts)
-    for name in ("response", "clear", "mean_angle", "mean_torque", "motion_rms", "configurations"):
+    for name in (
+        "response",
+        "clear",
+        "mean_angle",
+        "mean_torque",
+        "motion_rms",
+        "configurations",
+        "driving",
+        "lines_hz",
+    ):
         np.testing.assert_array_equal(getattr(whole, name), getattr(joined, name))
+
+
+def later(frf, delay_s):
+    return replace(frf, response=frf.response * np.exp(-2j * np.pi * frf.frequency_hz * delay_s)[:, None, None])
+
+
+@pytest.mark.parametrize("samples", [8, 24, 90])
+def test_a_delay_is_read_from_the_phases(samples):
+    robot = two_joints()
+    doubt, *more = data_doubts(robot, later(exact(), samples * 1e-3))
+    assert (doubt.cause, more) == ("delay", [])
+    assert doubt.decisive == (samples * 1e-3 * FREQUENCY_HZ[-1] > 0.5)
+    least = float(doubt.message.partition("below ")[2].partition(" samples, where 0 are declared")[0])
+    assert samples - 0.8 <= least <= samples  # ten degrees at the highest line
+    assert data_doubts(robot, later(exact(), samples * 1e-3), samples * 1e-3) == ()
+
+
+def test_few_samples_of_delay_are_no_doubt():
+    for samples in (0, 1, 2, 3):
+        assert data_doubts(two_joints(), later(exact(), samples * 1e-3)) == ()
+
+
+def test_a_delay_hides_no_reversed_torque():
+    assert set(causes(two_joints(), later(torque_reversed(exact(), 1), 0.024))) == {"delay", "torque_sign"}
 
 
 @cache
