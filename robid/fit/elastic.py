@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.errors import DataError
 from robid.fit.bootstrap import Map
 from robid.fit.checks import check_data, check_influence, check_inputs
 from robid.fit.levenberg import Minimum
@@ -24,10 +25,16 @@ from robid.fit.solution import Solution
 from robid.fit.strategy import Strategy, make_strategy
 from robid.fit.uncertainty import influence, structured_covariance
 from robid.frf.frf import Frf
+from robid.frf.passivity import driving_points, undeclared_delay
 from robid.robot.description import Robot
 from robid.robot.response import nominal_parameters
 
 _UPDATED_ENOUGH = 1e-6  # of the cost
+_BACK = (1.0, 0.5, 0.25, 0.0)
+_NO_REST = (
+    "the springs that would fit best give way under gravity: these are on the way to them, as far as the robot rests;"
+    " look for wrong data or a wrong robot file before anything else"
+)
 
 
 def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
@@ -52,7 +59,7 @@ def fit_elastic(
 
     Raises:
         DataError: If response or covariance cannot be used as the options ask, the inputs are not the robot's
-            motors, or a free parameter changes nothing.
+            motors, the robot file's springs give way under gravity, or a free parameter changes nothing.
 
     Source:
         Wernholt and Moberg (2008), sec. 5; METHODS sec. 5.
@@ -66,18 +73,82 @@ def fit_elastic(
     predicted = np.sqrt(np.diag(structured_covariance(problem, expected) + doubt))
     check_influence(problem)
     strategy = make_strategy(problem, robot, options)
-    starts = draw_starts(problem.parameters, options)
+    starts = _with_delay(
+        problem.parameters, draw_starts(problem.parameters, options), undeclared_delay(driving_points(frf), delay_s)
+    )
     # The robot file's values may be so near that stages only lead away from them.
     tasks = [(strategy, start, index == 0) for index, start in enumerate(starts)]
     ends: list[Minimum] = parallel_map(_descend, tasks)
+
+    def set_up_at(problem: Problem, minimum: Minimum) -> tuple[Problem, int]:
+        return set_up(robot, frf, options, delay_s, (problem, minimum))
+
     best = min(ends, key=lambda end: end.cost)
-    for _ in range(max(options.statics_updates, options.weights.kind == "estimated")):
-        problem, dropped = set_up(robot, frf, options, delay_s, (problem, best))
-        before = problem.cost(best.parameters)
-        best = optimise(problem, best.parameters, max_iterations=options.max_iterations)
+    reached = _update(_Reached(problem, dropped, best), start, options, set_up_at)
+    solution = make_solution(reached.problem, options, reached.best, ends, predicted, reached.dropped, parallel_map)
+    return solution if reached.rests else replace(solution, advice="; ".join(filter(None, (_NO_REST, solution.advice))))
+
+
+@dataclass(frozen=True)
+class _Reached:
+    """How far a fit has come: its problem, what that drops, its minimum, and whether the robot rests there."""
+
+    problem: Problem
+    dropped: int
+    best: Minimum
+    rests: bool = True
+
+
+def _update(
+    now: _Reached,
+    rested: FloatArray,
+    options: ElasticOptions,
+    set_up_at: Callable[[Problem, Minimum], tuple[Problem, int]],
+) -> _Reached:
+    """Goes on with statics and weights of the minimum until they no longer matter.
+
+    Where its springs give way under gravity, the fit ends on the way back to where the robot last rested.
+    """
+    updates = max(options.statics_updates, options.weights.kind == "estimated")
+    for update in range(updates + 1):
+        ahead = _where_it_rests(now, rested, set_up_at)
+        if update == updates or not ahead.rests:
+            return ahead if not ahead.rests else now
+        rested, before = ahead.best.parameters, ahead.problem.cost(ahead.best.parameters)
+        best = optimise(ahead.problem, rested, max_iterations=options.max_iterations)
+        now = replace(ahead, best=best)
         if before - best.cost <= _UPDATED_ENOUGH * before:
             break
-    return make_solution(problem, options, best, ends, predicted, dropped, parallel_map)
+    return now
+
+
+def _where_it_rests(
+    now: _Reached, rested: FloatArray, set_up_at: Callable[[Problem, Minimum], tuple[Problem, int]]
+) -> _Reached:
+    """Sets the problem up at the minimum, else as near to it as the robot rests on the way back."""
+    for share in _BACK:
+        point = rested + share * (now.best.parameters - rested) if share < 1 else now.best.parameters
+        end = replace(now.best, parameters=point)
+        try:
+            problem, dropped = set_up_at(now.problem, end)
+        except DataError:
+            if share == 0:
+                raise
+            continue
+        if share < 1:
+            end = replace(end, cost=problem.cost(point), status="stalled")
+        return _Reached(problem, dropped, end, rests=share == 1)
+    return now
+
+
+def _with_delay(parameters: ParameterMap, starts: list[FloatArray], delay_s: float | None) -> list[FloatArray]:
+    """Lets the starts begin at a delay that the phases show: many samples away, no descent finds it."""
+    if delay_s is None or "delay" not in parameters.names:
+        return starts
+    index = parameters.names.index("delay")
+    internal = (delay_s - parameters.nominal_values()[index]) / parameters.scale[index]
+    own = np.arange(len(parameters.names)) == index
+    return [np.clip(np.where(own, internal, start), parameters.lower, parameters.upper) for start in starts]
 
 
 def set_up(

@@ -101,11 +101,11 @@ class ParameterMap:
         return np.concatenate([self._nominal_elements()[self.leaders], self.friction_offset])
 
     def values(self, internal: FloatArray) -> FloatArray:
-        """Values (n_param,) in their own units."""
+        """Values (n_param,) in their own units; infinite where an interval's end is beyond all numbers."""
         nominal = self.nominal_values()
-        return np.where(
-            self.logarithmic, nominal * np.exp(internal * self.logarithmic), nominal + self.scale * internal
-        )
+        with np.errstate(over="ignore"):
+            factor = np.exp(internal * self.logarithmic)
+            return np.where(self.logarithmic, nominal * factor, nominal + self.scale * internal)
 
     def slopes(self, internal: FloatArray) -> FloatArray:
         """Derivative (n_param,) of each value with respect to its internal parameter."""
@@ -114,7 +114,8 @@ class ParameterMap:
     def element_values(self, internal: FloatArray) -> FloatArray:
         """Values (n_element,) of all estimated elements."""
         nominal, logarithmic, own = self._nominal_elements(), self.logarithmic[self.member], internal[self.member]
-        return np.where(logarithmic, nominal * np.exp(own * logarithmic), nominal + self.element_scale * own)
+        with np.errstate(over="ignore"):
+            return np.where(logarithmic, nominal * np.exp(own * logarithmic), nominal + self.element_scale * own)
 
     def chain(self, internal: FloatArray) -> FloatArray:
         """Derivative (n_element + n_friction, n_param) of all elements, then friction scales, by internal values."""
