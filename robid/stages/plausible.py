@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robid.errors import DataError, SettingsError
 from robid.settings.load import LoadedExperiment
-from robid.stages.slices import delay_s
+from robid.settings.robot_parts import delay_s
 from robid.validation.plausible import evidence_doubts
 from robid.validation.plausible_evidence import Evidence
 
