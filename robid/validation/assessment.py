@@ -52,7 +52,9 @@ def assess_fit(robot: Robot, solution: Solution, frf: Frf, options: ElasticOptio
     return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))
 
 
-def validation_doubts(doubts: Sequence[Doubt], robot: Robot, frf: Frf, campaign: str) -> tuple[Doubt, ...]:
+def validation_doubts(
+    doubts: Sequence[Doubt], robot: Robot, frf: Frf, campaign: str, delay_s: float = 0.0
+) -> tuple[Doubt, ...]:
     """Adds what a validation campaign's data contradict to the doubts about a fit.
 
     What the data of either campaign decide is to blame first.
@@ -62,7 +64,9 @@ def validation_doubts(doubts: Sequence[Doubt], robot: Robot, frf: Frf, campaign:
         robot: The robot file that the fit started from, with the validation campaign's payload.
         frf: The response of the validation campaign.
         campaign: Its name.
+        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
     """
-    seen = [replace(doubt, message=f"in campaign {campaign}, {doubt.message}") for doubt in data_doubts(robot, frf)]
+    found = data_doubts(robot, frf, delay_s)
+    seen = [replace(doubt, message=f"in campaign {campaign}, {doubt.message}") for doubt in found]
     first = takewhile(lambda doubt: doubt.decisive, doubts)
     return ordered([*first, *(doubt for doubt in seen if doubt.decisive), *doubts, *seen])

@@ -173,7 +173,7 @@ def validate_elastic(
         springs_known=recovery.springs_known,
         ok=not failures,
         verdict=_verdict(measures, failures),
-        grade=grade_validation(solution, validation_doubts(doubts, robot, frf, campaign), failures),
+        grade=grade_validation(solution, validation_doubts(doubts, robot, frf, campaign, delay_s), failures),
     )
 
 

@@ -97,3 +97,10 @@ def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide
         "torque_sign",
         "payload",
     ]
+
+
+def test_a_delay_that_is_declared_is_no_doubt_about_a_validation(stated, frf):
+    late_s = 0.04
+    late = replace(frf, response=frf.response * np.exp(-2j * np.pi * FREQUENCY_HZ * late_s)[:, None, None])
+    assert [doubt.cause for doubt in validation_doubts((), stated, late, "monday", DELAY_S)] == ["delay"]
+    assert validation_doubts((), stated, late, "monday", DELAY_S + late_s) == ()
