@@ -7,7 +7,6 @@ import json
 import platform
 import subprocess
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 
 import robid
@@ -23,6 +22,8 @@ def canonical_hash(value: object) -> str:
 
 def package_versions() -> dict[str, str]:
     """Versions of Python, robid and the packages that decide its numbers."""
+    from importlib import metadata
+
     versions = {"python": platform.python_version(), "robid": robid.__version__}
     for name in _PACKAGES:
         try:

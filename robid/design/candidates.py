@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.design.wanted import ALONG, choose_parameters, eliminated
+from robid.design.options import ALONG
+from robid.design.wanted import choose_parameters, eliminated
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics

@@ -11,7 +11,8 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, check_shape
 from robid.design.fitted import FittedInformation
-from robid.design.wanted import ALONG, choose_parameters, eliminated
+from robid.design.options import ALONG
+from robid.design.wanted import choose_parameters, eliminated
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.robot.collocated import motor_rows

@@ -6,7 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from robid.design.wanted import ALONG
+LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
+"""Kinds whose log-parameters a design can be about."""
+NUISANCE = ("viscous", "delay")
+"""Kinds that may only be estimated along."""
+ALONG = ("viscous", "motor_inertia", "delay")
+"""Kinds that are estimated along unless something else is said."""
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
+from robid.design.options import LOGARITHMIC, NUISANCE
 from robid.errors import SettingsError
 from robid.robot.description import Robot
 from robid.robot.names import element_names
 from robid.robot.response import ElasticParameters
-
-LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
-"""Kinds whose log-parameters a design can be about."""
-NUISANCE = ("viscous", "delay")
-"""Kinds that may only be estimated along."""
-ALONG = ("viscous", "motor_inertia", "delay")
-"""Kinds that are estimated along unless something else is said."""
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from robid.errors import SettingsError
 from robid.fit.options import ElasticOptions, ParameterKind
-from robid.robot.response import ElasticParameters
+
+if TYPE_CHECKING:
+    from robid.robot.response import ElasticParameters
 
 LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
 

@@ -11,6 +11,8 @@ import numpy as np
 from robid.arrays import FloatArray
 
 SpringPlace = Literal["transmission", "bearing", "split", "base", "payload"]
+LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")
+"""Places of springs whose location matters."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from robid.robot.rest import Moves
 
 _STEP_RAD = 1e-3
 _STEP_M = 1e-3
-LOCATED = ("split", "payload", "base")
 
 
 def expand(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.robot.description import Robot
-from robid.robot.expand import LOCATED
+from robid.robot.description import LOCATED, Robot
 
 _AXIS_TOLERANCE = 1e-9
 

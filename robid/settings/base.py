@@ -18,7 +18,7 @@ Vector = tuple[float, float, float]
 class Section(BaseModel):
     """A section of a settings file; it reaches into nested standard-library dataclasses too."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 def data_path(name: str, folder: Path) -> Path:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
 
-from robid.design.signal import check_signal
+from robid.design.signal_lines import check_signal
 from robid.errors import SettingsError
 from robid.settings.configuration_checks import check_cycles, check_reachable, configuration_count, named_designs
 from robid.settings.design_checks import check_designs

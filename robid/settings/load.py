@@ -9,7 +9,6 @@ from robid.errors import SettingsError
 from robid.settings.checks import check_experiment
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
-from robid.settings.foreign import complete
 from robid.settings.problems import Problem, problem_at, raise_problems, validate
 from robid.settings.robot import RobotFile
 from robid.settings.robot_checks import check_robot, missing_keys
@@ -85,5 +84,9 @@ def _checked_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]
     robot, problems = validate(RobotFile, document)
     if robot is None:
         return None, [*problems, *missing_keys(document)]
+    if robot.model is None:
+        return robot, check_robot(document, robot, {})
+    from robid.settings.foreign import complete
+
     completed = complete(document, robot)
     return completed.robot, [*completed.problems, *check_robot(document, completed.robot, completed.immobile)]

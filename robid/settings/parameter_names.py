@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from robid.robot.expand import LOCATED
+from robid.robot.description import LOCATED
 from robid.settings.robot import RobotFile
 
 

@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.robot.description import Inertial, Joint, Robot
+from robid.robot.rotation import roll_pitch_yaw
 from robid.settings.base import DATA_VARIABLE, Vector, data_path
 from robid.settings.robot_sections import Assumed, Body, GearSection, JointSection, SensorSection, SpringSection, given
 from robid.settings.yaml import FieldPath
@@ -126,9 +126,9 @@ class RobotFile(Assumed):
 
     def joint_frames(self) -> list[tuple[FloatArray, FloatArray]]:
         """Returns position (3,) [m] and orientation (3, 3) of each joint frame in the previous one."""
-        frames = []
+        frames: list[tuple[FloatArray, FloatArray]] = []
         position: FloatArray = np.zeros(3)
-        rotation = Rotation.from_euler("xyz", self.base_rpy_deg, degrees=True).as_matrix()
+        rotation: FloatArray = roll_pitch_yaw(self.base_rpy_deg)
         for section in self.joints:
             offset, turn = section.geometry.joint_frame()
             frames.append((position + rotation @ offset, rotation @ turn))

@@ -7,10 +7,10 @@ from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from robid.arrays import FloatArray
 from robid.robot.description import Friction, Inertial, Motor, Sensor, Spring
+from robid.robot.rotation import turn_about
 from robid.settings.base import Name, Section, Vector
 
 _Value = TypeVar("_Value")
@@ -118,12 +118,11 @@ class Dh(Assumed):
 
     def link_frame(self) -> tuple[FloatArray, FloatArray]:
         """Returns position (3,) [m] and orientation (3, 3) of the DH frame at the link's end in the joint frame."""
-        return np.array([self.a_m, 0.0, self.d_m]), Rotation.from_euler("x", self.alpha_deg, degrees=True).as_matrix()
+        return np.array([self.a_m, 0.0, self.d_m]), turn_about("x", self.alpha_deg)
 
     def joint_frame(self) -> tuple[FloatArray, FloatArray]:
         """Returns position (3,) [m] and orientation (3, 3) of the joint frame in the previous link's frame."""
-        turn = Rotation.from_euler("z", self.offset_deg, degrees=True).as_matrix()
-        return np.zeros(3), np.asarray(turn)
+        return np.zeros(3), turn_about("z", self.offset_deg)
 
 
 class Frame(Assumed):

@@ -9,7 +9,7 @@ from pydantic import Field
 from robid.fit.options import ElasticOptions, EstimatorKind, ParameterKind, WeightsKind
 from robid.frf.options import EstimateOptions
 from robid.settings.base import Name, Section
-from robid.validation.step_profile import StepOptions
+from robid.validation.step_options import StepOptions
 
 
 class FrfStudy(Section):

@@ -60,8 +60,10 @@ def load_yaml(path: Path) -> Document:
     except UnicodeDecodeError as error:
         raise SettingsError("is not a UTF-8 text file", where=str(path), remedy="save it as UTF-8") from error
     try:
-        _check_aliases(path, YAML(typ="rt").compose(text), ())
-        tree = YAML(typ="rt").load(text)
+        yaml = YAML(typ="rt")
+        node = yaml.compose(text)
+        _check_aliases(path, node, ())
+        tree = None if node is None else yaml.constructor.construct_document(node)
     except YAMLError as error:
         raise _syntax_error(path, error) from error
     if not isinstance(tree, CommentedMap):

@@ -19,7 +19,8 @@ from robid.design.excitation import Excitation
 from robid.design.lines import samples_per_period
 from robid.design.loop import nominal_loop
 from robid.design.prediction import predict
-from robid.design.signal import design_signal, signal_lines
+from robid.design.signal import design_signal
+from robid.design.signal_lines import signal_lines
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
 from robid.settings.experiment import Acquire, Campaign

@@ -22,7 +22,7 @@ from robid.stages.configurations import draw_in_reach
 from robid.studies.simulated import simulate_options
 from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023 import Earlier, study_of
-from robid.validation.step_profile import StepOptions
+from robid.validation.step_options import StepOptions
 from robid.validation.steps import StepResponses, step_responses
 
 NOMINAL = "robot file"

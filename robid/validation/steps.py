@@ -14,7 +14,8 @@ from robid.robot.description import Robot
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.playback import with_tool_point
 from robid.validation.step_bench import StepBench, StepRun, StepTask, run_steps
-from robid.validation.step_profile import StepOptions, step_profiles
+from robid.validation.step_options import StepOptions
+from robid.validation.step_profile import step_profiles
 
 _TREND = 3  # degree; the feedback's slow settling is no vibration
 

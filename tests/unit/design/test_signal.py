@@ -10,7 +10,8 @@ from robid.design.lines import choose_lines
 from robid.design.loop import nominal_loop
 from robid.design.options import ExcitationOptions
 from robid.design.prediction import predict
-from robid.design.signal import LINE_SHARE, check_signal, design_signal, signal_lines
+from robid.design.signal import design_signal
+from robid.design.signal_lines import LINE_SHARE, check_signal, signal_lines
 from robid.errors import SettingsError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions

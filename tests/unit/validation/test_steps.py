@@ -14,7 +14,8 @@ from robid.settings.load import load_robot
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import with_tool_point
 from robid.validation.step_bench import StepBench, StepTask, step_control
-from robid.validation.step_profile import StepOptions, StepProfile, step_profiles
+from robid.validation.step_options import StepOptions
+from robid.validation.step_profile import StepProfile, step_profiles
 from robid.validation.steps import StepResponses, draw_configurations, step_figures, step_responses
 
 KR300 = Path(__file__).parents[3] / "configs" / "robots" / "kr300.yaml"
