@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from robid.design.options import ALONG
 from robid.design.wanted import choose_parameters, eliminated
 from robid.errors import DataError
 from robid.frf.frf import Frf
+from robid.frf.residual import LOGARITHM, Residual
 from robid.robot.collocated import motor_rows
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
@@ -67,7 +67,7 @@ class _Errors:
 
 
 class _Derivatives:
-    """Derivatives of the log response by log-parameters and nuisances, and its covariance, one configuration each."""
+    """Derivatives of the residual by log-parameters and nuisances, and its covariance, one configuration each."""
 
     def __init__(
         self,
@@ -89,12 +89,12 @@ class _Derivatives:
             known = 1 / frf.coefficient_relative_std**2
         self.precision = np.concatenate([self.wanted.precision, np.where(np.isfinite(known), known, 0.0)])
 
-    def at(self, index: int, *, plain: bool = False) -> tuple[ComplexArray, _Errors]:
-        """Derivatives (n_freq, n_element, n_all) of the log response and its errors.
+    def at(self, index: int, residual: Residual = LOGARITHM) -> tuple[ComplexArray, _Errors]:
+        """Derivatives (n_freq, n_element, n_all) of the complex residual and its errors.
 
         Friction scales are the last nuisances. Errors are those of the measured response, and friction moves it:
-        both are relative to the measured one, springs and dampers to the modelled one. With `plain` nothing is
-        relative to anything. What the model lacks is reciprocal: one error for both couplings of two motors.
+        both are relative to the measured one, springs and dampers to the modelled one, where the residual is. What
+        the model lacks is reciprocal: one error for both couplings of two motors.
         """
         frf = self.frf
         position = solve_statics(self.model, frf.configurations[index : index + 1])
@@ -103,16 +103,14 @@ class _Derivatives:
         result = response(linear, nominal, frf.frequency_hz, frf.hold_period_s)
         moved = jacobian(linear, nominal, result, self.wanted.kinds, frf.hold_period_s)[0]
         moved = moved[..., self.wanted.columns] * self.wanted.scales(nominal, frf.sampling_period_s)
-        modelled, measured = (
-            np.ones_like(each) if plain else each for each in (result.sampled[0], frf.response[index])
-        )
+        modelled, measured = residual.divisor(result.sampled[0]), residual.divisor(frf.response[index])
         friction = np.moveaxis(frf.sensitivity[index], 0, -1) / measured[..., None]
         own = np.concatenate([moved / modelled[..., None], friction], axis=-1)
         n_freq, n_out, n_in, n_all = own.shape
         by_row = np.arange(n_out * n_in).reshape(n_in, n_out).T.ravel()
         size = measured.reshape(n_freq, -1)
         covariance = frf.full_covariance(index)[:, by_row][:, :, by_row] / (size[:, :, None] * size[:, None, :].conj())
-        assumed = self.model_error * (frf.response[index] / measured).reshape(n_freq, -1)
+        assumed = self.model_error * residual.per_relative(frf.response[index]).reshape(n_freq, -1)
         correlation = None if frf.line_correlation is None else frf.line_correlation[index]
         errors = _Errors(covariance, assumed, _alike(motor_rows(linear), n_out, n_in), size, correlation)
         return own.reshape(n_freq, -1, n_all), errors
@@ -191,7 +189,7 @@ def fitted_information(
     weights: FloatArray,
     *,
     whitening: ComplexArray | None = None,
-    estimator: Literal["lls", "nls", "llsm"] = "lls",
+    residual: Residual = LOGARITHM,
     kinds: Sequence[str] = ("stiffness", "damping"),
     nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
@@ -213,7 +211,7 @@ def fitted_information(
             it drops: over the variance of a residual, not merely in proportion.
         whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line in place of the
             weights' root, where the fit takes correlations into account.
-        estimator: Residual of the fit: of the logarithm, of the plain response, of the logarithm's real part.
+        residual: Residual of the fit.
         kinds: As for `measured_information`.
         nuisance: Kinds that are estimated along.
         fixed: Names of single parameters that are known.
@@ -234,9 +232,9 @@ def fitted_information(
     _check_freedom(frf)
     found = []
     for index, weight in enumerate(_importance(frf, weights)):
-        own, errors = derivatives.at(index, plain=estimator == "nls")
+        own, errors = derivatives.at(index, residual)
         best = _best(own, errors, np.ones_like(weight))[1]
-        own = own.real + 0j if estimator == "llsm" else own
+        own = residual.part(own)
         if whitening is None:
             weighted = weight[..., None] * own
         else:

@@ -65,15 +65,11 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     used = (problem.weight > 0) & (variance > 0)
     if not used.any():
         return None
-    residual = problem.measured(internal) / modelled - 1
-    if problem.estimator != "nls":
-        residual = np.log(residual + 1)
-    if problem.estimator == "llsm":
-        residual = np.sqrt(2) * residual.real
+    kind = problem.residual_kind
+    residual = np.sqrt(2 / kind.parts) * problem.residual(internal, modelled) / kind.per_relative(modelled)
     variance = np.where(used, variance, 1.0)
     square = np.where(used, np.abs(residual) ** 2, 0.0)
-    rows = 1 if problem.estimator == "llsm" else 2
-    kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0), rows)
+    kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0))
     bias = _inverse_bias(frf.degrees_of_freedom)
     ratio = bias * _ratio(square, variance, kept)
     n_line = used.sum(axis=1)
@@ -86,11 +82,11 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
         alike = frf.line_correlation.mean(axis=1)
         correlation = correlation - alike[:, :1, None]
         pairs = pairs / (1 + 2 * (alike**2).sum(axis=1))[:, None, None]
-    return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(rows * np.maximum(pairs, 1)))
+    return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(kind.parts * np.maximum(pairs, 1)))
 
 
 def _expected(
-    problem: Problem, internal: FloatArray, found: Influence, precision: FloatArray, rows: int
+    problem: Problem, internal: FloatArray, found: Influence, precision: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Cost of each element (n_conf, n_out, n_in) that an exact model leaves, and the degrees of freedom behind it.
 
@@ -102,14 +98,13 @@ def _expected(
         internal (n_param,): The minimum.
         found: The estimator linearised there.
         precision (n_conf, n_freq, n_out, n_in): One over the relative variance; 0 where a line does not count.
-        rows: Real residuals behind an element and line.
 
     Source:
         The residual covariance `(I - H) S (I - H)'` of a linear estimator; Satterthwaite (1946).
     """
+    rows = problem.residual_kind.parts
     derivative = problem.linear(internal)[1]
-    if problem.estimator == "nls":
-        derivative = derivative / problem.model_response(internal)[..., None]
+    derivative = derivative / problem.residual_kind.per_relative(problem.model_response(internal))[..., None]
     noise = structured_covariance(replace(problem, model_error=np.zeros(())), found)
     count = (precision > 0).sum(axis=1)
     own = np.maximum(np.where(precision > 0, 1 - 2 * found.leverage / rows, 0.0).sum(axis=1), 0.0)

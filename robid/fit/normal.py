@@ -15,8 +15,6 @@ from robid.robot.collocated import KINDS, Collocated, is_collocated
 if TYPE_CHECKING:
     from robid.fit.problem import Problem
 
-_TURN = 2 * np.pi
-
 
 class SymmetricNormal:
     """The sums of one problem at one point after the other; a point's cost and normal equations share its response.
@@ -30,7 +28,7 @@ class SymmetricNormal:
 
     def __init__(self, problem: Problem) -> None:
         """Sorts measured response and weights into pairs, lines without any weight left out."""
-        self._problem = problem
+        self._problem, self._residuals = problem, problem.residual_kind
         used = np.asarray(problem.weight.any(axis=(2, 3)))
         frf = problem.frf
         self._collocated = Collocated(
@@ -46,7 +44,7 @@ class SymmetricNormal:
         if problem.parameters.n_friction:
             self._friction = FrictionMove(frf.response[used], problem.friction.share[used])
         self._measured = self._counted(frf.response[used])
-        self._log_measured = self._logarithm(self._measured)
+        self._transformed = self._residuals.transform(self._measured)
         self._point: FloatArray | None = None
         self._residual: FloatArray | ComplexArray = np.empty(0)
         self._modelled = np.empty(0, complex)
@@ -78,9 +76,7 @@ class SymmetricNormal:
         """The same with half its gradient and half its Gauss-Newton Hessian."""
         total = self.cost(internal)
         parameters = self._problem.parameters
-        scale = self._root.astype(complex)
-        if self._problem.estimator != "nls":
-            scale /= self._modelled
+        scale = self._root / self._residuals.divisor(self._modelled)
         rows = self._collocated.derivatives(parameters.kinds, parameters.masks, scale)
         weighted = (self._weight * self._residual).sum(axis=0) * self._inverse_root
         hessian, gradient = _gram(rows, self._real), _project(rows, weighted, self._real)
@@ -92,40 +88,25 @@ class SymmetricNormal:
 
     @property
     def _real(self) -> bool:
-        return self._problem.estimator == "llsm"
+        return self._residuals.parts == 1
 
     def _move(self, internal: FloatArray) -> None:
         parameters = self._problem.parameters
         self._modelled = self._collocated.response(parameters.parameters(internal))
         if self._friction is not None:
             self._measured = self._counted(self._friction.moved(internal[-parameters.n_friction :]))
-        if self._problem.estimator == "nls":
-            self._residual = self._measured - self._modelled
-        else:
-            measured = self._log_measured if self._friction is None else self._logarithm(self._measured)
-            self._residual = measured - self._logarithm(self._modelled)
-            if not self._real:
-                turns = self._residual.imag
-                turns -= _TURN * np.round(turns / _TURN)
+            self._transformed = self._residuals.transform(self._measured)
+        self._residual = self._residuals.subtract(self._transformed, self._residuals.transform(self._modelled))
         parts = [self._residual] if self._real else [self._residual.real, self._residual.imag]
         self._total = float(sum(np.vdot(self._weight, part * part) for part in parts))
         self._point = internal.copy()
-
-    def _logarithm(self, values: ComplexArray) -> ComplexArray | FloatArray:
-        size = 0.5 * np.log(values.real**2 + values.imag**2)
-        if self._real:
-            return np.asarray(size)
-        result = np.empty(values.shape, complex)
-        result.real, result.imag = size, np.arctan2(values.imag, values.real)
-        return result
 
     def _with_friction(
         self, slopes: ComplexArray, rows: ComplexArray, hessian: FloatArray, gradient: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Adds the friction scales, which move each measured element (n_line, n_out, n_in, n_friction) on its own."""
         moved = -np.array([self._pairs(slope) for slope in np.moveaxis(slopes, -1, 0)])
-        if self._problem.estimator != "nls":
-            moved /= self._measured
+        moved /= self._residuals.divisor(self._measured)
         shared = (self._weight * moved).sum(axis=1) * self._inverse_root
         cross = _cross(rows, shared, self._real)
         own = _gram(np.sqrt(self._weight) * moved, self._real)

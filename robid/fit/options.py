@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-EstimatorKind = Literal["lls", "nls", "llsm"]
+from robid.frf.residual import RESIDUALS, EstimatorKind, Residual
+
 WeightsKind = Literal["user", "optimal", "optimal_full", "inflated", "estimated"]
 ParameterKind = Literal[
     "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"
@@ -127,3 +128,8 @@ class ElasticOptions:
     )
     confidence: float = field(default=0.95, metadata={"description": "Level of the intervals.", "gt": 0, "lt": 1})
     seed: int = field(default=1, metadata={"description": "Seed of the starts.", "ge": 0})
+
+    @property
+    def residual(self) -> Residual:
+        """How the estimator compares responses."""
+        return RESIDUALS[self.estimator]

@@ -16,6 +16,7 @@ from robid.fit.parameters import ParameterMap
 from robid.fit.weights import assumed_error, make_weights, make_whitening
 from robid.frf.frf import Frf
 from robid.frf.friction import FrictionMove, friction_move
+from robid.frf.residual import Residual
 from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
 from robid.robot.response import response
@@ -29,7 +30,7 @@ class Problem:
         frf: Measured response.
         model: Linearised robot in the same configurations.
         parameters: What is estimated.
-        estimator: `lls`, `nls`, or `llsm`, whose residual is real.
+        residual_kind: How measured and modelled response are compared.
         weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
         model_error: Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in).
         whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line, rows of the
@@ -39,7 +40,7 @@ class Problem:
     frf: Frf
     model: LinearModel
     parameters: ParameterMap
-    estimator: str
+    residual_kind: Residual
     weight: FloatArray
     model_error: FloatArray
     whitening: ComplexArray | None = None
@@ -72,11 +73,8 @@ class Problem:
         return self.friction.slopes(internal[-self.parameters.n_friction :])
 
     def residual(self, internal: FloatArray, modelled: ComplexArray) -> ComplexArray:
-        """Residual (n_conf, n_freq, n_out, n_in), Wernholt and Moberg (2008) eq. 4c or 7c, or its real part."""
-        if self.estimator == "nls":
-            return np.asarray(self.measured(internal) - modelled)
-        error = np.log(self.measured(internal) / modelled)
-        return np.asarray(error.real + 0j if self.estimator == "llsm" else error)
+        """Residual (n_conf, n_freq, n_out, n_in)."""
+        return self.residual_kind.compare(self.measured(internal), modelled)
 
     def weighted(self, values: ComplexArray) -> ComplexArray:
         """Residuals or derivatives (n_conf, n_freq, n_out, n_in, ...) times the root of the weights."""
@@ -119,16 +117,11 @@ class Problem:
         count = self.parameters.n_friction
         element = plain.shape[-1]
         derivative = plain @ self.parameters.chain(internal)[:element, : len(self.parameters.names) - count]
-        if self.estimator != "nls":
-            derivative /= result.sampled[..., None]
+        derivative /= self.residual_kind.divisor(result.sampled)[..., None]
         if count:
-            moved = -self.measured_slopes(internal)
-            if self.estimator != "nls":
-                moved = moved / self.measured(internal)[..., None]
+            moved = -self.measured_slopes(internal) / self.residual_kind.divisor(self.measured(internal))[..., None]
             derivative = np.concatenate([derivative, moved], axis=-1)
-        if self.estimator == "llsm":
-            derivative = np.asarray(derivative.real + 0j)
-        return self.residual(internal, result.sampled), derivative
+        return self.residual(internal, result.sampled), self.residual_kind.part(derivative)
 
     def normal(self, internal: FloatArray) -> Normal:
         """Cost, half gradient and half Gauss-Newton Hessian."""
@@ -181,9 +174,9 @@ def make_problem(
         values = parameters.parameters(internal)
         fitted = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
     size = None if fitted is None else np.abs(fitted)
-    weight, dropped = make_weights(frf, options.weights, options.estimator, size, level)
+    weight, dropped = make_weights(frf, options.weights, options.residual, size, level)
     whitening = None
     if options.weights.kind == "optimal_full":
-        whitening = make_whitening(frf, weight > 0, options.estimator, fitted)
+        whitening = make_whitening(frf, weight > 0, options.residual, fitted)
     model_error = assumed_error(options.weights, level)
-    return Problem(frf, model, parameters, options.estimator, weight, model_error, whitening), dropped
+    return Problem(frf, model, parameters, options.residual, weight, model_error, whitening), dropped

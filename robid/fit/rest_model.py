@@ -113,10 +113,9 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
 def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters, options: ElasticOptions) -> FloatArray:
     """How much each line of the response tells a fit of each spring (n_conf, n_freq, n_spring)."""
     found = response(model, values, frf.frequency_hz, frf.hold_period_s)
-    slopes = np.abs(jacobian(model, values, found, ("stiffness",), frf.hold_period_s)) ** 2
-    if options.estimator != "nls":
-        slopes = slopes / np.abs(found.sampled[..., None]) ** 2
-    weight, _ = make_weights(frf, options.weights, options.estimator, np.abs(found.sampled))
+    moved = jacobian(model, values, found, ("stiffness",), frf.hold_period_s)
+    slopes = np.abs(moved / options.residual.divisor(found.sampled)[..., None]) ** 2
+    weight, _ = make_weights(frf, options.weights, options.residual, np.abs(found.sampled))
     told = (weight[..., None] * slopes).sum(axis=(2, 3))
     return np.asarray(np.where(told.any(axis=1, keepdims=True), told, slopes.sum(axis=(2, 3))))
 

@@ -167,18 +167,15 @@ def _judged_relative(parameters: ParameterMap, internal: FloatArray) -> FloatArr
 
 def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
     """Cost (n_conf,) that the measured response's covariance alone gives around the modelled response."""
-    variance = problem.frf.element_variance()
-    if problem.estimator != "nls":
-        variance = variance / np.abs(modelled) ** 2
-    if problem.estimator == "llsm":
-        variance = 0.5 * variance
+    kind = problem.residual_kind
+    variance = 0.5 * kind.parts * problem.frf.element_variance() / np.abs(kind.divisor(modelled)) ** 2
     return np.asarray((problem.weight * variance).sum(axis=(1, 2, 3)))
 
 
 def misfit(problem: Problem, modelled: ComplexArray, cost: float) -> float:
     """Cost over what the response's covariance and the assumed model error give together; 0 without either."""
-    size = np.abs(modelled) ** 2 if problem.estimator == "nls" else np.ones(problem.weight.shape)
-    assumed = problem.model_error**2 * size * (0.5 if problem.estimator == "llsm" else 1.0)
+    kind = problem.residual_kind
+    assumed = 0.5 * kind.parts * problem.model_error**2 * np.abs(kind.per_relative(modelled)) ** 2
     total = float(expected_cost(problem, modelled).sum() + (problem.weight * assumed).sum())
     return cost / total if total > 0 else 0.0
 

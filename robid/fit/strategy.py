@@ -93,8 +93,8 @@ def make_strategy(problem: Problem, robot: Robot, options: ElasticOptions) -> St
     kinds = tuple(kind for kind in options.free if kind in KINDS)
     if options.strategy == "plain" or not set(kinds) & set(LOGARITHMIC):
         return Strategy(problem, None, options)
-    estimator = "lls" if options.estimator == "nls" else options.estimator
-    fewer = replace(restricted(options, kinds), weights=_COARSE_WEIGHTS, estimator=estimator)
+    coarse_options = replace(options, weights=_COARSE_WEIGHTS, estimator=options.residual.from_afar)
+    fewer = restricted(coarse_options, kinds)
     frf = problem.frf
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
     parameters = map_parameters(robot, problem.parameters.nominal, fewer, *known)

@@ -22,8 +22,7 @@ class Influence:
     An error `e` of the response moves the parameters by `inverse Re(sum conj(gain) e)`.
 
     Attributes:
-        gain (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative over the response where the residual is
-            logarithmic.
+        gain (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative over the residual's divisor of the response.
         weighted (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative of the residual.
         inverse (n_param, n_param): Inverse of half the Gauss-Newton Hessian, what is known beforehand included.
         prior (n_param,): What is known beforehand, as it adds to half the Hessian's diagonal.
@@ -60,7 +59,7 @@ def influence(problem: Problem, internal: FloatArray) -> Influence:
     bread = np.real(derivative.reshape(-1, n_param).conj().T @ weighted.reshape(-1, n_param))
     inverse = np.linalg.pinv(bread + np.diag(prior), rcond=1e-14, hermitian=True)
     leverage = np.real(np.einsum("cfoip,cfoip->cfoi", weighted.conj() @ inverse, derivative))
-    gain = weighted if problem.estimator == "nls" else weighted / problem.measured(internal).conj()[..., None]
+    gain = weighted / problem.residual_kind.divisor(problem.measured(internal)).conj()[..., None]
     return Influence(gain, weighted, inverse, prior, leverage)
 
 
@@ -86,9 +85,8 @@ def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
     The assumed model error is the model's, which is reciprocal: element (i, j) of motors has the same one as (j, i).
     """
     n_param = found.inverse.shape[0]
-    error = problem.model_error[..., None] * found.weighted
-    if problem.estimator == "nls":
-        error = error * problem.frf.response.conj()[..., None]
+    relative = problem.residual_kind.per_relative(problem.frf.response)
+    error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
     assumed = _reciprocal(error, motor_rows(problem.model)).reshape(-1, n_param)
     scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
     moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)

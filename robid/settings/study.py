@@ -6,8 +6,9 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
-from robid.fit.options import ElasticOptions, EstimatorKind, ParameterKind, WeightsKind
+from robid.fit.options import ElasticOptions, ParameterKind, WeightsKind
 from robid.frf.options import EstimateOptions
+from robid.frf.residual import EstimatorKind
 from robid.settings.base import Name, Section
 from robid.validation.step_options import StepOptions
 

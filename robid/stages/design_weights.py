@@ -56,4 +56,4 @@ def fit_weights(path: Path, options: ElasticOptions) -> FloatArray:
     whole: dict[str, Any] = {
         name: None if rows[0][name] is None else np.concatenate([row[name] for row in rows]) for name in _WEIGHED
     }
-    return make_weights(replace(frf, **whole), options.weights, options.estimator)[0]
+    return make_weights(replace(frf, **whole), options.weights, options.residual)[0]

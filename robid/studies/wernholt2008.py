@@ -14,11 +14,12 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.families.elastic.fitting import model_settings
 from robid.fit.elastic import draw_starts, set_up
-from robid.fit.options import ElasticOptions, EstimatorKind, WeightsKind
+from robid.fit.options import ElasticOptions, WeightsKind
 from robid.fit.problem import Problem
 from robid.fit.strategy import make_strategy
 from robid.fit.uncertainty import sandwich
 from robid.frf.frf import Frf
+from robid.frf.residual import EstimatorKind
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment

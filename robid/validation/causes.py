@@ -129,8 +129,7 @@ def _score(fitted: FittedModel, every: list[Suspect]) -> _Scores:
     problem, internal = fitted.problem, fitted.internal
     residual, derivative = problem.linear(internal)
     columns = np.stack([suspect.column for suspect in every], axis=-1)
-    if problem.estimator == "nls":
-        columns = columns * problem.model_response(internal)[..., None]
+    columns = columns * problem.residual_kind.per_relative(problem.model_response(internal))[..., None]
     own, added = _rows(fitted, derivative), _rows(fitted, columns)
     left = _rows(fitted, residual[..., None])[:, 0]
     prior = 0.5 / problem.parameters.prior_std**2

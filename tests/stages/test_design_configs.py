@@ -142,7 +142,7 @@ def test_a_design_for_a_fit_promises_what_that_fit_states(chosen, name, options)
     problem = replace(problem, parameters=replace(problem.parameters, prior_std=known))
     if name == "fitted":
         # The scale of user weights is that of all candidates, which friction's prior is held against.
-        weights = make_weights(frf, options.weights, options.estimator)[0]
+        weights = make_weights(frf, options.weights, options.residual)[0]
         problem = replace(problem, weight=weights[design.chosen])
     covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:2, :2]
     np.testing.assert_allclose(design.predicted_relative_std, np.sqrt(np.diag(covariance)), rtol=1e-5)

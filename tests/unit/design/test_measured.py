@@ -115,7 +115,7 @@ def test_parts_of_configurations_give_the_sandwich_of_the_fit_to_all_of_them(frf
     covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:8, :8]
     error = 0.02 if kind == "inflated" else 0.0
     found, names = fitted_information(
-        off, noisy, DELAY_S, problem.weight, whitening=problem.whitening, estimator=estimator, model_error=error
+        off, noisy, DELAY_S, problem.weight, whitening=problem.whitening, residual=options.residual, model_error=error
     )
     assert_same(np.linalg.inv(covariance), told(found, [0, 1, 2], len(names)))
 
@@ -133,7 +133,11 @@ def test_overlapping_lines_cost_what_they_cost_the_fit(frf, kind, estimator):
     noisy = with_friction(louder(frf), deviation=0.1)
     shared = overlapping(noisy)
     covariance, problem = fit_covariance(shared, options, 8)
-    settings = {"whitening": problem.whitening, "estimator": estimator, "model_error": 0.02 * (kind == "inflated")}
+    settings = {
+        "whitening": problem.whitening,
+        "residual": options.residual,
+        "model_error": 0.02 * (kind == "inflated"),
+    }
     found = told(fitted_information(ROBOT, shared, DELAY_S, problem.weight, **settings)[0], [0, 1, 2], 8)
     assert_same(np.linalg.inv(covariance), found)
     apart = told(fitted_information(ROBOT, noisy, DELAY_S, problem.weight, **settings)[0], [0, 1, 2], 8)
@@ -230,7 +234,7 @@ def test_subsets_rank_as_by_the_covariance_that_the_fit_ends_with(eight, kind):
         end = np.zeros(len(one.parameters.names))
         problem, _ = make_problem(one.frf, one.model, one.parameters, options, end)
         true.append(-np.linalg.slogdet(sandwich(problem, end)[:8, :8])[1])
-    weights, dropped = make_weights(frf, options.weights, options.estimator)
+    weights, dropped = make_weights(frf, options.weights, options.residual)
     assert dropped > 0
     error = 0.02 if kind == "inflated" else 0.0
     found, names = fitted_information(ROBOT, frf, DELAY_S, weights, model_error=error)

@@ -12,6 +12,7 @@ from robid.fit.parameters import map_parameters
 from robid.fit.problem import make_problem
 from robid.fit.weights import make_weights, make_whitening
 from robid.frf.friction import friction_move
+from robid.frf.residual import RESIDUALS
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
@@ -114,12 +115,12 @@ def test_optimal_weights_are_the_inverse_variance():
     power = np.abs(frf.response) ** 2
     relative = frf.element_variance() / power
     bias = 1 - 1e-6
-    weight, dropped = make_weights(frf, Weights("optimal"), "lls")
+    weight, dropped = make_weights(frf, Weights("optimal"), RESIDUALS["lls"])
     kept = relative <= 0.1
     assert dropped == (~kept).sum() > 0
     assert (weight[~kept] == 0).all()
     np.testing.assert_allclose(weight[kept], bias / relative[kept], rtol=1e-9)
-    plain, dropped = make_weights(frf, Weights("optimal"), "nls")
+    plain, dropped = make_weights(frf, Weights("optimal"), RESIDUALS["nls"])
     assert dropped == 0
     np.testing.assert_allclose(plain, bias / frf.element_variance(), rtol=1e-9)
 
@@ -127,21 +128,24 @@ def test_optimal_weights_are_the_inverse_variance():
 def test_model_error_inflates_the_variance():
     frf = noisy_frf()
     relative = frf.element_variance() / np.abs(frf.response) ** 2
-    weight = make_weights(frf, Weights("inflated", model_error=0.05), "lls")[0]
+    weight = make_weights(frf, Weights("inflated", model_error=0.05), RESIDUALS["lls"])[0]
     kept = weight > 0
     np.testing.assert_allclose(weight[kept], (1 - 1e-6) / (relative[kept] + 0.05**2), rtol=1e-9)
 
 
 def test_few_degrees_of_freedom_lower_the_weights():
     frf = replace(noisy_frf(), total_degrees_of_freedom=3.0)
-    ratio = make_weights(frf, Weights("optimal"), "nls")[0] / make_weights(noisy_frf(), Weights("optimal"), "nls")[0]
+    ratio = (
+        make_weights(frf, Weights("optimal"), RESIDUALS["nls"])[0]
+        / make_weights(noisy_frf(), Weights("optimal"), RESIDUALS["nls"])[0]
+    )
     # The mean of the inverse of a complex sample variance is n/(n - 1) of the inverse.
     np.testing.assert_allclose(ratio, 2 / 3, rtol=1e-5)
 
 
 def test_user_weights_are_constant_per_element_above_the_cut():
     frf = noisy_frf(relative_noise=1e-5)
-    weight = make_weights(frf, Weights("user", off_diagonal=0.25, low_cut_hz=6.0), "lls")[0]
+    weight = make_weights(frf, Weights("user", off_diagonal=0.25, low_cut_hz=6.0), RESIDUALS["lls"])[0]
     assert (weight[:, FREQUENCY_HZ < 6.0] == 0).all()
     above = weight[:, FREQUENCY_HZ >= 6.0]
     np.testing.assert_allclose(above[..., 0, 1] / above[..., 0, 0], 0.25)
@@ -150,7 +154,7 @@ def test_user_weights_are_constant_per_element_above_the_cut():
 
 def test_without_a_covariance_the_model_error_stands_for_the_noise():
     frf = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ)
-    weight, dropped = make_weights(frf, Weights(model_error=0.05), "lls")
+    weight, dropped = make_weights(frf, Weights(model_error=0.05), RESIDUALS["lls"])
     assert dropped == 0
     np.testing.assert_allclose(weight, 400.0)
 
@@ -206,7 +210,7 @@ def test_correlated_weights_are_the_inverse_covariance():
     relative = frf.response[1, 2].T.ravel()
     covariance = frf.full_covariance(1)[2] / np.outer(relative, relative.conj())
     kept = np.ones(frf.response.shape, bool)
-    whitening = make_whitening(frf, kept, "lls")[1, 2]
+    whitening = make_whitening(frf, kept, RESIDUALS["lls"])[1, 2]
     by_column = [0, 2, 1, 3]
     found = (whitening.conj().T @ whitening)[np.ix_(by_column, by_column)]
     np.testing.assert_allclose(found, np.linalg.inv(covariance) * (7 - 2) / 7, rtol=1e-9)
@@ -214,8 +218,8 @@ def test_correlated_weights_are_the_inverse_covariance():
 
 def test_correlated_weights_without_correlation_are_the_optimal_ones():
     frf = noisy_frf()
-    weight, _ = make_weights(frf, Weights("optimal"), "lls")
-    whitening = make_whitening(frf, weight > 0, "lls")
+    weight, _ = make_weights(frf, Weights("optimal"), RESIDUALS["lls"])
+    whitening = make_whitening(frf, weight > 0, RESIDUALS["lls"])
     np.testing.assert_allclose(
         np.abs(np.diagonal(whitening, axis1=-2, axis2=-1)) ** 2, weight.reshape(2, 6, 4), rtol=1e-5
     )
@@ -258,7 +262,7 @@ def test_gradient_with_correlated_weights(estimator):
 def test_correlated_weights_need_enough_realizations():
     frf = replace(correlated_frf(), total_degrees_of_freedom=2.0)
     with pytest.raises(DataError, match="more than 2 degrees of freedom of the covariance, not 2"):
-        make_whitening(frf, np.ones(frf.response.shape, bool), "lls")
+        make_whitening(frf, np.ones(frf.response.shape, bool), RESIDUALS["lls"])
 
 
 def test_compensated_friction_moves_the_response_as_the_torque_does():

@@ -1,0 +1,137 @@
+"""Residuals of an estimator: how a measured response is compared with a modelled one, each a value."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+
+EstimatorKind = Literal["lls", "nls", "llsm"]
+
+_TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class Residual(ABC):
+    """One way to compare responses; what differs between estimators is here and nowhere else.
+
+    Attributes:
+        name: Name of the estimator in settings.
+        parts: Real numbers that each element's residual has: 2 where it is complex, 1 where it is real.
+        drops_noise: Whether elements that drown in noise are left out, as their residual is biased.
+        from_afar: Name of the estimator that comes closer from starts far away.
+    """
+
+    name: EstimatorKind
+    parts: int
+    drops_noise: bool
+    from_afar: EstimatorKind
+
+    @abstractmethod
+    def compare(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
+        """Residual of each element [1, or as the responses]."""
+
+    @abstractmethod
+    def transform(self, response: ComplexArray) -> ComplexArray | FloatArray:
+        """What `subtract` takes of a response, for one that is compared many times; real where `parts` is 1."""
+
+    @abstractmethod
+    def subtract(
+        self, measured: ComplexArray | FloatArray, modelled: ComplexArray | FloatArray
+    ) -> ComplexArray | FloatArray:
+        """Residual of responses that are transformed already."""
+
+    @abstractmethod
+    def part(self, values: ComplexArray) -> ComplexArray:
+        """The part of a residual's complex derivatives or covariances that it has."""
+
+    @abstractmethod
+    def divisor(self, response: ComplexArray) -> ComplexArray:
+        """What an error of a response is divided by to be one of the residual; of the shape of the response."""
+
+    @abstractmethod
+    def per_relative(self, response: ComplexArray) -> ComplexArray:
+        """What a relative error of a response is multiplied with to be one of the residual."""
+
+
+class _Logarithm(Residual):
+    """Logarithm of measured over modelled response: Wernholt and Moberg (2008), eq. 7c."""
+
+    def compare(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
+        return self.part(np.log(measured / modelled))
+
+    def transform(self, response: ComplexArray) -> ComplexArray | FloatArray:
+        result = np.empty(response.shape, complex)
+        result.real = _log_magnitude(response)
+        result.imag = np.arctan2(response.imag, response.real)
+        return result
+
+    def subtract(
+        self, measured: ComplexArray | FloatArray, modelled: ComplexArray | FloatArray
+    ) -> ComplexArray | FloatArray:
+        residual = np.asarray(measured - modelled)
+        turns = residual.imag
+        turns -= _TURN * np.round(turns / _TURN)
+        return residual
+
+    def part(self, values: ComplexArray) -> ComplexArray:
+        return values
+
+    def divisor(self, response: ComplexArray) -> ComplexArray:
+        return response
+
+    def per_relative(self, response: ComplexArray) -> ComplexArray:
+        return np.ones_like(response)
+
+
+class _Magnitude(_Logarithm):
+    """Real part of that logarithm: phases do not count."""
+
+    def transform(self, response: ComplexArray) -> ComplexArray | FloatArray:
+        return _log_magnitude(response)
+
+    def subtract(
+        self, measured: ComplexArray | FloatArray, modelled: ComplexArray | FloatArray
+    ) -> ComplexArray | FloatArray:
+        return np.asarray(measured - modelled)
+
+    def part(self, values: ComplexArray) -> ComplexArray:
+        return np.asarray(values.real + 0j)
+
+
+class _Plain(Residual):
+    """Measured minus modelled response: Wernholt and Moberg (2008), eq. 4c."""
+
+    def compare(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
+        return np.asarray(measured - modelled)
+
+    def transform(self, response: ComplexArray) -> ComplexArray | FloatArray:
+        return response
+
+    def subtract(
+        self, measured: ComplexArray | FloatArray, modelled: ComplexArray | FloatArray
+    ) -> ComplexArray | FloatArray:
+        return np.asarray(measured - modelled)
+
+    def part(self, values: ComplexArray) -> ComplexArray:
+        return values
+
+    def divisor(self, response: ComplexArray) -> ComplexArray:
+        return np.ones_like(response)
+
+    def per_relative(self, response: ComplexArray) -> ComplexArray:
+        return response
+
+
+LOGARITHM = _Logarithm("lls", parts=2, drops_noise=True, from_afar="lls")
+MAGNITUDE = _Magnitude("llsm", parts=1, drops_noise=True, from_afar="llsm")
+PLAIN = _Plain("nls", parts=2, drops_noise=False, from_afar="lls")
+RESIDUALS: dict[EstimatorKind, Residual] = {each.name: each for each in (LOGARITHM, MAGNITUDE, PLAIN)}
+
+
+def _log_magnitude(response: ComplexArray) -> FloatArray:
+    return np.asarray(0.5 * np.log(response.real**2 + response.imag**2))
