@@ -129,7 +129,8 @@ def _score(fitted: FittedModel, every: list[Suspect]) -> _Scores:
     problem, internal = fitted.problem, fitted.internal
     residual, derivative = problem.linear(internal)
     columns = np.stack([suspect.column for suspect in every], axis=-1)
-    columns = columns * problem.residual_kind.per_relative(problem.model_response(internal))[..., None]
+    kind = problem.residual_kind
+    columns = kind.part(columns * kind.per_relative(problem.model_response(internal))[..., None])
     own, added = _rows(fitted, derivative), _rows(fitted, columns)
     left = _rows(fitted, residual[..., None])[:, 0]
     prior = 0.5 / problem.parameters.prior_std**2
@@ -140,7 +141,7 @@ def _score(fitted: FittedModel, every: list[Suspect]) -> _Scores:
         curvature=added.T @ added + mixed.T @ follow,
         follow=follow,
         cost=float(left @ left),
-        freedom=2.0 * (problem.weight > 0).sum() - own.shape[1],
+        freedom=float(kind.parts) * (problem.weight > 0).sum() - own.shape[1],
     )
 
 

@@ -49,13 +49,15 @@ def measured(robot, seed=5):
     return exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=seed)
 
 
-def explained(stated, frf):
-    solution = fit_elastic(stated, frf, OPTIONS, DELAY_S)
-    return solution, explain(stated, fitted_model(stated, solution, frf, OPTIONS, DELAY_S), OPTIONS, DELAY_S)
+def explained(stated, frf, options=OPTIONS):
+    solution = fit_elastic(stated, frf, options, DELAY_S)
+    return solution, explain(stated, fitted_model(stated, solution, frf, options, DELAY_S), options, DELAY_S)
 
 
-def test_a_payload_that_is_off_is_weighed(true_arm):
-    _, found = explained(two_joint_robot(), measured(with_payload(true_arm, 1.1)))
+@pytest.mark.parametrize("estimator", ["lls", "llsm"])
+def test_a_payload_that_is_off_is_weighed(true_arm, estimator):
+    options = replace(OPTIONS, estimator=estimator)
+    _, found = explained(two_joint_robot(), measured(with_payload(true_arm, 1.1)), options)
     assert (found[0].cause, found[0].names[0]) == ("payload", "payload mass")
     np.testing.assert_allclose(found[0].amounts[0], 0.4, rtol=0.15)  # of 4 kg, to first order
     assert found[0].share > 0.8
