@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from robid.design.excitation import design_excitation
-from robid.design.options import ExcitationOptions
+from robid.design.excitation_options import MultisineOptions
 from robid.families.files import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -24,7 +24,7 @@ CONTROLLER = LOADED.robot.controller
 STEP = CONTROLLER.sampling_period_s
 STATED = tuple(stated_law(joint.motor) for joint in NOMINAL.joints)
 NAMES = tuple(joint.name for joint in NOMINAL.joints)
-EXCITATION = ExcitationOptions(period_s=2, low_hz=3, high_hz=60, count=30, rms=6.0, phase_iterations=5)
+EXCITATION = MultisineOptions(period_s=2, low_hz=3, high_hz=60, count=30, rms=6.0, phase_iterations=5)
 SUBSTEPS = 4
 ENCODER_NOISE_RAD, TORQUE_NOISE_NM = 1e-5, 0.02
 
@@ -63,7 +63,7 @@ LAWS = {"tanh": tanh(), "stribeck": stribeck(), "maxwell": maxwell()}
 
 def simulate_arm(robot, configurations, friction: Friction, realizations: int, seed: int, periods: int = 2) -> Record:
     """The arm, linear but for its friction, under the real controller in the periodic steady state."""
-    design = design_excitation(ExcitationOptions(**{**vars(EXCITATION), "seed": seed}), len(NAMES), realizations, STEP)
+    design = design_excitation(MultisineOptions(**{**vars(EXCITATION), "seed": seed}), len(NAMES), realizations, STEP)
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, configurations))
     values = nominal_parameters(robot, linear, 0.0)

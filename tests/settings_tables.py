@@ -1,6 +1,7 @@
 """The tables of settings in the documentation, written from the JSON schemas.
 
-Below a line `<!-- settings: NAME -->` of a page stands the table of the section NAME; `file` is the whole file.
+Below a line `<!-- settings: NAME -->` of a page stands the table of the section NAME; `file` is the whole file. Several
+names, the members of a union, have one table, which says what only some of them have.
 `.venv/bin/python tests/settings_tables.py` writes them anew, and a test compares.
 """
 
@@ -17,35 +18,45 @@ from robid.settings.schema import robot_schema
 ROOT = Path(__file__).parent.parent
 PAGES = {"docs/experiment-file.md": experiment_schema, "docs/bring-your-own.md": robot_schema}
 _HEAD = ["| key | value | default | meaning |", "|---|---|---|---|"]
-_MARK = re.compile(r"^<!-- settings: (\w+) -->\n(?:\|.*\n)*", re.MULTILINE)
+_MARK = re.compile(r"^<!-- settings: (\w+(?:, \w+)*) -->\n(?:\|.*\n)*", re.MULTILINE)
 _LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
 _TYPES = {"number": "number", "integer": "whole number", "boolean": "true, false", "string": "text", "array": "list"}
 
 
 def marked(page: str) -> list[str]:
     """Returns the sections that a page has tables of."""
-    return _MARK.findall(page)
+    return [name for names in _MARK.findall(page) for name in names.split(", ")]
 
 
 def renewed(page: str, schema: dict[str, Any]) -> str:
     """Returns a page with its tables written from a schema."""
 
     def table(found: re.Match[str]) -> str:
-        return "\n".join([f"<!-- settings: {found[1]} -->", *_HEAD, *_rows(found[1], schema), ""])
+        return "\n".join([f"<!-- settings: {found[1]} -->", *_HEAD, *_rows(found[1].split(", "), schema), ""])
 
     return _MARK.sub(table, page)
 
 
-def _rows(section: str, schema: dict[str, Any]) -> list[str]:
-    node = schema if section == "file" else schema["$defs"][section]
-    required = node.get("required", ())
+def _rows(sections: list[str], schema: dict[str, Any]) -> list[str]:
+    nodes = [schema if section == "file" else schema["$defs"][section] for section in sections]
     # `assumed` is the same everywhere and is explained once.
-    shown = {key: field for key, field in node["properties"].items() if key != "assumed" or section == "file"}
-    cells = [
-        (f"`{key}`", _values(field), "required" if key in required else _default(field), _meaning(field, schema))
-        for key, field in shown.items()
-    ]
-    return [f"| {' | '.join(row)} |" for row in cells]
+    keys = [key for node in nodes for key in node["properties"] if key != "assumed" or sections == ["file"]]
+    return [_row(key, nodes, schema) for key in dict.fromkeys(keys)]
+
+
+def _row(key: str, nodes: list[dict[str, Any]], schema: dict[str, Any]) -> str:
+    """The row of a key; of several sections the first that has it says what is the same in all."""
+    having = [node for node in nodes if key in node["properties"]]
+    field = having[0]["properties"][key]
+    values = ", ".join(dict.fromkeys(_values(node["properties"][key]) for node in having))
+    default = "required" if key in having[0].get("required", ()) else _default(field)
+    only = "" if len(having) == len(nodes) else f"{', '.join(f'`{_member(node)}`' for node in having)}: "
+    return f"| `{key}` | {values} | {default} | {only}{_meaning(field, schema)} |"
+
+
+def _member(node: dict[str, Any]) -> str:
+    """What chooses a member of a union."""
+    return next(str(field["const"]) for field in node["properties"].values() if "const" in field)
 
 
 def _meaning(field: dict[str, Any], schema: dict[str, Any]) -> str:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from robid.design.excitation_options import MultisineOptions
 from robid.design.loop import NominalLoop
-from robid.design.options import ExcitationOptions
 from robid.robot.description import Inertial, Joint, Motor, Robot
 from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.options import Controller
 
 STEP = 1e-3
 INERTIA = np.array([0.01, 0.02])
-OPTIONS = ExcitationOptions(period_s=1, low_hz=2, high_hz=40, count=15, rms=(8.0, 12.0), phase_starts=2)
+OPTIONS = MultisineOptions(period_s=1, low_hz=2, high_hz=40, count=15, rms=(8.0, 12.0), phase_starts=2)
 
 
 def make_robot(max_speed=100.0, max_torque=60.0):

@@ -8,9 +8,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.design.excitation_options import MultisineOptions
 from robid.design.lines import choose_lines, samples_per_period
 from robid.design.loop import NominalLoop
-from robid.design.options import ExcitationOptions
 from robid.design.shaping import sensitivity_amplitude
 from robid.errors import SettingsError
 from robid.signals.crest import reduce_crest, reduce_crest_with_motion
@@ -135,7 +135,7 @@ class Excitation:
 
 
 def design_excitation(
-    options: ExcitationOptions,
+    options: MultisineOptions,
     n_motor: int,
     realizations: int,
     sampling_period_s: float,
@@ -179,7 +179,7 @@ def design_excitation(
     )
 
 
-def _amplitude(options: ExcitationOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
+def _amplitude(options: MultisineOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
     """Amplitude (n_motor, n_lines) of each line."""
     flat = np.repeat(rms[:, None] * np.sqrt(2 / n_lines), n_lines, axis=1)
     if options.amplitude == "flat":
@@ -188,7 +188,7 @@ def _amplitude(options: ExcitationOptions, rms: FloatArray, n_lines: int, loop: 
     return sensitivity_amplitude(flat, _needed(loop), options.inject, *noise)
 
 
-def _turns(options: ExcitationOptions, n_motor: int, n_lines: int, realizations: int) -> FloatArray | None:
+def _turns(options: MultisineOptions, n_motor: int, n_lines: int, realizations: int) -> FloatArray | None:
     """Random phases (n_real, n_exp, n_lines) of each experiment and line, or None."""
     if not options.random_block_phases:
         return None
@@ -196,7 +196,7 @@ def _turns(options: ExcitationOptions, n_motor: int, n_lines: int, realizations:
 
 
 def _phases(
-    options: ExcitationOptions,
+    options: MultisineOptions,
     amplitude: FloatArray,
     lines: IntArray,
     realization: int,

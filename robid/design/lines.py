@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import IntArray
-from robid.design.options import ExcitationOptions
+from robid.design.excitation_options import ChosenLineOptions
 from robid.errors import SettingsError
 
 
@@ -26,7 +26,7 @@ def samples_per_period(period_s: float, sampling_period_s: float) -> int:
     return count
 
 
-def choose_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[IntArray, IntArray]:
+def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[IntArray, IntArray]:
     """Chooses the excited lines and, interleaved with them, the detection lines.
 
     Logarithmic spacing takes consecutive lines of the grid where it would be finer than the grid, so that the
@@ -85,7 +85,7 @@ def choose_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[
     return excited, chosen[drawn]
 
 
-def _detection_count(options: ExcitationOptions) -> int:
+def _detection_count(options: ChosenLineOptions) -> int:
     """Number of detection lines: their share of all chosen lines, at least one unless the share is zero."""
     share = options.detection_share
     return 0 if share == 0 else max(1, round(options.count * share / (1 - share)))

@@ -8,8 +8,8 @@ import numpy as np
 
 from robid.arrays import FloatArray, check_shape
 from robid.design.excitation import UNITS, Excitation, Plan
+from robid.design.excitation_options import ExcitationOptions
 from robid.design.loop import NominalLoop
-from robid.design.options import ExcitationOptions
 from robid.design.snr import predicted_snr_db, residual_covariance
 from robid.errors import SettingsError
 from robid.robot.description import Robot

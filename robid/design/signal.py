@@ -8,9 +8,14 @@ import numpy as np
 
 from robid.arrays import ComplexArray, IntArray
 from robid.design.excitation import Excitation, design_excitation, rms_per_motor
+from robid.design.excitation_options import (
+    ExcitationOptions,
+    FourierOptions,
+    MultisineOptions,
+    SweepOptions,
+)
 from robid.design.lines import samples_per_period
 from robid.design.loop import NominalLoop
-from robid.design.options import ExcitationOptions
 from robid.design.signal_lines import RESTING_ORDERS, check_signal, signal_lines, sweep
 from robid.signals.fourier import resting_series
 from robid.signals.multisine import crest_factor, orthogonal_matrix, time_signal
@@ -40,7 +45,7 @@ def design_signal(
         SettingsError: If the signal cannot be made as asked.
     """
     check_signal(options, sampling_period_s)
-    if options.signal == "multisine":
+    if isinstance(options, MultisineOptions):
         excitation = design_excitation(options, n_motor, realizations, sampling_period_s, loop)
     else:
         excitation = _design_other(options, n_motor, realizations, sampling_period_s)
@@ -60,7 +65,9 @@ def design_signal(
     return replace(excitation, reference=excitation.reference + added)
 
 
-def _design_other(options: ExcitationOptions, n_motor: int, realizations: int, sampling_period_s: float) -> Excitation:
+def _design_other(
+    options: SweepOptions | FourierOptions, n_motor: int, realizations: int, sampling_period_s: float
+) -> Excitation:
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     excited, detection = signal_lines(options, sampling_period_s)
     lines, base = _series(options, excited, n_motor, realizations, sampling_period_s)
@@ -81,11 +88,15 @@ def _design_other(options: ExcitationOptions, n_motor: int, realizations: int, s
 
 
 def _series(
-    options: ExcitationOptions, excited: IntArray, n_motor: int, realizations: int, sampling_period_s: float
+    options: SweepOptions | FourierOptions,
+    excited: IntArray,
+    n_motor: int,
+    realizations: int,
+    sampling_period_s: float,
 ) -> tuple[IntArray, ComplexArray]:
     """Lines, and each motor's complex amplitudes (n_real, n_motor, n_lines) at them."""
     generator = np.random.default_rng([options.seed, 2])
-    if options.signal == "fourier":
+    if isinstance(options, FourierOptions):
         phase = generator.uniform(0, 2 * np.pi, (realizations, n_motor, len(excited)))
         series = np.exp(1j * phase)
         return excited, resting_series(series, excited, RESTING_ORDERS[options.inject]) if options.at_rest else series

@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.design.excitation_options import (
+    ChirpOptions,
+    ChosenLineOptions,
+    ExcitationOptions,
+    FourierOptions,
+    SteppedSineOptions,
+    SweepOptions,
+)
 from robid.design.lines import choose_lines, samples_per_period
-from robid.design.options import ExcitationOptions
 from robid.errors import SettingsError
 from robid.signals.chirp import chirp
 from robid.signals.stepped_sine import stepped_sine
@@ -24,7 +31,7 @@ def signal_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[
     Raises:
         SettingsError: If the signal cannot be made as asked.
     """
-    if options.signal in ("multisine", "fourier"):
+    if isinstance(options, ChosenLineOptions):
         return choose_lines(options, sampling_period_s)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     magnitude = np.abs(np.fft.rfft(sweep(options, sampling_period_s)))
@@ -44,16 +51,13 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
     """
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     problems = []
-    if options.signal in ("chirp", "stepped_sine"):
+    if isinstance(options, SweepOptions):
         problems += _sweep_problems(options, n_sample, sampling_period_s)
-    if options.signal != "multisine" and (options.amplitude, options.crest_at) != ("flat", "reference"):
-        problems.append("only a multisine is shaped by the robot (leave out amplitude and crest_at)")
-    if options.signal != "multisine" and options.random_block_phases:
-        problems.append("only a multisine keeps its shape under random phases (leave out random_block_phases)")
     if options.slow_motion_rad_s > 0:
         problems += _slow_problems(options)
-    if options.signal == "fourier" and options.at_rest and options.count <= len(RESTING_ORDERS[options.inject]):
-        needed = len(RESTING_ORDERS[options.inject]) + 1
+    resting = RESTING_ORDERS[options.inject]
+    if isinstance(options, FourierOptions) and options.at_rest and options.count <= len(resting):
+        needed = len(resting) + 1
         problems.append(f"{options.count} lines cannot begin and end at rest (use at least {needed} lines)")
     if problems:
         raise SettingsError(
@@ -64,7 +68,7 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
     signal_lines(options, sampling_period_s)
 
 
-def _sweep_problems(options: ExcitationOptions, n_sample: int, sampling_period_s: float) -> list[str]:
+def _sweep_problems(options: SweepOptions, n_sample: int, sampling_period_s: float) -> list[str]:
     problems = []
     if options.low_hz >= options.high_hz:
         problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
@@ -75,7 +79,7 @@ def _sweep_problems(options: ExcitationOptions, n_sample: int, sampling_period_s
         )
     if options.grid == "odd" and n_sample % 2:
         problems.append(f"a period of {n_sample} samples has no half, which odd lines need (change period_s or grid)")
-    if options.signal == "stepped_sine" and not problems:
+    if isinstance(options, SteppedSineOptions) and not problems:
         seconds = float(np.sum(1 / _steps_hz(options))) * (2 if options.grid == "odd" else 1)
         if seconds > options.period_s:
             problems.append(
@@ -105,17 +109,17 @@ def _not_slow(options: ExcitationOptions, n_sample: int) -> BoolArray:
     return np.asarray((options.slow_motion_rad_s == 0) | (lines % options.slow_motion_line != 0))
 
 
-def _steps_hz(options: ExcitationOptions) -> FloatArray:
+def _steps_hz(options: SteppedSineOptions) -> FloatArray:
     spread = np.geomspace if options.spacing == "log" else np.linspace
     return np.asarray(spread(options.low_hz, options.high_hz, options.count))
 
 
-def sweep(options: ExcitationOptions, sampling_period_s: float) -> FloatArray:
+def sweep(options: SweepOptions, sampling_period_s: float) -> FloatArray:
     """One period of a chirp or stepped sine; the odd grid repeats its first half with the opposite sign."""
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     is_odd = options.grid == "odd"
     length = n_sample // 2 if is_odd else n_sample
-    if options.signal == "chirp":
+    if isinstance(options, ChirpOptions):
         low, high = options.low_hz * sampling_period_s, options.high_hz * sampling_period_s
         signal = chirp(low, high, length, peak=options.chirp_peak)
     else:

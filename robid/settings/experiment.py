@@ -11,9 +11,11 @@ import numpy as np
 import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
-from robid.design.options import CostOptions, DesignOptions, ExcitationOptions, InformationOptions
+from robid.design.excitation_options import MultisineOptions
+from robid.design.options import CostOptions, DesignOptions, InformationOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.base import DATA_VARIABLE, Name, Section, data_path
+from robid.settings.excitation import ExcitationSettings
 from robid.settings.fits import STRICT, Families, FitSettings, part
 from robid.settings.study import Study
 from robid.settings.truth import SimulateSettings
@@ -196,8 +198,8 @@ class Campaign(Section):
     payload_kg: float | None = Field(
         default=None, description="Payload mass; the robot file's when not given [kg].", ge=0
     )
-    excitation: ExcitationOptions = Field(
-        default_factory=ExcitationOptions, description="What the motors are told to do."
+    excitation: ExcitationSettings = Field(
+        default_factory=MultisineOptions, description="What the motors are told to do."
     )
     realizations: int = Field(default=1, description="Blocks of experiments with new random phases.", ge=1)
     experiments: int | None = Field(

@@ -98,7 +98,7 @@ def _at_tag(detail: Any) -> Any:  # noqa: ANN401
     """Moves what is wrong with the key that chooses a member of a union to that key."""
     if detail["type"] not in ("union_tag_invalid", "union_tag_not_found"):
         return detail
-    key = detail["ctx"]["discriminator"].strip("'")
+    key = detail["ctx"]["discriminator"].strip("'()")  # a function that finds the key is named after it
     moved = {**detail, "loc": (*detail["loc"], key)}
     if detail["type"] == "union_tag_not_found":
         return {**moved, "type": "missing"}
@@ -123,7 +123,9 @@ def _written_field(data: Any, loc: FieldPath, *, missing: bool) -> tuple[FieldPa
 
 def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # noqa: ANN401
     if detail["type"] in _UNKNOWN:
-        return f"unknown key; {suggest(str(field[-1]), _keys_at(schema, field[:-1]))}"
+        nodes = _nodes_at(schema, field[:-1])
+        keys = [key for node in nodes for key in node.get("properties", {})]
+        return _other_member(nodes, *detail["loc"][-2:]) or f"unknown key; {suggest(str(field[-1]), keys)}"
     if detail["type"] == "missing":
         return "is missing"
     if detail["type"] == "value_error":
@@ -136,12 +138,22 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
     return message if len(shown) > _LONGEST_VALUE else f"{message} (found {shown})"
 
 
-def _keys_at(schema: dict[str, Any], field: FieldPath) -> list[str]:
-    """Lists the keys that a JSON schema allows at a path."""
+def _other_member(nodes: Sequence[dict[str, Any]], member: str | int, key: str | int = "") -> str | None:
+    """Names the members of a union that have a key which the chosen member lacks, by what chooses them."""
+    sections: list[dict[str, Any]] = [node.get("properties", {}) for node in nodes]
+    for tag in sections[0] if len(sections) > 1 else ():
+        if all("const" in section.get(tag, {}) for section in sections):
+            names = [f"`{tag}: {section[tag]['const']}`" for section in sections if key in section]
+            return f"belongs to {' or '.join(names)}, not to `{tag}: {member}`" if names else None
+    return None
+
+
+def _nodes_at(schema: dict[str, Any], field: FieldPath) -> list[dict[str, Any]]:
+    """Lists what a JSON schema allows at a path."""
     nodes = _resolve(schema, schema)
     for part in field:
         nodes = [found for node in nodes for child in _children(node, part) for found in _resolve(schema, child)]
-    return [key for node in nodes for key in node.get("properties", {})]
+    return nodes
 
 
 def _children(node: dict[str, Any], part: str | int) -> list[Any]:

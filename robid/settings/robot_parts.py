@@ -52,8 +52,6 @@ _ROBOT: dict[str, Part] = {
 }
 
 _TIMING = ("sampling_period_s", "delay_samples")
-_LINES = ("period_s", "low_hz", "high_hz", "count", "spacing", "grid", "detection_share", "seed", "signal")
-_LINES_OF_SIGNALS = ("chirp_peak", "slow_motion_rad_s", "slow_motion_line")
 
 
 def robot_settings(loaded: LoadedExperiment, *parts: Part) -> dict[str, Any]:
@@ -71,8 +69,15 @@ def robot_settings(loaded: LoadedExperiment, *parts: Part) -> dict[str, Any]:
 
 
 def line_settings(campaign: Campaign) -> dict[str, Any]:
-    """Returns what decides a campaign's excited lines."""
-    return {key: getattr(campaign.excitation, key) for key in (*_LINES, *_LINES_OF_SIGNALS)}
+    """Returns what decides a campaign's lines, how it is sampled left out."""
+    return {name: getattr(campaign.excitation, name) for name in campaign.excitation.decides_lines}
+
+
+def log_sampling_settings(name: str, campaign: Campaign) -> dict[str, float]:
+    """Returns the sampling period of a campaign's log by the name of its setting; nothing without a log."""
+    acquire = None if campaign.source is None else campaign.source.acquire
+    key = f"campaigns.{name}.source.acquire.sampling_period_s"
+    return {} if acquire is None else {key: acquire.sampling_period_s}
 
 
 def require_controller(loaded: LoadedExperiment) -> Controller:

@@ -18,7 +18,7 @@ from robid.report.design import design_numbers, design_tables, stability_sentenc
 from robid.report.numbers import percent
 from robid.settings.experiment import Campaign, Design, Experiment
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import Part, delay_s, line_settings, robot_settings
+from robid.settings.robot_parts import Part, delay_s, line_settings, log_sampling_settings, robot_settings
 from robid.settings.slices import to_plain
 from robid.stages.configurations import design_inputs
 from robid.stages.design_information import Gathered, gather_information
@@ -64,6 +64,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         settings |= {
             f"{section}.configurations": to_plain(campaign.configurations),
             f"{section}.excitation": line_settings(campaign),
+            **log_sampling_settings(design.campaign, campaign),
         }
         inputs |= design_inputs(campaign)
     return Plan((f"designs/{owner}.h5",), settings, inputs)

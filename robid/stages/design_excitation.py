@@ -20,14 +20,19 @@ from robid.design.lines import samples_per_period
 from robid.design.loop import nominal_loop
 from robid.design.prediction import predict
 from robid.design.signal import design_signal
-from robid.design.signal_lines import signal_lines
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import line_settings, require_controller, robot_settings
+from robid.settings.robot_parts import (
+    line_settings,
+    log_sampling_settings,
+    require_controller,
+    robot_settings,
+)
 from robid.settings.slices import to_plain
 from robid.stages.configurations import configurations_of, design_inputs
+from robid.stages.lines import campaign_lines
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
 
@@ -43,7 +48,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
     else:
         settings[f"{section}.excitation"] = line_settings(campaign)
-        settings[f"{section}.source.acquire.sampling_period_s"] = acquire.sampling_period_s
+        settings |= log_sampling_settings(owner, campaign)
         settings |= robot_settings(loaded, "range")
     return Plan((f"{owner}/excitation.h5",), settings, design_inputs(campaign))
 
@@ -53,7 +58,7 @@ def _run(job: Job) -> str:
     configurations = configurations_of(job.loaded, campaign, job.inputs)
     acquire = played_by_others(campaign)
     if acquire is not None:
-        excitation = _declared(campaign, acquire.sampling_period_s, len(robot.joints))
+        excitation = _declared(job.loaded, campaign, acquire.sampling_period_s)
     else:
         excitation = _designed(job, robot, configurations)
     artifact = excitation_to_artifact(
@@ -69,10 +74,10 @@ def played_by_others(campaign: Campaign) -> Acquire | None:
     return None if acquire is None or acquire.references else acquire
 
 
-def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Excitation:
+def _declared(loaded: LoadedExperiment, campaign: Campaign, sampling_period_s: float) -> Excitation:
     """The lines of a log, which somebody else has played: there are no realizations of ours."""
-    options = campaign.excitation
-    excited, detection = signal_lines(options, sampling_period_s)
+    options, n_motor = campaign.excitation, len(loaded.robot.joints)
+    excited, detection = campaign_lines(loaded, campaign)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     return Excitation(
         reference=np.zeros((0, 0, n_sample, n_motor)),
@@ -89,7 +94,7 @@ def _declared(campaign: Campaign, sampling_period_s: float, n_motor: int) -> Exc
 def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     campaign, controller = job.campaign, require_controller(job.loaded)
     options, period_s = campaign.excitation, controller.sampling_period_s
-    lines, _ = signal_lines(options, period_s)
+    lines, _ = campaign_lines(job.loaded, campaign)
     loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
     excitation = design_signal(options, len(robot.joints), campaign.realizations, period_s, loop)
     excitation = excitation.first_experiments(campaign.experiments)

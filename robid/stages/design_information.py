@@ -14,7 +14,6 @@ from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.design.candidates import candidate_information
 from robid.design.fitted import FittedInformation
-from robid.design.lines import choose_lines
 from robid.design.measured import fitted_information, measured_information
 from robid.design.options import DesignWeights, InformationOptions
 from robid.design.stability import halves
@@ -25,11 +24,12 @@ from robid.frf.frf import Frf
 from robid.frf.halves import by_realizations
 from robid.robot.description import Robot
 from robid.settings.experiment import Design
-from robid.settings.robot_parts import delay_s, require_controller
+from robid.settings.robot_parts import delay_s
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot
 from robid.stages.configurations import configurations_of
 from robid.stages.design_weights import UNREAD, about_options, fit_options, fit_weights, prior_decades
+from robid.stages.lines import campaign_lines, campaign_sampling_s
 from robid.stages.stage import Job
 
 _CHUNK = 20
@@ -153,9 +153,8 @@ def _assumed(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Assumed
     design = job.loaded.experiment.designs[job.owner]
     campaign = job.loaded.experiment.campaigns[design.campaign]
     candidates = configurations_of(job.loaded, campaign, job.inputs)
-    period = require_controller(job.loaded).sampling_period_s
-    lines, _ = choose_lines(campaign.excitation, period)
-    frequency_hz = lines / campaign.excitation.period_s
+    period = campaign_sampling_s(job.loaded, campaign)
+    frequency_hz = campaign_lines(job.loaded, campaign)[0] / campaign.excitation.period_s
     parts = [candidates[begin : begin + _CHUNK] for begin in range(0, len(candidates), _CHUNK)]
     about = about_options(job.loaded.experiment, design)
     return [_Assumed(robots, about, delay, part, frequency_hz, period) for part in parts]

@@ -10,8 +10,12 @@ import pytest
 from scipy.io import savemat
 from scipy.signal import cont2discrete
 
+from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
+from robid.design.candidates import candidate_information
+from robid.families.files import load_experiment
+from tolerances import IDENTITY
 
 STIFFNESS, DAMPING, MOTOR, LOAD = 546.0, 0.2, 4.8e-3, 4.7e-3
 PERIOD_S, STEP_S, N_PERIOD = 0.5, 1e-3, 5
@@ -229,6 +233,20 @@ def test_a_log_goes_through_the_same_chain(bench):
     assert "fits/two_mass/validation.h5" not in bench.contents()
     (bench.folder / "log.mat").unlink()
     assert set(bench.states().values()) == {("fresh", "")}
+
+
+def test_a_design_for_a_log_takes_the_lines_and_the_sampling_of_the_log(bench):
+    bench.change("fits:\n", "designs:\n  again: {campaign: log, count: 1}\nfits:\n", "bench.yaml")
+    answer = bench.robid("design-configs", "bench.yaml")
+    assert answer.code == 0, answer.err
+    design = design_from_artifact(read_artifact(bench.runs / "designs/again.h5", DESIGN))
+    robot = load_experiment(bench.folder / "bench.yaml").robot.to_robot()
+    weights, along = np.ones((LINES.size, 1, 1)), ("viscous", "motor_inertia", "delay")
+    place = np.zeros((1, 1)), LINES / PERIOD_S, STEP_S, 0.0, 0.03
+    wanted, _ = candidate_information(robot, *place, nuisance=along, weights=weights)
+    np.testing.assert_allclose(design.information, wanted, rtol=IDENTITY)
+    bench.change("sampling_period_s: 1.0e-3", "sampling_period_s: 5.0e-4", "bench.yaml")
+    assert bench.states()["designs/again.h5"][0] == "stale"
 
 
 def test_a_robot_with_logs_alone_needs_no_limits(bench):

@@ -9,7 +9,7 @@ from robid.pipeline import graph
 from robid.settings.slices import to_plain
 
 PLAYED = (
-    *("inject", "rms", "amplitude", "phase_iterations", "at_rest", "phase_starts", "crest_at", "limit_share"),
+    *("inject", "rms", "amplitude", "phase_iterations", "phase_starts", "crest_at", "limit_share"),
     *("max_excursion_deg", "assumed_angle_noise_rad", "assumed_torque_noise_nm", "random_block_phases"),
 )
 ESTIMATION = {"estimation/excitation.h5", "estimation/record.h5", "estimation/frf.h5"}

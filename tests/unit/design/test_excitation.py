@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robid.design.excitation import design_excitation
-from robid.design.options import ExcitationOptions
+from robid.design.excitation_options import MultisineOptions
 from robid.errors import SettingsError
 from two_drives import OPTIONS, STEP
 
@@ -35,7 +35,7 @@ def test_realizations_and_motors_have_their_own_phases():
 
 def test_default_excitation_is_flat_enough_and_fast():
     start = time.process_time()
-    excitation = design_excitation(ExcitationOptions(), 6, 1, STEP)
+    excitation = design_excitation(MultisineOptions(), 6, 1, STEP)
     assert time.process_time() - start < 5
     assert excitation.crest_factor.max() <= 1.85
 
@@ -54,7 +54,7 @@ def test_random_block_phases_keep_lines_rms_and_orthogonality_and_are_searched()
 @pytest.mark.parametrize(("rms", "word"), [((1.0,), "1 values for 2 motors"), ((1.0, -2.0), "motor 2 is not positive")])
 def test_rms_that_does_not_fit_is_refused(rms, word):
     with pytest.raises(SettingsError, match=word):
-        design_excitation(ExcitationOptions(rms=rms), 2, 1, STEP)
+        design_excitation(MultisineOptions(rms=rms), 2, 1, STEP)
 
 
 def test_fewer_experiments_are_the_first_of_each_block():

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robid.design.excitation_options import MultisineOptions
 from robid.design.lines import choose_lines
-from robid.design.options import ExcitationOptions
 from robid.errors import SettingsError
 
 
 def test_default_lines_are_odd_in_band_and_as_many_as_asked():
-    options = ExcitationOptions()
+    options = MultisineOptions()
     excited, detection = choose_lines(options, 1e-3)
     both = np.sort(np.concatenate([excited, detection]))
     assert len(excited) == options.count
@@ -23,7 +23,7 @@ def test_default_lines_are_odd_in_band_and_as_many_as_asked():
 
 
 def test_log_spacing_is_consecutive_below_the_grid_and_geometric_above():
-    excited, _ = choose_lines(ExcitationOptions(detection_share=0.0), 1e-3)
+    excited, _ = choose_lines(MultisineOptions(detection_share=0.0), 1e-3)
     assert np.all(np.diff(excited[:8]) == 2)
     ratio = excited[1:] / excited[:-1]
     assert ratio[-10:].std() < 0.02
@@ -32,7 +32,7 @@ def test_log_spacing_is_consecutive_below_the_grid_and_geometric_above():
 
 
 def test_detection_lines_spread_over_the_band():
-    excited, detection = choose_lines(ExcitationOptions(), 1e-3)
+    excited, detection = choose_lines(MultisineOptions(), 1e-3)
     position = np.searchsorted(np.sort(np.concatenate([excited, detection])), detection)
     assert np.all(np.diff(position) <= 2 * 10)
     assert position[0] < 10
@@ -42,15 +42,15 @@ def test_detection_lines_spread_over_the_band():
 
 
 def test_detection_lines_follow_the_seed():
-    first, second = (choose_lines(ExcitationOptions(seed=seed), 1e-3)[1] for seed in (1, 2))
-    again = choose_lines(ExcitationOptions(seed=1), 1e-3)[1]
+    first, second = (choose_lines(MultisineOptions(seed=seed), 1e-3)[1] for seed in (1, 2))
+    again = choose_lines(MultisineOptions(seed=1), 1e-3)[1]
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, second)
 
 
 def test_a_full_grid_takes_every_line_of_the_band():
     band = {"period_s": 1, "low_hz": 11, "high_hz": 250, "count": 240}
-    options = ExcitationOptions(**band, spacing="linear", grid="full", detection_share=0.0)
+    options = MultisineOptions(**band, spacing="linear", grid="full", detection_share=0.0)
     excited, detection = choose_lines(options, 4e-4)
     np.testing.assert_array_equal(excited, np.arange(11, 251))
     assert len(detection) == 0
@@ -63,7 +63,7 @@ def test_a_full_grid_takes_every_line_of_the_band():
     seed=st.integers(0, 100),
 )
 def test_any_count_that_fits_comes_out_exactly(count, share, spacing, seed):
-    options = ExcitationOptions(count=count, detection_share=share, spacing=spacing, seed=seed)
+    options = MultisineOptions(count=count, detection_share=share, spacing=spacing, seed=seed)
     excited, detection = choose_lines(options, 1e-3)
     both = np.concatenate([excited, detection])
     assert len(excited) == count
@@ -86,7 +86,7 @@ def test_any_count_that_fits_comes_out_exactly(count, share, spacing, seed):
 )
 def test_impossible_lines_are_refused_with_every_reason(changes, words):
     with pytest.raises(SettingsError) as caught:
-        choose_lines(ExcitationOptions(**changes), 1e-3)
+        choose_lines(MultisineOptions(**changes), 1e-3)
     for word in words:
         assert word in str(caught.value)
     assert caught.value.remedy

@@ -8,8 +8,8 @@ import pytest
 
 from exact_systems import two_mass_robot
 from robid.design.excitation import design_excitation
+from robid.design.excitation_options import MultisineOptions
 from robid.design.loop import nominal_loop
-from robid.design.options import ExcitationOptions
 from robid.design.prediction import predict
 from robid.errors import SettingsError
 from robid.signals.multisine import crest_factor
@@ -21,7 +21,7 @@ from two_drives import OPTIONS, STEP, make_loop, make_robot, simulate_rigid
 @pytest.mark.parametrize("inject", ["speed_reference", "torque"])
 def test_prediction_agrees_with_a_simulated_rigid_drive(inject):
     rms = (8.0, 12.0) if inject == "speed_reference" else (0.5, 0.8)
-    options = ExcitationOptions(period_s=1, low_hz=2, high_hz=40, count=15, rms=rms, inject=inject, phase_starts=2)
+    options = MultisineOptions(period_s=1, low_hz=2, high_hz=40, count=15, rms=rms, inject=inject, phase_starts=2)
     excitation = design_excitation(options, 2, 1, STEP)
     controller = Controller(position_gain_1_s=6, speed_bandwidth_hz=20, integral_time_s=0.1)
     static = np.array([[0.0, 0.0], [3.0, -2.0]])
@@ -108,7 +108,7 @@ def test_the_duration_counts_every_period():
 def test_speed_and_torque_of_a_two_mass_drive_agree_with_python_control():
     control = pytest.importorskip("control")
     motor, load, spring, damper = 4.78e-3, 4.752e-3, 546.4, 0.05
-    options = ExcitationOptions(period_s=1, low_hz=5, high_hz=90, count=30, rms=3.0, phase_iterations=0)
+    options = MultisineOptions(period_s=1, low_hz=5, high_hz=90, count=30, rms=3.0, phase_iterations=0)
     controller = Controller(position_gain_1_s=6, speed_bandwidth_hz=15, integral_time_s=0.1)
     excitation = design_excitation(options, 1, 1, STEP)
     robot = two_mass_robot(motor, load, spring, damper)

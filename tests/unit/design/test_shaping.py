@@ -7,8 +7,8 @@ import pytest
 
 from exact_systems import two_joint_robot, two_mass_robot
 from robid.design.excitation import design_excitation
+from robid.design.excitation_options import MultisineOptions
 from robid.design.loop import nominal_loop
-from robid.design.options import ExcitationOptions
 from robid.design.shaping import FLOOR, line_information
 from robid.design.snr import residual_covariance
 from robid.robot.response import nominal_parameters, response, with_values
@@ -16,7 +16,7 @@ from robid.simulate.options import Controller
 from two_drives import STEP
 
 NOISE = (3e-5, 0.05)
-SHAPED = ExcitationOptions(
+SHAPED = MultisineOptions(
     period_s=2, low_hz=2, high_hz=60, count=40, rms=(5.0, 8.0), phase_iterations=0, amplitude="sensitivity"
 )
 

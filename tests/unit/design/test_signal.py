@@ -1,14 +1,14 @@
 """Every kind of excitation: its block, its lines, its slow motion, and the response that it gives."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from exact_systems import two_joint_robot, two_mass_robot
+from robid.design.excitation_options import ChirpOptions, FourierOptions, MultisineOptions, SteppedSineOptions
 from robid.design.lines import choose_lines
 from robid.design.loop import nominal_loop
-from robid.design.options import ExcitationOptions
 from robid.design.prediction import predict
 from robid.design.signal import design_signal
 from robid.design.signal_lines import LINE_SHARE, check_signal, signal_lines
@@ -24,17 +24,18 @@ from tolerances import IDENTITY
 
 STEP_S = 1e-3
 PLAIN = EstimateOptions(compensation="none")
-BASE = ExcitationOptions(period_s=2.0, low_hz=4.0, high_hz=60.0, count=12, rms=3.0, phase_iterations=0)
+BAND = {"period_s": 2.0, "low_hz": 4.0, "high_hz": 60.0, "rms": 3.0}
 KINDS = {
-    "multisine": {},
-    "chirp": {},
-    "stepped_sine": {"low_hz": 12.0},
-    "fourier": {"at_rest": True},
+    "multisine": MultisineOptions(**BAND, count=12, phase_iterations=0),
+    "chirp": ChirpOptions(**BAND),
+    "stepped_sine": SteppedSineOptions(**{**BAND, "low_hz": 12.0}, count=12),
+    "fourier": FourierOptions(**BAND, count=12, at_rest=True),
 }
+BASE = KINDS["multisine"]
 
 
 def options_of(kind, **changes):
-    return replace(BASE, **{"signal": kind, **KINDS[kind], **changes})
+    return replace(KINDS[kind], **changes)
 
 
 def simulated(robot, options, configuration, *, realizations=1, **flaws):
@@ -170,7 +171,9 @@ def test_a_slow_motion_of_angles_has_the_same_speed():
 @pytest.mark.parametrize("line", [2, 4, 6])
 @pytest.mark.parametrize("kind", ["multisine", "chirp", "fourier"])
 def test_multiples_of_the_slow_line_are_not_excited(kind, line):
-    options = options_of(kind, grid="full", slow_motion_rad_s=5.0, slow_motion_line=line, count=40, detection_share=0.2)
+    options = options_of(kind, grid="full", slow_motion_rad_s=5.0, slow_motion_line=line)
+    if kind != "chirp":
+        options = replace(options, count=40, detection_share=0.2)
     excitation = design_signal(options, 1, 1, STEP_S)
     used = np.concatenate([excitation.excited_lines, excitation.detection_lines])
     assert np.all(used % line)
@@ -210,23 +213,35 @@ def test_ripple_and_friction_of_the_slow_motion_stay_off_the_excited_lines(grid)
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("kind", "changes", "words"),
     [
-        ({"slow_motion_rad_s": 5.0, "slow_motion_line": 3}, "line 3 is odd"),
-        ({"slow_motion_rad_s": 5.0, "slow_motion_line": 8}, "4 Hz is not below low_hz 4"),
-        ({"slow_motion_rad_s": 5.0, "inject": "torque"}, "needs a reference of speed or position"),
-        ({"signal": "chirp", "low_hz": 70.0}, "not below high_hz"),
-        ({"signal": "chirp", "high_hz": 600.0}, "Nyquist frequency 500 Hz"),
-        ({"signal": "chirp", "period_s": 2.001}, "2001 samples has no half"),
-        ({"signal": "stepped_sine", "count": 60}, "lengthen period_s"),
-        ({"signal": "fourier", "at_rest": True, "count": 3}, "use at least 4 lines"),
-        ({"signal": "fourier", "count": 300}, "do not fit"),
-        ({"signal": "chirp", "amplitude": "sensitivity"}, "only a multisine is shaped"),
-        ({"signal": "chirp", "random_block_phases": True}, "leave out random_block_phases"),
+        ("multisine", {"slow_motion_rad_s": 5.0, "slow_motion_line": 3}, "line 3 is odd"),
+        ("multisine", {"slow_motion_rad_s": 5.0, "slow_motion_line": 8}, "4 Hz is not below low_hz 4"),
+        ("multisine", {"slow_motion_rad_s": 5.0, "inject": "torque"}, "needs a reference of speed or position"),
+        ("chirp", {"low_hz": 70.0}, "not below high_hz"),
+        ("chirp", {"high_hz": 600.0}, "Nyquist frequency 500 Hz"),
+        ("chirp", {"period_s": 2.001}, "2001 samples has no half"),
+        ("stepped_sine", {"low_hz": 4.0, "count": 60}, "lengthen period_s"),
+        ("fourier", {"at_rest": True, "count": 3}, "use at least 4 lines"),
+        ("fourier", {"at_rest": False, "count": 300}, "do not fit"),
     ],
 )
-def test_what_cannot_be_made_is_said(changes, words):
+def test_what_cannot_be_made_is_said(kind, changes, words):
     with pytest.raises(SettingsError, match=words) as caught:
-        check_signal(replace(BASE, **changes), STEP_S)
+        check_signal(options_of(kind, **changes), STEP_S)
     assert caught.value.where == "excitation"
     assert caught.value.remedy
+
+
+CHANGED = {"period_s": 6.0, "low_hz": 13.0, "high_hz": 50.0, "grid": "full", "slow_motion_rad_s": 1.0}
+CHANGED |= {"count": 4, "spacing": "linear", "detection_share": 0.3, "seed": 2, "chirp_peak": 0.9, "rms": 1.0}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_only_the_fields_that_decide_lines_move_them(kind):
+    options = options_of(kind, **({"period_s": 4.0, "count": 5} if kind == "stepped_sine" else {}))
+    for name in {field.name for field in fields(options)} & set(CHANGED):
+        base = replace(options, grid="full") if name == "slow_motion_rad_s" else options
+        before = np.concatenate(signal_lines(base, STEP_S))
+        after = np.concatenate(signal_lines(replace(base, **{name: CHANGED[name]}), STEP_S))
+        assert np.array_equal(before, after) == (name not in options.decides_lines), name

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.design.excitation import design_excitation
-from robid.design.options import ExcitationOptions
+from robid.design.excitation_options import MultisineOptions
 from robid.design.prediction import predict
 from robid.design.snr import residual_covariance
 from two_drives import OPTIONS, STEP, make_loop
@@ -20,7 +20,7 @@ def coupled_loop(excitation):
 
 
 def test_noise_in_the_loop_gives_the_predicted_variance():
-    options = ExcitationOptions(
+    options = MultisineOptions(
         **{name: getattr(OPTIONS, name) for name in ("period_s", "low_hz", "high_hz", "count", "rms", "phase_starts")},
         assumed_angle_noise_rad=ANGLE_NOISE,
         assumed_torque_noise_nm=TORQUE_NOISE,
@@ -62,7 +62,7 @@ def feedback(loop, excitation):
 def test_more_periods_realizations_and_amplitude_raise_the_ratio_as_theory_says():
     plans = []
     for realizations, periods, factor in ((1, 1, 1.0), (4, 1, 1.0), (1, 10, 1.0), (1, 1, 2.0)):
-        options = ExcitationOptions(period_s=1, low_hz=2, high_hz=40, count=15, rms=4 * factor, phase_iterations=0)
+        options = MultisineOptions(period_s=1, low_hz=2, high_hz=40, count=15, rms=4 * factor, phase_iterations=0)
         excitation = design_excitation(options, 2, realizations, STEP)
         plans.append(predict(excitation, make_loop(excitation), options, periods=periods).plan.snr_db)
     diagonal = np.array([np.diagonal(plan, axis1=2, axis2=3) for plan in plans])

@@ -34,7 +34,7 @@ def test_unknown_keys_are_refused_everywhere(kind):
 
 def test_constraints_and_file_names_of_fields_reach_the_schema():
     schema = experiment_schema()["$defs"]
-    assert schema["ExcitationOptions"]["properties"]["period_s"]["exclusiveMinimum"] == 0
+    assert schema["MultisineOptions"]["properties"]["period_s"]["exclusiveMinimum"] == 0
     assert schema["ElasticFit"]["properties"]["confidence"]["exclusiveMaximum"] == 1
     assert "from" in schema["ElasticFit"]["required"]
     assert {"from", "list_deg", "random", "grid_deg", "mirror", "join"} == set(schema["Configurations"]["properties"])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import check_grad
 
+from robid.design.excitation_options import MultisineOptions
 from robid.design.lines import choose_lines
-from robid.design.options import ExcitationOptions
 from robid.signals.crest import _BlockNorm, _CopiesNorm, _TurnedNorm, reduce_crest, reduce_crest_with_motion
 from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
 
@@ -70,7 +70,7 @@ def test_gradients_over_experiments_with_phases_of_their_own():
 
 
 def test_one_signal_beats_random_draws_and_schroeder():
-    lines, _ = choose_lines(ExcitationOptions(), 1e-3)
+    lines, _ = choose_lines(MultisineOptions(), 1e-3)
     generator = np.random.default_rng(5)
     draws = [crest_of(phases, lines) for phases in generator.uniform(0, 2 * np.pi, (100, len(lines)))]
     index = np.arange(len(lines))
@@ -87,7 +87,7 @@ def test_one_signal_beats_random_draws_and_schroeder():
 
 @pytest.mark.parametrize("size", [4, 6])
 def test_crest_factor_of_a_whole_block_falls(size):
-    lines, _ = choose_lines(ExcitationOptions(), 1e-3)
+    lines, _ = choose_lines(MultisineOptions(), 1e-3)
     shifts = np.angle(orthogonal_matrix(size)[1])
     start = np.random.default_rng(4).uniform(0, 2 * np.pi, len(lines))
     best, _ = reduce_crest(start, np.ones(len(lines)), lines, shifts, iterations=60)

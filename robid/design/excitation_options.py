@@ -1,0 +1,179 @@
+"""Options of an excitation, one dataclass a signal: what they share, and what only one of them has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal, TypeAlias
+
+_SIGNAL = {
+    "description": "Kind of signal; a chirp excites all lines of the band, a stepped sine those near `count`"
+    " frequencies, a Fourier series has random phases and may begin and end at rest."
+}
+_COUNT = {"description": "Number of excited lines, of frequencies of a stepped sine.", "ge": 1}
+_SPACING = {"description": "How the excited lines, or a stepped sine's frequencies, are spaced."}
+
+
+@dataclass(frozen=True)
+class SignalOptions:
+    """What every signal has: period, band, size, limits and what is added to it.
+
+    `decides_lines` names the fields that decide which lines are excited.
+    """
+
+    signal: Literal["multisine", "chirp", "stepped_sine", "fourier"] = field(default="multisine", metadata=_SIGNAL)
+    period_s: float = field(default=5.0, metadata={"description": "Length of one period [s].", "gt": 0})
+    low_hz: float = field(default=2.0, metadata={"description": "Lowest excited frequency [Hz].", "gt": 0})
+    high_hz: float = field(default=80.0, metadata={"description": "Highest excited frequency [Hz].", "gt": 0})
+    grid: Literal["odd", "full"] = field(
+        default="odd", metadata={"description": "Lines that may be excited: odd ones only, or all."}
+    )
+    inject: Literal["speed_reference", "position_reference", "torque"] = field(
+        default="speed_reference", metadata={"description": "Where the controller adds the excitation."}
+    )
+    rms: float | tuple[float, ...] = field(
+        default=20.0,
+        metadata={"description": "RMS of the injected signal, one for all motors or one each [rad/s, rad or N m]."},
+    )
+    seed: int = field(default=1, metadata={"description": "Seed of the phases and detection lines.", "ge": 0})
+    limit_share: float | None = field(
+        default=None,
+        metadata={
+            "description": "Scales the RMS of all motors by one factor until this share of the nearest limit is"
+            " reached; `rms` as given when not set.",
+            "gt": 0,
+            "le": 1,
+        },
+    )
+    max_excursion_deg: float = field(
+        default=5.0, metadata={"description": "Limit of each joint's excursion on the arm side [deg].", "gt": 0}
+    )
+    assumed_angle_noise_rad: float = field(
+        default=3e-5,
+        metadata={
+            "description": "Motor angle's noise per sample that the plan assumes, quantisation included [rad].",
+            "gt": 0,
+        },
+    )
+    assumed_torque_noise_nm: float = field(
+        default=0.05,
+        metadata={"description": "Torque disturbance per sample that the plan assumes [N m].", "ge": 0},
+    )
+    slow_motion_rad_s: float = field(
+        default=0.0,
+        metadata={
+            "description": "Peak motor speed of a slow motion that is added against Coulomb friction, scaled with"
+            " the rest by `limit_share`; 0 adds none [rad/s].",
+            "ge": 0,
+        },
+    )
+    slow_motion_line: int = field(
+        default=2,
+        metadata={"description": "Line of the slow motion, even; it and its multiples are never excited.", "ge": 2},
+    )
+
+    decides_lines: ClassVar[tuple[str, ...]] = (
+        *("signal", "period_s", "low_hz", "high_hz", "grid"),
+        *("slow_motion_rad_s", "slow_motion_line"),
+    )
+
+
+@dataclass(frozen=True)
+class ChosenLineOptions(SignalOptions):
+    """What a signal has whose lines are chosen."""
+
+    count: int = field(default=60, metadata=_COUNT)
+    spacing: Literal["log", "linear"] = field(default="log", metadata=_SPACING)
+    detection_share: float = field(
+        default=0.1,
+        metadata={"description": "Share of the chosen lines left out to detect distortion.", "ge": 0, "lt": 1},
+    )
+
+    decides_lines: ClassVar[tuple[str, ...]] = (
+        *SignalOptions.decides_lines,
+        *("count", "spacing", "detection_share", "seed"),
+    )
+
+
+@dataclass(frozen=True)
+class MultisineOptions(ChosenLineOptions):
+    """An orthogonal random-phase multisine on odd lines with detection lines."""
+
+    signal: Literal["multisine"] = field(default="multisine", metadata=_SIGNAL)
+    phase_iterations: int = field(
+        default=60,
+        metadata={
+            "description": "Iterations of the crest-factor search at each of seven exponents; 0 keeps random phases.",
+            "ge": 0,
+        },
+    )
+    phase_starts: int = field(
+        default=16,
+        metadata={
+            "description": "Random starts of the crest-factor search in a block: one per motor, the rest where it is"
+            " worst; best of random draws where `phase_iterations` is 0.",
+            "ge": 1,
+        },
+    )
+    random_block_phases: bool = field(
+        default=False,
+        metadata={
+            "description": "Random phases for each experiment and line of a block: it stays orthogonal, no signal"
+            " repeats, and peaks are higher."
+        },
+    )
+    crest_at: Literal["reference", "reference_and_motion"] = field(
+        default="reference",
+        metadata={
+            "description": "Where the crest factor is kept low: at the reference, or at the predicted motor speed too."
+        },
+    )
+    amplitude: Literal["flat", "sensitivity"] = field(
+        default="flat",
+        metadata={
+            "description": "Amplitudes of a motor's lines: all the same, or shaped by the information that each line"
+            " carries about springs and dampers."
+        },
+    )
+
+
+@dataclass(frozen=True)
+class FourierOptions(ChosenLineOptions):
+    """A Fourier series with random phases on chosen lines."""
+
+    signal: Literal["fourier"] = field(default="fourier", metadata=_SIGNAL)
+    at_rest: bool = field(
+        default=False,
+        metadata={"description": "Angle, speed and acceleration are zero where the period begins."},
+    )
+
+
+@dataclass(frozen=True)
+class ChirpOptions(SignalOptions):
+    """A sweep over all lines of the band."""
+
+    signal: Literal["chirp"] = field(default="chirp", metadata=_SIGNAL)
+    chirp_peak: float = field(
+        default=0.25,
+        metadata={
+            "description": "Where the amplitude is largest, as a share of the sweep; 0 lets it fall throughout.",
+            "ge": 0,
+            "lt": 1,
+        },
+    )
+
+    decides_lines: ClassVar[tuple[str, ...]] = (*SignalOptions.decides_lines, "chirp_peak")
+
+
+@dataclass(frozen=True)
+class SteppedSineOptions(SignalOptions):
+    """One frequency after the other."""
+
+    signal: Literal["stepped_sine"] = field(default="stepped_sine", metadata=_SIGNAL)
+    count: int = field(default=60, metadata=_COUNT)
+    spacing: Literal["log", "linear"] = field(default="log", metadata=_SPACING)
+
+    decides_lines: ClassVar[tuple[str, ...]] = (*SignalOptions.decides_lines, "count", "spacing")
+
+
+SweepOptions: TypeAlias = ChirpOptions | SteppedSineOptions
+ExcitationOptions: TypeAlias = MultisineOptions | ChirpOptions | SteppedSineOptions | FourierOptions
