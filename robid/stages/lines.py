@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robid.arrays import IntArray
-from robid.design.signal import signal_lines
+from robid.design.signal_lines import signal_lines
 from robid.settings.checks import sampling_period_s
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
