@@ -35,7 +35,6 @@ from robid.pipeline import (
     run_all,
 )
 from robid.report.numbers import duration
-from robid.report.terminal import fit_tables
 from robid.settings.schema import robot_schema
 from robid.stages.export import ExportOptions, check_options, export, export_plan, export_target, write_export
 from robid.stages.export_excitation import (
@@ -249,26 +248,26 @@ def run_experiment(
     with locked(run.path(FOLDER_LOCK), f"robid run {experiment}"):
         results = run_all(run, lambda node: shell.progress(node.output), lambda result: _tell(shell, result))
     present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
-    content = gather(run.loaded, run.folder, present).content
+    gathered = gather(run.loaded, run.folder, present)
     report = str(run.path("report.html"))
     if as_json:
-        rows = {fit.name: [dataclasses.asdict(row) for row in fit.parameters] for fit in content.fits}
+        rows = {fit.headline.name: [dataclasses.asdict(row) for row in fit.parameters] for fit in gathered.fits}
         nodes = [
             {"output": result.node.output, "outcome": result.outcome, "text": result.text, "problem": result.problem}
             | _graded(result.grade)
             for result in results
         ]
-        verdict = dataclasses.asdict(content.verdict)
+        verdict = dataclasses.asdict(gathered.content.verdict)
         _print_json({"nodes": nodes, "parameters": rows, "verdict": verdict, "report": report})
         return _PROBLEM if any(result.fails(strict=strict) for result in results) else 0
-    for fit in content.fits:
-        if len(content.fits) > 1:
-            shell.say(f"\nfit {fit.name}")
-        for table in fit_tables(fit):
+    for fit in gathered.fits:
+        if len(gathered.fits) > 1:
+            shell.say(f"\nfit {fit.headline.name}")
+        for table in fit.terminal:
             shell.out.print(table)
-        if fit.advice:
-            shell.say(f"advice: {fit.advice}")
-    shell.say(f"\n{content.verdict.text}")
+        if fit.headline.advice:
+            shell.say(f"advice: {fit.headline.advice}")
+    shell.say(f"\n{gathered.content.verdict.text}")
     shell.say(f"report: {report}")
     return _PROBLEM if any(result.fails(strict=strict) for result in results) else 0
 
@@ -300,7 +299,7 @@ def run_a_study(
     for section in made.conclusion.sections:
         for table in section.tables:
             shell.say("")
-            shell.out.print(section_table(table.title or section.title, table.columns, table.rows))
+            shell.out.print(section_table(table.title or section.title, table.columns, table.texts))
     shell.say(f"\n{made.conclusion.verdict.text}\n{report}  {made.outcome}")
     return 0
 

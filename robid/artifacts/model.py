@@ -7,6 +7,7 @@ Schema history:
     1.3: `degrees_of_freedom`, `interval_rule`, what was known beforehand and the relative half width; `covariance` and
         `relative_std` hold no quantile any more where a jackknife set them.
     1.4: the grade of the fit by itself.
+    1.5: its resonances and antiresonances beside the measured ones.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from robid.artifacts.grade import GRADE_COLUMNS
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.fit.solution import Solution
 from robid.validation.grade import Grade
+from robid.validation.resonances import ResonanceTable
 
-MODEL = Kind("model", "1.4", "robid fit")
+MODEL = Kind("model", "1.5", "robid fit")
 
 _PARAMETER, _START, _TIED = ("parameter",), ("start",), ("tied",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
@@ -72,18 +74,49 @@ _TABLE = {
 }
 
 
+_RESONANCE = ("resonance",)
+_RESONANCES = {
+    "resonances/configuration": Column("1", _RESONANCE, "Index of the configuration"),
+    "resonances/channel": Column("1", _RESONANCE, "Motor whose own response has it"),
+    "resonances/kind": Column("1", _RESONANCE, "Resonance or antiresonance"),
+    "resonances/measured_hz": Column("Hz", _RESONANCE, "Measured frequency"),
+    "resonances/lower_hz": Column("Hz", _RESONANCE, "Lower end of its interval"),
+    "resonances/upper_hz": Column("Hz", _RESONANCE, "Upper end of its interval"),
+    "resonances/model_hz": Column("Hz", _RESONANCE, "The model's frequency, found as the measured one"),
+    "resonances/mode_hz": Column("Hz", _RESONANCE, "The model's own pole or zero there"),
+    "resonances/mode_lower_hz": Column("Hz", _RESONANCE, "Lower end of its interval"),
+    "resonances/mode_upper_hz": Column("Hz", _RESONANCE, "Upper end of its interval"),
+    "resonances/damping": Column("1", _RESONANCE, "Damping ratio of the pole or zero"),
+}
+
+
 @dataclass(frozen=True)
 class _Graded:
     grade: Grade
 
 
-def model_to_artifact(solution: Solution, provenance: Provenance, grade: Grade | None = None) -> Artifact:
-    """Turns a fit's solution, and what it is worth by itself, into an artifact."""
+@dataclass(frozen=True)
+class _Resonant:
+    resonances: ResonanceTable
+
+
+def model_to_artifact(
+    solution: Solution, provenance: Provenance, grade: Grade | None = None, resonances: ResonanceTable | None = None
+) -> Artifact:
+    """Turns a fit's solution, what it is worth by itself, and its resonances into an artifact."""
     datasets, attributes = to_datasets(solution, _TABLE)
     if grade is not None:
         more = to_datasets(_Graded(grade), GRADE_COLUMNS)
         datasets, attributes = {**datasets, **more[0]}, {**attributes, **more[1]}
+    if resonances is not None:
+        datasets |= to_datasets(_Resonant(resonances), _RESONANCES)[0]
     return Artifact(MODEL, datasets, attributes, provenance)
+
+
+def resonances_from_artifact(artifact: Artifact) -> ResonanceTable | None:
+    """Resonances of the fit's own data; None in files of older versions."""
+    known = "resonances/measured_hz" in artifact.datasets
+    return from_datasets(ResonanceTable, artifact, "resonances/") if known else None
 
 
 def grade_from_artifact(artifact: Artifact) -> Grade | None:

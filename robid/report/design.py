@@ -100,7 +100,7 @@ def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -
         f"{len(names)} of {len(every)} candidates, made to keep the parameters'"
         f" {_CRITERIA[design.criterion]} small; worth {percent(design.efficiency)} of {bound}."
     )
-    return Section(f"Design {name}", lead, design_tables(design), figures)
+    return Section(f"Design {name}", lead, (*design_tables(design), *figures))
 
 
 def _chosen(design: ConfigurationDesign) -> Table:

@@ -147,3 +147,13 @@ def _scaled_unit(exponent: int, unit: str) -> str:
 def _power(value: float, digits: int) -> str:
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}{_TIMES}10{str(int(exponent)).translate(_SUPERSCRIPTS)}".replace("-", MINUS)
+
+
+def rounded(value: float | None, digits: int = 5) -> float | None:
+    """Rounds to so many significant digits, for a figure; None where it is not finite."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.{digits}g}")
+
+
+def fixed(value: float, decimals: int) -> float | None:
+    """Rounds to so many decimals, for a figure; None where it is not finite."""
+    return round(float(value), decimals) if math.isfinite(value) else None

@@ -5,18 +5,29 @@ from __future__ import annotations
 import json
 import os
 from importlib import resources
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from robid.report import numbers, summary, tables
+from robid.report.bode import BodeMatrix
 from robid.report.content import ReportContent
-from robid.report.figures import page_data
+from robid.report.figures import figure_data
+from robid.report.section import AnyFigure, Beside, Cell, Folded, Notes, Part, Row, Section, Table
 
-_SCRIPTS = ("page.js", "quality.js", "bode.js", "charts.js", "curves.js", "bars.js", "skeletons.js")
+_SCRIPTS = (
+    "page.js",
+    "choice.js",
+    "quality.js",
+    "bode.js",
+    "ratios.js",
+    "curves.js",
+    "bars.js",
+    "skeletons.js",
+)
 
 
 def write_report(path: Path, content: ReportContent) -> None:
@@ -40,24 +51,57 @@ def render(content: ReportContent) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {
-        "percent": numbers.percent,
-        "engineering": numbers.engineering,
-        "significant": numbers.significant,
-        "duration": numbers.duration,
-        "unit": numbers.pretty_unit,
-        "number": numbers.number_of,
-        "degrees": _degrees,
-    }
+    drawn: list[dict[str, Any]] = []
+
+    def number(figure: AnyFigure) -> int:
+        """Keeps the data of a figure; they stand behind all sections."""
+        drawn.append(figure_data(figure))
+        return len(drawn) - 1
+
     return environment.get_template("page.html.j2").render(
         content=content,
-        key_figures=summary.key_figures,
-        tables=tables,
+        sections=_numbered(content.sections),
+        kind=_kind,
+        number=number,
+        body=_body,
+        badges=_badges,
+        styles=_styles,
         style=Markup(_own("page.css")),
         scripts=[Markup(_own(name)) for name in _SCRIPTS],
         plotly=Markup(get_plotlyjs()),
-        data=Markup(_script_json(page_data(content))),
+        data=lambda: Markup(_script_json({"figures": drawn})),
     )
+
+
+def _numbered(sections: tuple[Section, ...]) -> list[tuple[str, list[tuple[str, Section]]]]:
+    """Sections with their anchors, in runs of the same group."""
+    named = [(section.anchor or f"section-{place}", section) for place, section in enumerate(sections, 1)]
+    return [(group, list(members)) for group, members in groupby(named, key=lambda item: item[1].group)]
+
+
+def _kind(part: Part) -> str:
+    if isinstance(part, Table | Notes | Beside | Folded | BodeMatrix):
+        return type(part).__name__
+    return "Figure"
+
+
+def _body(table: Table) -> list[tuple[str, list[tuple[int, Row]]]]:
+    """Rows with their places, in runs of the same group."""
+    rows = [(place, row if isinstance(row, Row) else Row(row)) for place, row in enumerate(table.rows)]
+    return [(group, list(members)) for group, members in groupby(rows, key=lambda item: item[1].group)]
+
+
+def _badges(table: Table) -> dict[str, str]:
+    """What the letters before some cells mean."""
+    cells = (cell for _, rows in _body(table) for _, row in rows for cell in row.cells if isinstance(cell, Cell))
+    return {cell.badge: cell.hint for cell in cells if cell.badge}
+
+
+def _styles(table: Table) -> tuple[str, ...]:
+    """Style of each column; sentences or numbers behind the name where none is given."""
+    if table.styles:
+        return table.styles
+    return ("name", *(("text" if table.prose else "number",) * (len(table.columns) - 1)))
 
 
 def _own(name: str) -> str:
@@ -67,8 +111,3 @@ def _own(name: str) -> str:
 def _script_json(value: object) -> str:
     """Writes JSON that cannot end the script element it stands in."""
     return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-
-
-def _degrees(angle_rad: float) -> str:
-    written = f"{np.rad2deg(angle_rad):.1f}"
-    return "0.0" if float(written) == 0 else written.replace("-", numbers.MINUS)

@@ -1,8 +1,50 @@
-"""Sections of a report that a study fills: tables of text, figures of curves, bars and skeletons of arms."""
+"""Sections of a report and what they hold: tables, notes, and figures that the page draws."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from robid.report.bode import BodeMatrix
+
+ColumnStyle: TypeAlias = Literal["name", "text", "number", "strong", "prose", "code", "meter"]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell that is more than its text.
+
+    Attributes:
+        text: What it says.
+        mark: Whether that is good or bad news.
+        badge: A letter before the text.
+        hint: What the badge means.
+        share: Share of a limit, drawn as a meter where its column is one.
+    """
+
+    text: str
+    mark: Literal["", "good", "bad"] = ""
+    badge: str = ""
+    hint: str = ""
+    share: float | None = None
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row that is more than its cells.
+
+    Attributes:
+        cells: Its cells.
+        faint: Whether the reader should not rely on it.
+        group: Title above it and its neighbours of the same group.
+        choice: What the reader chooses it by, where the table has a choice.
+    """
+
+    cells: tuple[str | Cell, ...]
+    faint: bool = False
+    group: str = ""
+    choice: str = ""
 
 
 @dataclass(frozen=True)
@@ -16,23 +58,47 @@ class Table:
         caption: What the reader has to know.
         strong: Index of the row to stress, or None.
         prose: Whether the cells are sentences, which stand to the left and wrap.
+        styles: Style of each column; a name and numbers when empty.
+        choice: What the reader chooses rows by; empty for no choice.
+        footer: Name and text of lines below the rows.
+        fit: How much room it takes: all of the width, as little as it needs, or a height of its own to scroll in.
     """
 
     columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    rows: tuple[Row | tuple[str | Cell, ...], ...]
     title: str = ""
     caption: str = ""
     strong: int | None = None
     prose: bool = False
+    styles: tuple[ColumnStyle, ...] = ()
+    choice: str = ""
+    footer: tuple[tuple[str, str], ...] = ()
+    fit: Literal["wide", "compact", "tall", "compact tall"] = "wide"
+
+    @property
+    def texts(self) -> tuple[tuple[str, ...], ...]:
+        """The cells of each row as text alone."""
+        rows = (row.cells if isinstance(row, Row) else row for row in self.rows)
+        return tuple(tuple(cell.text if isinstance(cell, Cell) else cell for cell in row) for row in rows)
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve of a figure; where y is not finite there is a gap."""
+    """One curve of a figure; where y is not finite there is a gap.
+
+    Attributes:
+        name: Its name.
+        x: Along x.
+        y: Along y.
+        texts: What is said of each point; the values when empty.
+        points: Whether points are drawn in place of a line.
+    """
 
     name: str
     x: tuple[float, ...]
     y: tuple[float, ...]
+    texts: tuple[str, ...] = ()
+    points: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,6 +116,7 @@ class Figure:
         y_range: Ends of the vertical axis; those of the curves when None.
         height: Height on the page [pixel].
         legend: Whether the curves are named.
+        x_labels: What stands at x = 0, 1, ...; numbers when empty.
     """
 
     title: str
@@ -62,6 +129,7 @@ class Figure:
     y_range: tuple[float, float] | None = None
     height: int = 340
     legend: bool = True
+    x_labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -76,6 +144,9 @@ class Bars:
         flat: Whether the bars lie, their labels at the left.
         label_title: What the labels are.
         caption: What the reader has to know.
+        groups: Name and number of bars of each group, in the order of the bars; one group when empty.
+        marks: What each bar is held against, or None; nothing when empty.
+        mark_title: What the marks are.
     """
 
     title: str
@@ -85,6 +156,9 @@ class Bars:
     flat: bool = False
     label_title: str = ""
     caption: str = ""
+    groups: tuple[tuple[str, int], ...] = ()
+    marks: tuple[float | None, ...] = ()
+    mark_title: str = ""
 
 
 @dataclass(frozen=True)
@@ -109,19 +183,104 @@ class Skeletons:
 
 
 @dataclass(frozen=True)
+class Ratio:
+    """A value over its nominal one.
+
+    Attributes:
+        name: Its name.
+        estimate: The ratio.
+        lower: Lower end of its interval.
+        upper: Upper end of its interval.
+        truth: True value over the nominal one, or None.
+        identifiable: Whether the data determine it.
+        text: The value itself, written out.
+    """
+
+    name: str
+    estimate: float
+    lower: float
+    upper: float
+    truth: float | None = None
+    identifiable: bool = True
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class RatioChart:
+    """Values over their nominal ones, with intervals and the truth.
+
+    Attributes:
+        title: Title above it.
+        panels: Title and values of each panel; they stand beside each other on one scale.
+        interval: What the intervals are, as in `95 % interval`.
+        caption: What the reader has to know.
+    """
+
+    title: str
+    panels: tuple[tuple[str, tuple[Ratio, ...]], ...]
+    interval: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Notes:
+    """A list of sentences."""
+
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Parts that stand beside each other where the page is wide.
+
+    Attributes:
+        parts: The parts.
+        columns: How many side by side; as many as there is room for when 0.
+    """
+
+    parts: tuple[Part, ...]
+    columns: int = 0
+
+
+@dataclass(frozen=True)
+class Folded:
+    """Parts that the reader unfolds."""
+
+    title: str
+    parts: tuple[Part, ...]
+
+
+AnyFigure: TypeAlias = Figure | Bars | Skeletons | RatioChart | BodeMatrix
+Part: TypeAlias = Table | Notes | Beside | Folded | AnyFigure
+
+
+@dataclass(frozen=True)
 class Section:
     """A titled part of the page.
 
     Attributes:
         title: Its title.
         lead: What it is about.
-        tables: Its tables.
-        figures: Its figures, after the tables.
-        columns: Number of figures beside each other where the page is wide.
+        parts: Tables, notes and figures, from top to bottom.
+        anchor: Its name in the page's address; its number when empty.
+        group: What it and its neighbours of the same group are about, as in the name of a fit.
     """
 
     title: str
     lead: str = ""
-    tables: tuple[Table, ...] = ()
-    figures: tuple[Figure | Bars | Skeletons, ...] = ()
-    columns: int = 1
+    parts: tuple[Part, ...] = ()
+    anchor: str = ""
+    group: str = ""
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """All tables, from top to bottom."""
+        return tuple(_tables(self.parts))
+
+
+def _tables(parts: tuple[Part, ...]) -> Iterator[Table]:
+    for part in parts:
+        if isinstance(part, Table):
+            yield part
+        elif isinstance(part, Beside | Folded):
+            yield from _tables(part.parts)

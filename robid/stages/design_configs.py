@@ -145,7 +145,7 @@ def _problem(output: Path) -> str:
 def _show(output: Path, loaded: LoadedExperiment) -> Group:
     del loaded
     tables = design_tables(design_from_artifact(read_artifact(output, DESIGN)))
-    return Group(*(section_table(table.title, table.columns, table.rows) for table in tables))
+    return Group(*(section_table(table.title, table.columns, table.texts) for table in tables))
 
 
 def _told(output: Path) -> dict[str, Any]:

@@ -64,7 +64,7 @@ def _run(job: Job) -> str:
     gathered = gather(job.loaded, job.folder, job.inputs)
     write_json(job.output.with_name("summary.json"), summarize(gathered))
     write_page(job.output, gathered.content, job.provenance(STAGE.name))
-    return counted(len(gathered.content.fits), "fit")
+    return counted(len(gathered.fits), "fit")
 
 
 def write_page(path: Path, content: ReportContent, provenance: Provenance) -> None:

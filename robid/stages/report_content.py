@@ -13,7 +13,7 @@ import numpy as np
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact
+from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact, resonances_from_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION, validation_from_artifact
@@ -22,30 +22,31 @@ from robid.design.information import ConfigurationDesign
 from robid.families.elastic.fitting import fit_phrase, values_in, verdict
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
-from robid.report.content import (
+from robid.report.content import FitReport, ReportContent, Verdict, fit_sections
+from robid.report.design import design_section
+from robid.report.experiment import (
     ConfigurationRow,
     ExcitationRow,
-    FitContent,
     PeakRow,
-    ReportContent,
     StageRow,
     TorqueRow,
-    Verdict,
+    experiment_section,
+    run_section,
 )
-from robid.report.design import design_section
 from robid.report.section import Section
-from robid.report.summary import identified_phrase
-from robid.report.tables import widened_sentence
 from robid.robot.skeleton import skeleton
 from robid.settings.load import LoadedExperiment
 from robid.stages import design_configs, design_excitation, estimate_frf, simulate_or_acquire
+from robid.stages.elastic_report.content import FitContent
+from robid.stages.elastic_report.gather import fit_content
+from robid.stages.elastic_report.report import fit_report
+from robid.stages.elastic_report.summary import comparison
 from robid.stages.plausible import contradictions
-from robid.stages.report_fit import fit_content
 from robid.stages.validate import truth_input
 from robid.validation.elastic import Validation
 from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST, Grade
 from robid.validation.plausible_evidence import gather_evidence
-from robid.validation.recovery import recovery_sentence
+from robid.validation.resonances import ResonanceTable
 
 _SHORT = 8
 _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}
@@ -57,17 +58,21 @@ class Gathered:
 
     Attributes:
         content: The page.
+        fits: What each fit adds to page, terminal and summary.
         designs: Each design.
-        validations: Validation of each fit that has one.
+        excitations: The excitation of each campaign.
+        comparison: Numbers that compare fits, by dotted name.
     """
 
     content: ReportContent
+    fits: tuple[FitReport, ...]
     designs: dict[str, ConfigurationDesign]
-    validations: dict[str, Validation]
+    excitations: tuple[ExcitationRow, ...]
+    comparison: dict[str, float]
 
 
 def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> Gathered:
-    """Reads the artifacts of a run and turns them into rows.
+    """Reads the artifacts of a run and lays them out.
 
     Args:
         loaded: The experiment.
@@ -78,30 +83,45 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> 
         ArtifactError: If one cannot be read.
     """
     run = _read(loaded, folder, present)
-    fits = []
-    for name, solution in run.solutions.items():
-        truth = _truth(loaded, folder, name)
-        grade = run.validations[name].grade if name in run.validations else run.grades.get(name)
-        fits.append(fit_content(loaded, name, solution, run.frfs, truth, run.validations.get(name), grade))
+    warnings = _warnings(loaded, run.frfs)
+    contents = [_fit(loaded, folder, name, run) for name in run.solutions]
+    fits = tuple(fit_report(content, run.validations.get(content.name), warnings) for content in contents)
+    excitations = tuple(_excitation(run, name) for name in run.frfs)
     content = ReportContent(
         title=loaded.experiment.name,
-        verdict=_verdict(fits, run.validations),
+        verdict=_verdict(fits),
         robot=loaded.robot.name,
-        robot_notes=loaded.robot.notes,
-        fits=tuple(fits),
-        joint_names=tuple(joint.name for joint in loaded.robot.joints),
-        configurations=tuple(
+        headlines=tuple(fit.headline for fit in fits),
+        warnings=warnings,
+        sections=(
+            *fit_sections(fits),
+            *(_design(loaded, name, design) for name, design in run.designs.items()),
+            *_experiment(loaded, run, excitations),
+            *run_section(tuple(_stage(path, folder / path, run) for path in present if path.endswith(".h5"))),
+        ),
+    )
+    return Gathered(content, fits, run.designs, excitations, comparison(contents))
+
+
+def _fit(loaded: LoadedExperiment, folder: Path, name: str, run: _Run) -> FitContent:
+    validation = run.validations.get(name)
+    grade = run.grades[name] if validation is None else validation.grade
+    truth = _truth(loaded, folder, name)
+    return fit_content(loaded, name, run.solutions[name], run.frfs, truth, validation, grade, run.resonances[name])
+
+
+def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[ExcitationRow, ...]) -> tuple[Section, ...]:
+    return experiment_section(
+        loaded.robot.notes,
+        excitations,
+        tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
+        tuple(joint.name for joint in loaded.robot.joints),
+        tuple(
             ConfigurationRow(name, index, tuple(row))
             for name, frf in run.frfs.items()
             for index, row in enumerate(frf.configurations.tolist())
         ),
-        excitations=tuple(_excitation(run, name) for name in run.frfs),
-        removed_torques=tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
-        stages=tuple(_stage(path, folder / path, run) for path in present if path.endswith(".h5")),
-        warnings=_warnings(loaded, run.frfs),
-        sections=tuple(_design(loaded, name, design) for name, design in run.designs.items()),
     )
-    return Gathered(content, run.designs, run.validations)
 
 
 def _warnings(loaded: LoadedExperiment, frfs: dict[str, Frf]) -> tuple[str, ...]:
@@ -122,6 +142,7 @@ class _Run:
     frfs: dict[str, Frf]
     solutions: dict[str, Solution]
     grades: dict[str, Grade | None]
+    resonances: dict[str, ResonanceTable | None]
     validations: dict[str, Validation]
 
 
@@ -144,6 +165,7 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
         frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
         solutions={name: model_from_artifact(model) for name, model in read.items()},
         grades={name: grade_from_artifact(model) for name, model in read.items()},
+        resonances={name: resonances_from_artifact(model) for name, model in read.items()},
         validations={
             name: validation_from_artifact(read_artifact(path, VALIDATION)) for name, path in validations.items()
         },
@@ -163,31 +185,11 @@ def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) ->
     return design_section(name, design, skeleton(loaded.robot.to_robot(campaign.payload_kg), design.configurations))
 
 
-def _verdict(fits: list[FitContent], validations: dict[str, Validation]) -> Verdict:
+def _verdict(fits: tuple[FitReport, ...]) -> Verdict:
     if not fits:
         return Verdict("No model was fitted.", "warn")
-    sentences = [_sentences(content, validations.get(content.name)) for content in fits]
-    texts = [
-        f"{content.name}: {text}" if len(fits) > 1 else text for content, text in zip(fits, sentences, strict=True)
-    ]
-    return Verdict(" ".join(texts), _LEVELS[min(DO_NOT_USE if fit.grade is None else fit.grade.value for fit in fits)])
-
-
-def _sentences(content: FitContent, validation: Validation | None) -> str:
-    """Says of one fit what is identified, whether the model holds, and what is known of the truth."""
-    found = []
-    if content.grade is not None:
-        found.append(content.grade.sentence)
-    found.append(f"{identified_phrase(content)}.")
-    if content.grade is None or content.grade.value:
-        found.append(widened_sentence(content))
-    if validation is None:
-        found.append("Not validated: no campaign was named to hold it against.")
-    else:
-        # What fails the validation stands in the grade's sentence.
-        found.append(f"The model {validation.verdict}." if validation.ok else "")
-        found.append(recovery_sentence(validation.springs_within, validation.springs_known, validation.coverage))
-    return " ".join(sentence for sentence in found if sentence)
+    texts = [f"{fit.headline.name}: {fit.verdict}" if len(fits) > 1 else fit.verdict for fit in fits]
+    return Verdict(" ".join(texts), _LEVELS[min(DO_NOT_USE if fit.grade is None else fit.grade for fit in fits)])
 
 
 def _excitation(run: _Run, campaign: str) -> ExcitationRow:
@@ -248,10 +250,10 @@ def _stage(path: str, file: Path, run: _Run) -> StageRow:
         begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
         seconds = (ended - begun).total_seconds()
     hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
-    return StageRow(made.stage, path, *hashes, seconds, _figures(path, run))
+    return StageRow(made.stage, path, *hashes, seconds, _phrase(path, run))
 
 
-def _figures(path: str, run: _Run) -> str:
+def _phrase(path: str, run: _Run) -> str:
     folder, _, name = path.removesuffix(".h5").rpartition("/")
     if folder == "designs":
         return design_configs.figures(run.designs[name])

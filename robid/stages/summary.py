@@ -2,153 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict
-from statistics import fmean, median
-
-from robid.report.content import FitContent, ParameterRow
-from robid.report.summary import average_and_worst, effort, resonance_errors
 from robid.stages.report_content import Gathered
-
-_CLOSE = 0.02
-_VALIDATION = (
-    "ok",
-    "cost_ratio",
-    "average_cost",
-    "worst_cost",
-    "median_error_db",
-    "worst_error_db",
-    "motor_error_db",
-    "motor_error_deg",
-)
 
 
 def summarize(gathered: Gathered) -> dict[str, float]:
     """Returns everything that a run says in numbers, in SI units."""
-    content = gathered.content
     found: dict[str, float] = {}
     for name, design in gathered.designs.items():
         found |= {f"designs.{name}.efficiency": design.efficiency, f"designs.{name}.gap": design.gap}
         found[f"designs.{name}.average_std"] = float(design.predicted_relative_std.mean())
         if design.stability is not None:
             found[f"designs.{name}.chosen_again"] = float(design.stability.kept.mean())
-    for row in content.excitations:
+    for row in gathered.excitations:
         found[f"campaigns.{row.campaign}.measuring_time_s"] = row.duration_s
         found[f"campaigns.{row.campaign}.lines"] = row.lines
-    for fit in content.fits:
-        found |= {f"fits.{fit.name}.{name}": value for name, value in _fit(fit).items()}
-    for name, validation in gathered.validations.items():
-        for key in _VALIDATION:
-            found[f"fits.{name}.validation.{key}"] = float(getattr(validation, key))
-        if validation.resonance_shift is not None:
-            found[f"fits.{name}.validation.resonance_shift"] = validation.resonance_shift
-    return found | _cubic(content.fits, found)
-
-
-def _cubic(fits: Sequence[FitContent], found: dict[str, float]) -> dict[str, float]:
-    """What cubic springs are worth: excess cost over that of a linear fit in the same campaign, and the worst of all.
-
-    A ratio below zero says that the cubic model costs less than noise alone gives.
-    """
-    excess = {fit.name: sum(row.excess or 0.0 for row in fit.validation_costs) for fit in fits if fit.validation_costs}
-    cubic = {fit.name for fit in fits if any(row.kind == "cubic" for row in fit.parameters)}
-    campaign = {fit.name: fit.validation_campaign for fit in fits}
-    ratios: dict[str, float] = {}
-    for name in sorted(cubic & excess.keys()):
-        linear = [excess[other] for other in excess.keys() - cubic if campaign[other] == campaign[name]]
-        if linear and min(linear) > 0:
-            ratios[f"fits.{name}.cubic.cost_ratio"] = excess[name] / min(linear)
-    errors = [value for key, value in found.items() if key.endswith(".cubic.max_relative_error")]
-    worst = {"cubic.max_relative_error": errors, "cubic.cost_ratio": list(ratios.values())}
-    return ratios | {key: max(values) for key, values in worst.items() if values}
-
-
-def _fit(fit: FitContent) -> dict[str, float]:
-    found: dict[str, float] = {"converged": float(fit.status == "converged"), "misfit": fit.misfit}
-    if fit.grade is not None:
-        found["grade"] = fit.grade.value
-    for row in fit.parameters:
-        name = row.name if row.kind in ("delay", "friction", "location") else f"{row.name}.{row.kind}"
-        found |= {f"parameters.{name}.{key}": value for key, value in _parameter(row).items()}
-    found["undetermined"] = len(fit.undetermined)
-    if fit.element_errors is not None:
-        found |= {f"model_error.{key}": value for key, value in asdict(fit.element_errors).items()}
-    for role, rows in (("estimation", fit.estimation_costs), ("validation", fit.validation_costs)):
-        costs = average_and_worst(rows)
-        if costs is not None:
-            found |= {f"{role}.average_configuration_cost": costs[0], f"{role}.worst_configuration_cost": costs[1].cost}
-        ratios = [row.cost / row.expected_cost for row in rows if row.expected_cost]
-        if ratios:
-            found |= {f"{role}.average_cost_over_noise": fmean(ratios), f"{role}.worst_cost_over_noise": max(ratios)}
-    found |= {"starts": len(fit.starts), "starts_at_best": sum(row.minimum_index == 0 for row in fit.starts)}
-    used = effort(fit.starts)
-    if used is not None:
-        found |= {"evaluations.median": used.median, "evaluations.max": used.most, "cap_share": used.cap_share}
-    distances = [abs(error) for error, _ in resonance_errors(fit.resonances)]
-    if distances:
-        found |= {"resonances.median_relative_error": median(distances), "resonances.count": len(distances)}
-    return found | _modes(fit) | _recovery(fit)
-
-
-def _modes(fit: FitContent) -> dict[str, float]:
-    """The model's own poles and zeros where the data show one, numbered by rising frequency, and the measured ones."""
-    found: dict[str, float] = {}
-    counts: Counter[str] = Counter()
-    for row in fit.resonances:
-        place = f"resonances.configuration_{row.configuration + 1}.{row.channel}.{row.kind}"
-        counts[place] += 1
-        values = {"measured_hz": row.measured_hz, "model_hz": row.mode_hz}
-        if row.mode_interval_hz is not None:
-            values |= {"model_lower_hz": row.mode_interval_hz[0], "model_upper_hz": row.mode_interval_hz[1]}
-        found |= {f"{place}_{counts[place]}.{key}": value for key, value in values.items() if value is not None}
-    return found
-
-
-def _parameter(row: ParameterRow) -> dict[str, float]:
-    values = {
-        "nominal": row.nominal,
-        "estimate": row.estimate,
-        "lower": row.lower,
-        "upper": row.upper,
-        "relative_std": row.relative_std,
-        "identifiable": float(row.identifiable),
-    }
-    if row.realization_relative_std is not None:
-        values["realization_relative_std"] = row.realization_relative_std
-    if row.bootstrap is not None:
-        values |= {"bootstrap_lower": row.bootstrap[0], "bootstrap_upper": row.bootstrap[1]}
-    if row.truth is not None:
-        values["truth"] = row.truth
-    if row.covered is not None:
-        values["covered"] = float(row.covered)
-    return values
-
-
-def _recovery(fit: FitContent) -> dict[str, float]:
-    found: dict[str, float] = {"identifiable": sum(row.identifiable for row in fit.parameters)}
-    springs = [row for row in fit.parameters if row.kind == "stiffness"]
-    widths = [(row.upper - row.lower) / 2 / row.estimate for row in springs if row.identifiable and row.estimate]
-    if widths:
-        found["springs.median_half_width"] = median(widths)
-    errors = [abs(row.estimate / row.truth - 1) for row in springs if row.truth]
-    if errors:
-        found |= {
-            "springs.median_error": median(errors),
-            "springs.worst_error": max(errors),
-            "springs.within_2_percent": sum(error <= _CLOSE for error in errors),
-        }
-    cubic = [row for row in fit.parameters if row.kind == "cubic" and row.identifiable and row.truth]
-    if cubic:
-        found["cubic.max_relative_error"] = max(abs(row.estimate / row.truth - 1) for row in cubic if row.truth)
-    covered = [row.covered for row in fit.parameters if row.identifiable and row.covered is not None]
-    if covered:
-        found["coverage"] = fmean(covered)
-    repeated = [
-        row.bootstrap[0] <= row.truth <= row.bootstrap[1]
-        for row in fit.parameters
-        if row.identifiable and row.bootstrap is not None and row.truth is not None
-    ]
-    if repeated:
-        found["coverage_bootstrap"] = fmean(repeated)
-    return found
+    for fit in gathered.fits:
+        found |= {f"fits.{fit.headline.name}.{key}": value for key, value in fit.summary.items()}
+    return found | gathered.comparison

@@ -113,7 +113,7 @@ def _estimator_section(
         _figure("Error on the diagonal", "Relative error, median", frequency, error),
         _figure("Reported over true standard deviation, diagonal", "Ratio, median", frequency, honesty, log_y=False),
     )
-    return Section("Estimators", lead, (_estimator_table(estimators, campaign.estimate.estimator, group),), figures)
+    return Section("Estimators", lead, (_estimator_table(estimators, campaign.estimate.estimator, group), *figures))
 
 
 def _estimator_table(estimators: Sequence[EstimatorFigures], default: str, group: int) -> Table:
@@ -159,7 +159,7 @@ def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: i
     figure = _figure(
         "Bias on the diagonal", "Relative bias, median", frequency, [(one.name, one.bias_hz) for one in biases]
     )
-    return Section("Compensation", lead, (Table(("Compensation", *heads), rows, caption=caption),), (figure,))
+    return Section("Compensation", lead, (Table(("Compensation", *heads), rows, caption=caption), figure))
 
 
 def _figure(

@@ -17,7 +17,8 @@ from robid.backends.map import make_map
 from robid.backends.progress import Progress
 from robid.errors import ArtifactError, SettingsError
 from robid.pipeline import Result, Run, run_all
-from robid.report.content import ReportContent, StageRow
+from robid.report.content import ReportContent
+from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
@@ -225,7 +226,7 @@ def _row(step: Step, made: list[Provenance]) -> StageRow:
         settings_hash=made[0].settings_hash[:8] if made else "",
         content_hash="",
         seconds=seconds,
-        figures=f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each",
+        phrase=f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each",
     )
 
 
@@ -235,8 +236,7 @@ def _content(loaded: LoadedExperiment, conclusion: Conclusion, rows: tuple[Stage
         title=loaded.experiment.name,
         verdict=conclusion.verdict,
         robot=loaded.robot.name,
-        sections=conclusion.sections + references,
-        stages=rows,
+        sections=conclusion.sections + references + run_section(rows),
         warnings=conclusion.warnings,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.report.section import Curve, Figure, Section
+from robid.report.section import Beside, Curve, Figure, Section
 from robid.studies.wernholt2008 import ALL
 from robid.studies.wernholt2008_figures import NEAR_BEST, Found, Models
 
@@ -40,7 +40,7 @@ def cost_section(found: Found, group: str) -> Section:
         f"Models from the same starts {_ABOUT[group]}, all judged by the same two costs, each estimator's sorted by the"
         f" first. Costs above {_COST_RANGE[1]:g} are drawn there."
     )
-    return Section(f"Costs {_ABOUT[group]}", lead, (), tuple(figures), columns=2)
+    return Section(f"Costs {_ABOUT[group]}", lead, (Beside(tuple(figures), 2),))
 
 
 def parameter_sections(found: Found, transmission: BoolArray) -> tuple[Section, ...]:
@@ -59,7 +59,7 @@ def parameter_sections(found: Found, transmission: BoolArray) -> tuple[Section, 
         ("Fig. 7: dampers of the arm structure", logarithmic, ~spring & ~transmission),
     )
     return tuple(
-        Section(title, lead, (), tuple(_parameter_figure(found, one, mask) for one in shown.values()), columns=3)
+        Section(title, lead, (Beside(tuple(_parameter_figure(found, one, mask) for one in shown.values()), 3),))
         for title, shown, mask in panels
         if mask.any()
     )
@@ -97,7 +97,7 @@ def _spread_section(found: Found, configuration: int, element: tuple[int, int], 
         f"Configuration {configuration + 1}: the best {found.reference} model and the range of its {len(near)} models"
         f" with a cost within {NEAR_BEST:g} of the best (paper: 31)."
     )
-    return Section("Fig. 8: responses of the good models", lead, (), (figure,))
+    return Section("Fig. 8: responses of the good models", lead, (figure,))
 
 
 def _matrix_section(found: Found, configuration: int, best: ComplexArray) -> Section:
@@ -120,7 +120,7 @@ def _matrix_section(found: Found, configuration: int, best: ComplexArray) -> Sec
         f"Configuration {configuration + 1}: measured response (solid), best {found.reference} model (dashed) and one"
         f" standard deviation to each side (dots); [rad/(s² N m)] over [Hz]."
     )
-    return Section("Fig. 9: measured and modelled response", lead, (), tuple(figures), columns=measured.shape[2])
+    return Section("Fig. 9: measured and modelled response", lead, (Beside(tuple(figures), measured.shape[2]),))
 
 
 _UNIT = "Magnitude [rad/(s² N m)]"

@@ -11,7 +11,7 @@ from robid.pipeline import Run
 from robid.report.design import design_section
 from robid.report.design_figures import deviation_figures, step_response_figures
 from robid.report.numbers import significant
-from robid.report.section import Curve, Figure, Section, Table
+from robid.report.section import Beside, Curve, Figure, Section, Table
 from robid.robot.skeleton import skeleton
 from robid.studies.zimmermann2023 import chosen_designs
 from robid.studies.zimmermann2023_effort import Effort
@@ -33,7 +33,7 @@ def cost_section(found: Found) -> Section:
         if part:
             figures.append(Figure("", "Configuration, by its cost", "Cost", tuple(curves), log_x=False))
     lead = "Costs in all configurations, each model's sorted; means over the individuals."
-    return Section("Fig. 3: costs of the validation", lead, (), tuple(figures), columns=2)
+    return Section("Fig. 3: costs of the validation", lead, (Beside(tuple(figures), 2),))
 
 
 def response_section(found: Found) -> Section:
@@ -60,7 +60,7 @@ def response_section(found: Found) -> Section:
         f"The first individual. The two configurations in which {study.reference} meets the first resonances best and"
         " worst; magnitude of the motor's own response, torque to acceleration."
     )
-    return Section("Fig. 4: responses and models", lead, (), tuple(figures), columns=2)
+    return Section("Fig. 4: responses and models", lead, (Beside(tuple(figures), 2),))
 
 
 def _response(title: str, frequency_hz: FloatArray, curves: Mapping[str, FloatArray]) -> Figure:
@@ -84,7 +84,7 @@ def parameter_section(found: Found) -> Section:
         "Springs of the first individual over their true linear stiffness (without what stiffening adds), two"
         f" deviations to each side. Along x: {order}."
     )
-    return Section("Fig. 5: parameters and deviations", lead, (), tuple(figures), columns=3)
+    return Section("Fig. 5: parameters and deviations", lead, (Beside(tuple(figures), 3),))
 
 
 def effort_section(effort: Effort) -> Section:
@@ -94,7 +94,7 @@ def effort_section(effort: Effort) -> Section:
         f"{effort.sentence} Optimal: the relaxed design, rounded. Guess: its configurations in turn, by their own"
         " measurements. Random: candidates, median of 200 draws, and the worst tenth of them."
     )
-    return Section("How long must I measure?", lead, (), figures, columns=2)
+    return Section("How long must I measure?", lead, (Beside(figures, 2),))
 
 
 def design_sections(run: Run) -> tuple[Section, ...]:
@@ -131,4 +131,4 @@ def step_section(found: Found, summary: Mapping[str, float]) -> tuple[Section, .
         " each model's flexible-joint inverse, the same feedback. The paper's text breaks off before its figures."
     )
     figures = step_response_figures(steps, 0, 0, shown)
-    return (Section("Fig. 6: steps", lead, (Table(heads, tuple(rows), caption=caption),), figures, columns=2),)
+    return (Section("Fig. 6: steps", lead, (Table(heads, tuple(rows), caption=caption), Beside(figures, 2))),)

@@ -24,6 +24,7 @@ from robid.simulate.truth import TrueRobot
 from robid.validation.assessment import assess_fit
 from robid.validation.elastic import Validation, validate_elastic
 from robid.validation.recovery import recovery_sentence
+from robid.validation.resonances import tabulate_resonances
 
 
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
@@ -46,8 +47,8 @@ def fit(data: Data, work: Work) -> Artifact:
 
     robot, delay = _robot(data, campaign), delay_s(data.loaded, campaign)
     solution = fit_elastic(robot, data.response, settings.options(), delay, told)
-    grade = assess_fit(robot, solution, data.response, settings.options(), delay)
-    return model_to_artifact(solution, Provenance(stage="fit"), grade)
+    fitted = robot, solution, data.response, settings.options(), delay
+    return model_to_artifact(solution, Provenance(stage="fit"), assess_fit(*fitted), tabulate_resonances(*fitted))
 
 
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:

@@ -1,7 +1,8 @@
 "use strict";
-// The Bode matrix: one figure per fit, its selectors, and the enlarged element.
+// The Bode matrix, what of it is shown, and the enlarged element.
 (() => {
-  const { data, colour, axis, layout, title, logTicks, element, onDraw } = robid;
+  const { colour, names, axis, layout, title, logTicks, element, key, choices, onDraw, onFigures } = robid;
+  const VIEWS = ["Magnitude", "Phase"], PHASE = 1;
   const FLOOR_DB = -40;
 
   // Splits a wrapped phase into runs without jumps, with a gap between them.
@@ -39,9 +40,9 @@
 
   function curves(response, chosen, view, row, column) {
     const x = response.frequency;
-    const phase = view === "phase";
-    const measured = (phase ? chosen.measured_phase : chosen.measured)[row][column];
-    const model = (phase ? chosen.model_phase : chosen.model)[row][column];
+    const phase = view === PHASE;
+    const of = (curve) => (phase ? curve.phase : curve.magnitude)[row][column];
+    const measured = of(chosen);
     const radius = chosen.radius ? chosen.radius[row][column] : null;
     let band = { x: [], y: [] };
     if (radius) {
@@ -51,20 +52,24 @@
       const upper = measured.map((y, i) => (lower[i] === null ? null : phase ? y + half[i] : y + 20 * Math.log10(1 + radius[i])));
       band = outline(x, lower, upper, phase ? 180 : Infinity);
     }
-    return { x, measured, band, model: phase ? broken(x, model) : { x, y: model } };
+    const models = chosen.models.map((model, index) => ({ name: response.models[index], ...(phase ? broken(x, of(model)) : { x, y: of(model) }) }));
+    return { x, measured, band, models };
   }
+
+  const modelName = (index) => names("series").slice(1)[index % (names("series").length - 1)];
+  const modelColour = (index) => colour(modelName(index));
 
   function traces(drawn, axes, size) {
     return [
       { ...drawn.band, ...axes, type: "scatter", mode: "lines", fill: "toself", fillcolor: colour("band"), line: { width: 0 }, hoverinfo: "skip" },
       { x: drawn.x, y: drawn.measured, ...axes, type: "scatter", mode: "markers", marker: { color: colour("measured"), size: size.dot, line: { width: 0 } }, name: "measured", hovertemplate: "measured %{y:.2f}<extra></extra>" },
-      { ...drawn.model, ...axes, type: "scatter", mode: "lines", line: { color: colour("model"), width: size.line }, name: "model", hovertemplate: "model %{y:.2f}<extra></extra>" },
+      ...drawn.models.map(({ name, ...curve }, index) => ({ ...curve, ...axes, type: "scatter", mode: "lines", line: { color: modelColour(index), width: size.line }, name, hovertemplate: `${name} %{y:.2f}<extra></extra>` })),
     ];
   }
 
   // Levels of distortion and noise in the response's unit, and the response before compensation.
   function levels(response, chosen, view, row, column, axes, width) {
-    if (view === "phase") return [];
+    if (view === PHASE) return [];
     const lines = robid.quality.KINDS.filter(({ name }) => chosen[name]).map(({ name, shade, dash, label }) => ({
       ...axes, x: response.frequency, y: robid.quality.level(chosen, name, row, column), type: "scatter", mode: "lines",
       line: { color: colour(shade), width, dash }, hovertemplate: `${label} %{y:.1f}<extra></extra>`,
@@ -79,7 +84,7 @@
   function magnitudeRange(response, chosen) {
     const below = robid.quality.KINDS.filter(({ name }) => chosen[name])
       .flatMap(({ name }) => response.outputs.flatMap((_, row) => response.inputs.flatMap((__, column) => robid.quality.level(chosen, name, row, column))));
-    const all = [...chosen.measured.flat(2), ...chosen.model.flat(2), ...below].filter((y) => y !== null && y > -500);
+    const all = [chosen, ...chosen.models].flatMap((curve) => curve.magnitude.flat(2)).concat(below).filter((y) => y !== null && y > -500);
     if (!all.length) return [-60, 0];
     const low = Math.min(...all), high = Math.max(...all);
     const pad = Math.max(0.04 * (high - low), 2);
@@ -111,7 +116,7 @@
     const annotations = [], all = [];
     const figure = layout({ margin: place.margin, width: place.width, height: place.height });
     const plotWidth = place.width - place.margin.l - place.margin.r, plotHeight = place.height - place.margin.t - place.margin.b;
-    const range = view === "phase" ? [-200, 200] : magnitudeRange(response, chosen);
+    const range = view === PHASE ? [-200, 200] : magnitudeRange(response, chosen);
     const ticks = logTicks(response.frequency[0], response.frequency[response.frequency.length - 1]);
     for (let row = 0; row < place.outputs; row += 1) {
       for (let column = 0; column < place.inputs; column += 1) {
@@ -121,7 +126,7 @@
         const top = 1 - (row * (place.cellHeight + place.gap)) / plotHeight, bottom = top - place.cellHeight / plotHeight;
         const frame = { showline: true, mirror: true, linecolor: row === column ? colour("faint") : colour("line"), linewidth: 1 };
         figure[`xaxis${suffix}`] = axis({ ...frame, type: "log", domain: [left, right], anchor: `y${suffix}`, range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), tickangle: 0, showticklabels: row === place.outputs - 1 });
-        figure[`yaxis${suffix}`] = axis({ ...frame, domain: [Math.max(bottom, 0), Math.min(top, 1)], anchor: `x${suffix}`, range, dtick: view === "phase" ? 90 : decibelStep(range, place.cellHeight), tick0: 0, showticklabels: column === 0 });
+        figure[`yaxis${suffix}`] = axis({ ...frame, domain: [Math.max(bottom, 0), Math.min(top, 1)], anchor: `x${suffix}`, range, dtick: view === PHASE ? 90 : decibelStep(range, place.cellHeight), tick0: 0, showticklabels: column === 0 });
         const axes = { xaxis: `x${suffix}`, yaxis: `y${suffix}` };
         all.push(...traces(curves(response, chosen, view, row, column), axes, place.cellWidth < 260 ? { line: 1.1, dot: 3.6 } : { line: 1.4, dot: 5 }));
         all.push(...levels(response, chosen, view, row, column, axes, place.cellWidth < 260 ? 0.8 : 1.1));
@@ -130,7 +135,7 @@
     const label = { showarrow: false, xref: "paper", yref: "paper", font: { size: 12, color: colour("ink") } };
     response.inputs.forEach((name, column) => annotations.push({ ...label, text: name, x: (column * (place.cellWidth + place.gap) + place.cellWidth / 2) / plotWidth, xanchor: "center", y: 1, yanchor: "bottom", yshift: 3 }));
     response.outputs.forEach((name, row) => annotations.push({ ...label, text: name, textangle: -90, x: 0, xshift: -62, y: 1 - (row * (place.cellHeight + place.gap) + place.cellHeight / 2) / plotHeight, yanchor: "middle", xanchor: "center" }));
-    annotations.push({ ...label, text: view === "phase" ? "°" : "dB", font: { size: 11, color: colour("muted") }, x: 0, xanchor: "right", xshift: -4, y: 1, yanchor: "bottom", yshift: 3 });
+    annotations.push({ ...label, text: view === PHASE ? "°" : "dB", font: { size: 11, color: colour("muted") }, x: 0, xanchor: "right", xshift: -4, y: 1, yanchor: "bottom", yshift: 3 });
     annotations.push({ ...label, text: "Frequency [Hz]", font: { size: 12, color: colour("muted") }, x: 0.5, xanchor: "center", y: 0, yanchor: "top", yshift: -22 });
     return { traces: all, layout: { ...figure, annotations } };
   }
@@ -138,46 +143,51 @@
   // ---------------------------------------------------------------- enlarged element
   const dialog = document.getElementById("enlarged");
   let shown = null;
+  const place = choices(null, [
+    { key: "output", options: () => (shown ? shown.response.outputs : []) },
+    { key: "input", options: () => (shown ? shown.response.inputs : []) },
+  ], drawEnlarged);
+
+  function elementName(figure, response, row, column) {
+    return `${response.outputs[row]} ${figure.output_quantity} per ${response.inputs[column]} ${figure.input_quantity}`;
+  }
 
   function drawEnlarged() {
     if (!shown || !dialog.open) return;
-    const { fit, response, state, row, column } = shown;
-    const chosen = response.configurations[state.configuration];
+    const { figure: matrix, response, configuration } = shown;
+    const { output: row, input: column } = place.state;
+    const chosen = response.configurations[configuration];
     const style = { line: 1.6, dot: 6 };
-    document.getElementById("enlarged-title").textContent =
-      `${response.outputs[row]} acceleration per ${response.inputs[column]} torque, configuration ${chosen.label}`;
-    const marks = state.response === 0 ? fit.marks.filter(([configuration, channel]) => configuration === state.configuration
-      && channel === response.outputs[row] && (response.inputs[column] === channel || response.inputs.length === 1)) : [];
-    document.getElementById("enlarged-caption").textContent = describe(fit, response, chosen, "phase")
-      + (marks.length ? " Dotted lines: measured resonances and antiresonances of this channel." : "");
+    document.getElementById("enlarged-title").textContent = `${elementName(matrix, response, row, column)}, configuration ${chosen.label}`;
+    const marks = chosen.marks.filter(([channel]) => channel === response.outputs[row] && (response.inputs[column] === channel || response.inputs.length === 1));
+    document.getElementById("enlarged-caption").textContent = describe(matrix, response, chosen, PHASE)
+      + (marks.length ? ` Dotted lines: ${response.mark_title}.` : "");
     const ticks = logTicks(response.frequency[0] / 2, response.frequency[response.frequency.length - 1] * 2);
     const shared = { type: "log", range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), fixedrange: false };
     const figure = layout({
       width: dialog.clientWidth - 52, height: Math.min(Math.max(window.innerHeight * 0.66, 360), 640),
       margin: { l: 62, r: 10, t: 30, b: 46 }, hovermode: "x", dragmode: "zoom",
-      modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("faint"), activecolor: colour("ink") },
+      modebar: { bgcolor: colour("clear"), color: colour("faint"), activecolor: colour("ink") },
       xaxis: axis({ ...shared, domain: [0, 1], anchor: "y2", title: title("Frequency [Hz]"), hoverformat: ".4~r" }),
       yaxis: axis({ domain: [0.42, 1], anchor: "x", title: title(`Magnitude [dB re 1 ${response.unit}]`), fixedrange: false }),
       yaxis2: axis({ domain: [0, 0.36], anchor: "x", title: title("Phase [°]"), range: [-200, 200], dtick: 90, fixedrange: false }),
-      shapes: marks.map(([, , hz]) => ({ type: "line", xref: "x", yref: "paper", x0: hz, x1: hz, y0: 0, y1: 1, line: { color: colour("faint"), width: 1, dash: "dot" } })),
+      shapes: marks.map(([, hz]) => ({ type: "line", xref: "x", yref: "paper", x0: hz, x1: hz, y0: 0, y1: 1, line: { color: colour("faint"), width: 1, dash: "dot" } })),
     });
     const all = [
-      ...traces(curves(response, chosen, "magnitude", row, column), { xaxis: "x", yaxis: "y" }, style),
-      ...traces(curves(response, chosen, "phase", row, column), { xaxis: "x", yaxis: "y2" }, style),
-      ...levels(response, chosen, "magnitude", row, column, { xaxis: "x", yaxis: "y" }, 1.3),
+      ...traces(curves(response, chosen, 0, row, column), { xaxis: "x", yaxis: "y" }, style),
+      ...traces(curves(response, chosen, PHASE, row, column), { xaxis: "x", yaxis: "y2" }, style),
+      ...levels(response, chosen, 0, row, column, { xaxis: "x", yaxis: "y" }, 1.3),
     ];
     Plotly.react("enlarged-plot", all, figure, robid.zoomable);
     dialog.querySelectorAll("[data-move]").forEach((button) => {
       const [down, right] = button.dataset.move.split(",").map(Number);
-      button.disabled = !response.outputs[row + down] || !response.inputs[column + right];
+      button.disabled = !(down ? place.can("output", down) : place.can("input", right));
     });
   }
 
   function move(down, right) {
-    if (!shown.response.outputs[shown.row + down] || !shown.response.inputs[shown.column + right]) return;
-    shown.row += down;
-    shown.column += right;
-    drawEnlarged();
+    if (down) place.step("output", down);
+    else place.step("input", right);
   }
 
   dialog.querySelectorAll("[data-move]").forEach((button) => button.addEventListener("click", () => move(...button.dataset.move.split(",").map(Number))));
@@ -188,81 +198,58 @@
     if (event.key in steps) { event.preventDefault(); move(...steps[event.key]); }
   });
 
-  function describe(fit, response, chosen, view) {
+  function describe(figure, response, chosen, view) {
     const band = chosen.radius
-      ? `Shaded: the circle that holds the true response with ${fit.level} probability, cut off at ${-FLOOR_DB} dB below the measurement.`
+      ? `Shaded: the circle that holds the true response with ${figure.level} probability, cut off at ${-FLOOR_DB} dB below the measurement.`
       : "No covariance is known for these data, so there is no uncertainty band.";
-    return view === "phase" ? band : `Magnitude in dB relative to 1 ${response.unit}. ${band}${robid.quality.describe(chosen)}`;
+    return view === PHASE ? band : `Magnitude in dB relative to 1 ${response.unit}. ${band}${robid.quality.describe(chosen)}`;
   }
 
-  // ---------------------------------------------------------------- selectors
-  function options(select, labels) {
-    select.replaceChildren(...labels.map((label, index) => element("option", { value: index }, label)));
+  // ---------------------------------------------------------------- the matrix on the page
+  function legend(figure) {
+    const models = [...new Set(figure.responses.flatMap((response) => response.models))];
+    return key([
+      { shape: "dot", label: "measured" }, { shape: "area", label: `${figure.level} band` },
+      ...models.map((label, index) => ({ shape: "stroke", label, style: `background: var(--${modelName(index)})` })),
+      ...robid.quality.key(figure),
+    ]);
   }
 
-  function controls(host, fit, state, changed) {
-    const configuration = element("select", { "aria-label": "configuration", onchange: () => { state.configuration = Number(configuration.value); changed(); } });
-    const fill = () => {
-      options(configuration, fit.responses[state.response].configurations.map((one) => one.label));
-      configuration.value = String(state.configuration);
-    };
-    const step = (by) => {
-      const count = fit.responses[state.response].configurations.length;
-      state.configuration = (state.configuration + by + count) % count;
-      configuration.value = String(state.configuration);
-      changed();
-    };
-    const views = ["magnitude", "phase"].map((view) => element("button", { type: "button", "aria-pressed": view === state.view, onclick: () => {
-      state.view = view;
-      views.forEach((button, index) => button.setAttribute("aria-pressed", ["magnitude", "phase"][index] === view));
-      changed();
-    } }, view === "phase" ? "Phase" : "Magnitude"));
-    if (fit.responses.length > 1) {
-      const source = element("select", { "aria-label": "data", onchange: () => { state.response = Number(source.value); state.configuration = 0; fill(); changed(); } });
-      options(source, fit.responses.map((response) => response.label));
-      host.append(element("label", {}, "Data", source));
-    }
-    fill();
-    const stepper = element("span", { class: "stepper" }, configuration,
-      element("button", { type: "button", "aria-label": "previous configuration", onclick: () => step(-1) }, "←"),
-      element("button", { type: "button", "aria-label": "next configuration", onclick: () => step(1) }, "→"));
-    host.append(element("label", {}, "Configuration", stepper), element("span", { class: "segments" }, ...views));
-    const key = element("span", { class: "key" });
-    key.innerHTML = `<span><i class="dot"></i>measured</span><span><i class="area"></i>${fit.level} band</span><span><i class="stroke"></i>model</span>${robid.quality.key(fit)}`;
-    host.append(key);
-  }
-
-  document.querySelectorAll("article[data-fit]").forEach((article) => {
-    const fit = data.fits[Number(article.dataset.fit)];
-    const host = article.querySelector('[data-role="matrix"]');
+  onFigures("bode", (block, figure) => {
+    const find = (role) => block.querySelector(`[data-role="${role}"]`);
+    const host = find("matrix");
     const plot = element("div");
     const cells = element("div");
     host.append(plot, cells);
-    const state = { response: 0, configuration: 0, view: "magnitude" };
 
-    function place(response, g) {
-      cells.replaceChildren(...response.outputs.flatMap((output, row) => response.inputs.map((input, column) => element("button", {
-        type: "button", class: "cell", "aria-label": `enlarge ${output} acceleration per ${input} torque`,
+    function cover(response, configuration, g) {
+      cells.replaceChildren(...response.outputs.flatMap((_, row) => response.inputs.map((__, column) => element("button", {
+        type: "button", class: "cell", "aria-label": `enlarge ${elementName(figure, response, row, column)}`,
         style: `left:${g.margin.l + column * (g.cellWidth + g.gap)}px;top:${g.margin.t + row * (g.cellHeight + g.gap)}px;width:${g.cellWidth}px;height:${g.cellHeight}px`,
-        onclick: () => { shown = { fit, response, state, row, column }; dialog.showModal(); drawEnlarged(); },
+        onclick: () => { shown = { figure, response, configuration }; dialog.showModal(); place.set({ output: row, input: column }); },
       }))));
     }
 
     function draw() {
-      const response = fit.responses[state.response];
-      const chosen = response.configurations[state.configuration];
+      const { response: which, configuration, view } = chosen.state;
+      const response = figure.responses[which], one = response.configurations[configuration];
       const smallest = response.inputs.length > 3 && !window.matchMedia("print").matches ? 780 : 280;
       const g = geometry(response, Math.max(host.parentElement.clientWidth, smallest));
       host.style.width = `${g.width}px`;
-      const figure = matrix(response, chosen, state.view, g);
-      Plotly.react(plot, figure.traces, figure.layout, robid.still);
-      place(response, g);
-      article.querySelector('[data-role="caption"]').textContent = describe(fit, response, chosen, state.view);
-      robid.quality.draw(article, response, chosen);
+      const drawn = matrix(response, one, view, g);
+      Plotly.react(plot, drawn.traces, drawn.layout, robid.still);
+      cover(response, configuration, g);
+      find("caption").textContent = describe(figure, response, one, view);
+      robid.quality.draw(block, response, one);
     }
 
-    controls(article.querySelector('[data-role="controls"]'), fit, state, draw);
-    onDraw(draw);
+    const chosen = choices(find("controls"), [
+      { key: "response", label: "Data", look: "list", options: () => figure.responses.map((response) => response.label) },
+      { key: "configuration", label: "Configuration", look: "steps", after: "response", options: (state) => figure.responses[state.response].configurations.map((one) => one.label) },
+      { key: "view", label: "View", look: "buttons", options: () => VIEWS },
+    ], draw);
+    find("controls").append(legend(figure));
+    return draw;
   });
   onDraw(drawEnlarged);
 })();

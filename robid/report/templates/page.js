@@ -3,7 +3,10 @@
 const robid = (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const drawings = [];
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  const value = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  // A name is that of a colour in the style sheet, the only place with colours; `names` are lists of them there.
+  const colour = value;
+  const names = (list) => value(list).split(" ");
   // The buttons are named one by one because the default set can send a chart to a server.
   const offline = { plotlyServerURL: "", showSendToCloud: false, displaylogo: false };
   const still = { ...offline, staticPlot: true, displayModeBar: false };
@@ -19,7 +22,7 @@ const robid = (() => {
 
   function layout(extra) {
     return {
-      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, dragmode: false,
+      paper_bgcolor: colour("clear"), plot_bgcolor: colour("clear"), showlegend: false, dragmode: false,
       font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: colour("ink") },
       hoverlabel: { bgcolor: colour("panel"), bordercolor: colour("rule"), font: { color: colour("ink"), size: 12 } },
       ...extra,
@@ -56,20 +59,32 @@ const robid = (() => {
     draw();
   }
 
-  function onFigures(kind, draw) {
+  // Sets up every figure of a kind, and draws it now and whenever the page changes.
+  function onFigures(kind, prepare) {
     document.querySelectorAll("[data-figure]").forEach((host) => {
       const figure = data.figures[Number(host.dataset.figure)];
-      if (figure.kind === kind) onDraw(() => draw(host, figure));
+      if (figure.kind === kind) onDraw(prepare(host, figure));
     });
   }
 
   function palette(count) {
-    const names = ["measured", "model", "even", "odd", "other", "ink"];
-    if (count <= names.length) return names.slice(0, count).map(colour);
+    const series = names("series");
+    if (count <= series.length) return series.slice(0, count).map(colour);
     // Golden-angle hues: neighbours in the legend are far apart.
-    return Array.from({ length: count }, (_, index) => `hsl(${(210 + 137.5 * index) % 360}, 60%, ${index % 2 ? 58 : 44}%)`);
+    return Array.from({ length: count }, (_, index) => `hsl(${(210 + 137.5 * index) % 360}, ${value(index % 2 ? "many-odd" : "many-even")})`);
   }
 
+  function colourscale() {
+    const stops = names("scale");
+    return stops.map((stop, index) => [index / (stops.length - 1), stop]);
+  }
+
+  // What the shapes of a figure mean, as classes of the style sheet.
+  function key(items) {
+    return element("span", { class: "key" }, ...items.map(({ shape, label, style = "" }) => element("span", {}, element("i", { class: shape, style }), label)));
+  }
+
+  document.addEventListener("toggle", () => redraw(), true);
   const redraw = () => drawings.forEach((draw) => draw());
   let waiting = 0;
   let width = window.innerWidth;
@@ -82,5 +97,5 @@ const robid = (() => {
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   window.matchMedia("print").addEventListener("change", redraw);
 
-  return { data, colour, still, hover, zoomable, axis, layout, title, logTicks, element, onDraw, onFigures, palette };
+  return { data, colour, names, still, hover, zoomable, axis, layout, title, logTicks, element, key, onDraw, onFigures, palette, colourscale };
 })();

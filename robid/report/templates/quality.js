@@ -1,7 +1,7 @@
 "use strict";
-// Distortion, noise and coherence of the measured response, beside the Bode matrix and with its selectors.
+// Distortion, noise and coherence of the measured response, beside the Bode matrix and with its choices.
 robid.quality = (() => {
-  const { colour, axis, layout, title, logTicks, hover } = robid;
+  const { colour, palette, colourscale, axis, layout, title, logTicks, hover } = robid;
   const KINDS = [
     { name: "odd", shade: "odd", dash: "solid", label: "odd distortion" },
     { name: "even", shade: "even", dash: "solid", label: "even distortion" },
@@ -10,12 +10,11 @@ robid.quality = (() => {
 
   const level = (chosen, name, row, column) => chosen[name][row].map((value, index) => value + chosen.factor[column][index]);
 
-  function key(fit) {
-    const any = (test) => fit.responses.some((response) => response.configurations.some(test));
-    const shown = KINDS.filter(({ name }) => any((one) => one[name]));
-    const lines = shown.map(({ shade, dash, label }) => `<span><i class="line" style="border-top: 2px ${dash === "dot" ? "dotted" : "solid"} var(--${shade})"></i>${label}</span>`);
-    if (any((one) => one.uncompensated)) lines.push('<span><i class="line" style="border-top: 2px dashed var(--faint)"></i>before compensation</span>');
-    return lines.join("");
+  function key(figure) {
+    const any = (test) => figure.responses.some((response) => response.configurations.some(test));
+    const line = (shade, dash, label) => ({ shape: "line", label, style: `border-top: 2px ${dash} var(--${shade})` });
+    const shown = KINDS.filter(({ name }) => any((one) => one[name])).map(({ shade, dash, label }) => line(shade, dash === "dot" ? "dotted" : "solid", label));
+    return any((one) => one.uncompensated) ? [...shown, line("faint", "dashed", "before compensation")] : shown;
   }
 
   function describe(chosen) {
@@ -43,7 +42,7 @@ robid.quality = (() => {
     response.outputs.forEach((output, row) => response.inputs.forEach((input, column) => {
       pairs.push(`${output} / ${input}`);
       const noise = level(chosen, "noise", row, column);
-      values.push(chosen.measured[row][column].map((value, index) => (value === null ? null : Math.round(10 * (value - noise[index])) / 10)));
+      values.push(chosen.magnitude[row][column].map((value, index) => (value === null ? null : Math.round(10 * (value - noise[index])) / 10)));
     }));
     const height = Math.max(pairs.length * 13, 110) + 54;
     const figure = layout({
@@ -52,7 +51,7 @@ robid.quality = (() => {
       yaxis: axis({ tickvals: pairs.map((_, index) => index), ticktext: pairs, range: [pairs.length - 0.5, -0.5], showgrid: false, tickfont: { size: pairs.length > 12 ? 9 : 11, color: colour("muted") } }),
     });
     Plotly.react(host, [{
-      type: "heatmap", x: edges(response.frequency), y: pairs.map((_, index) => index), z: values, zmin: 0, zmax: 80, colorscale: "Viridis",
+      type: "heatmap", x: edges(response.frequency), y: pairs.map((_, index) => index), z: values, zmin: 0, zmax: 80, colorscale: colourscale(),
       customdata: pairs.map((pair) => response.frequency.map((hz) => [pair, hz])),
       colorbar: { title: { text: "dB", font: { size: 11, color: colour("muted") } }, thickness: 12, tickfont: { size: 11, color: colour("muted") }, outlinewidth: 0 },
       hovertemplate: "%{customdata[0]} at %{customdata[1]:.4~r} Hz: %{z:.1f} dB<extra></extra>",
@@ -66,16 +65,17 @@ robid.quality = (() => {
       xaxis: frequencyAxis(response.frequency),
       yaxis: axis({ type: "log", title: title("1 − coherence"), exponentformat: "power", dtick: 1 }),
     });
+    const colours = palette(response.outputs.length);
     Plotly.react(host, response.outputs.map((name, row) => ({
       type: "scatter", mode: "lines", x: response.frequency, y: chosen.incoherence[row].map((value) => Math.max(value, 1e-12)), name,
-      line: { width: 1.2, color: colour(["measured", "model", "even", "other", "odd", "ink"][row % 6]) },
+      line: { width: 1.2, color: colours[row] },
       hovertemplate: `${name} %{y:.2~e}<extra></extra>`,
     })), figure, hover);
   }
 
-  function draw(article, response, chosen) {
+  function draw(block, response, chosen) {
     for (const [role, present, drawing] of [["ratio", chosen.noise, drawRatio], ["coherence", chosen.incoherence, drawCoherence]]) {
-      const host = article.querySelector(`[data-role="${role}"]`);
+      const host = block.querySelector(`[data-role="${role}"]`);
       host.parentElement.hidden = !present;
       if (present) drawing(host, response, chosen);
     }

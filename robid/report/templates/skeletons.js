@@ -35,7 +35,7 @@
     });
     Plotly.react(host, all, layout({
       width: host.clientWidth, height: HEIGHT, showlegend: true, uirevision: "kept", margin: { l: 0, r: 0, t: 0, b: 0 },
-      legend: { x: 1, xanchor: "right", y: 0.98, font: { size: 12 }, bgcolor: "rgba(0,0,0,0)", itemsizing: "constant" },
+      legend: { x: 1, xanchor: "right", y: 0.98, font: { size: 12 }, bgcolor: colour("clear"), itemsizing: "constant" },
       scene: {
         xaxis: axis("x", ends[0]), yaxis: axis("y", ends[1]), zaxis: axis("z", ends[2]), dragmode: "turntable", uirevision: "kept",
         aspectmode: "manual", aspectratio: { x: spans[0] / widest, y: spans[1] / widest, z: spans[2] / widest },
@@ -44,5 +44,5 @@
     }), hover);
   }
 
-  onFigures("skeletons", draw);
+  onFigures("skeletons", (host, figure) => () => draw(host, figure));
 })();

@@ -48,23 +48,26 @@ def add_script(path, script):
 
 @pytest.mark.parametrize("which", ["arm", "bench"])
 def test_all_figures_are_drawn_without_a_complaint(which, tmp_path, request):
-    content = request.getfixturevalue(f"{which}_content")
+    sample = request.getfixturevalue(which)
     page = tmp_path / "report.html"
-    write_report(page, content)
+    write_report(page, sample.content)
     html, console = open_page(page, tmp_path, "--dump-dom", "--window-size=1400,2600")
     assert console == []
-    _, _, n_out, n_in = content.fits[0].frf.response.shape
+    _, _, n_out, n_in = sample.fit.frf.response.shape
     assert len(re.findall(r'class="cell"', html)) == n_out * n_in
     assert len(re.findall(r'class="subplot ', html)) >= n_out * n_in
-    for role in ("ratios", "costs", "starts", "ratio", "coherence"):
+    for section in ("parameters", "costs", "starts"):
+        shown = re.search(rf'<section id="fit-1-{section}">(.*?)</section>', html, re.DOTALL).group(1)
+        assert re.search(r'class="chart js-plotly-plot" data-figure="\d"', shown), section
+    for role in ("ratio", "coherence"):
         assert re.search(
             rf'class="[^"]*js-plotly-plot[^"]*" data-role="{role}"|data-role="{role}" class="[^"]*js-plotly-plot', html
         ), role
 
 
-def test_the_controls_change_the_figures(tmp_path, arm_content):
+def test_the_controls_change_the_figures(tmp_path, arm):
     page = tmp_path / "report.html"
-    write_report(page, arm_content)
+    write_report(page, arm.content)
     script = """
       const plot = document.querySelector('.matrix .js-plotly-plot');
       const first = () => plot.data[1].y[5];
@@ -82,7 +85,7 @@ def test_the_controls_change_the_figures(tmp_path, arm_content):
     html, console = open_page(add_script(page, script), tmp_path, "--dump-dom", "--window-size=1400,1200")
     assert console == []
     seen = re.search(r"<title>\[(.*?)\]</title>", html).group(1)
-    fit = arm_content.fits[0]
+    fit = arm.fit
     numbers = [float(value) for value in seen.split(",")[:4]]
     assert numbers == pytest.approx(expected_first_points(fit), abs=0.06)
     assert "axis_3 acceleration per axis_4 torque, configuration 1" in seen

@@ -19,7 +19,7 @@ from robid.report.design_figures import (
     weight_figure,
 )
 from robid.report.page import render, write_report
-from robid.report.section import Section
+from robid.report.section import Beside, Section
 from robid.validation.steps import StepResponses
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
@@ -68,7 +68,7 @@ def data_of(html):
 
 
 def test_arms_and_bars_reach_the_page():
-    arms, weights, information, *_ = data_of(render(page_of(Section("Design", figures=figures()))))
+    arms, weights, information, *_ = data_of(render(page_of(Section("Design", parts=figures()))))
     assert arms["kind"] == "skeletons"
     assert arms["arms"][1] == {"name": "12", "weight": 0.75, "points": [list(row) for row in POINTS[1].T.round(4)]}
     assert arms["others"] == [[1.0], [2.0], [3.0]]
@@ -79,7 +79,7 @@ def test_arms_and_bars_reach_the_page():
 
 
 def test_deviations_are_in_per_cent_and_logarithmic():
-    average, worst = data_of(render(page_of(Section("Design", figures=figures()))))[3:5]
+    average, worst = data_of(render(page_of(Section("Design", parts=figures()))))[3:5]
     assert average["curves"][0] == {"name": "optimal", "x": [6.0, 24.0], "y": [8.0, 4.0]}
     assert worst["curves"][1]["y"] == [30.0, 15.0]
     assert average["log_x"]
@@ -87,7 +87,7 @@ def test_deviations_are_in_per_cent_and_logarithmic():
 
 
 def test_a_step_shows_one_configuration_in_millimetres():
-    displacement, torque, error, path = data_of(render(page_of(Section("Design", figures=figures()))))[5:]
+    displacement, torque, error, path = data_of(render(page_of(Section("Design", parts=figures()))))[5:]
     lengths = {curve["name"]: curve["y"] for curve in displacement["curves"]}
     assert lengths["rigid robot"] == [0.0, 5.0, 10.0]
     assert lengths["true robot"] == pytest.approx([1.0, 26**0.5, 101**0.5], rel=1e-4)
@@ -105,7 +105,7 @@ def test_names_and_points_must_agree():
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_arms_and_bars_are_drawn_in_a_browser(tmp_path):
     page = tmp_path / "report.html"
-    write_report(page, page_of(Section("Design", figures=figures(), columns=2)))
+    write_report(page, page_of(Section("Design", parts=(Beside(figures(), 2),))))
     drawing = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
     flags = ("--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync", *drawing)
     quiet = ("--disable-background-networking", "--disable-component-update", "--enable-logging=stderr")

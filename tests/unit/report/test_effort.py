@@ -1,8 +1,6 @@
 """What the starts of a fit cost, in figures and words."""
 
-from robid.report.content import StartRow
-from robid.report.summary import effort
-from robid.report.tables import effort_text
+from robid.report.costs import StartRow, effort, effort_text
 
 
 def test_effort_is_median_most_and_share_at_the_limit():

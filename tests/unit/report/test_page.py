@@ -11,12 +11,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from robid.report.content import FitContent, ParameterRow, ReportContent, Verdict
-from robid.report.figures import band_radius
+from robid.report.bode import BodeResponse, band_radius
+from robid.report.content import ReportContent, Verdict
 from robid.report.numbers import MINUS, MISSING, percent
 from robid.report.page import render, write_report
-from robid.report.summary import identified_phrase, key_figures
-from robid.report.tables import interval_text, parameter_line, widened_sentence
+from robid.report.parameter_section import identified_phrase
+from robid.report.parameters import ParameterRow, parameter_line, widened_sentence
+from robid.stages.elastic_report.sections import headline
 
 FETCHING = {"src", "href", "srcset", "action", "poster", "data", "xlink:href", "background", "formaction"}
 
@@ -86,9 +87,9 @@ def test_plotly_is_there_once_and_cannot_send(arm_page):
     assert 'plotlyServerURL: ""' in arm_page
 
 
-def test_twelve_configurations_stay_below_eight_megabytes(large_content):
-    html = render(large_content)
-    assert len(large_content.fits[0].frf.configurations) == 12
+def test_twelve_configurations_stay_below_eight_megabytes(large):
+    html = render(large.content)
+    assert len(large.fit.frf.configurations) == 12
     assert len(html.encode()) < 8e6
 
 
@@ -101,25 +102,25 @@ def test_the_verdict_comes_before_everything_else(arm_page, arm_content):
     )
 
 
-def test_every_row_is_on_the_page(arm_page, arm_content):
+def test_every_row_is_on_the_page(arm_page, arm):
     text = page_text(arm_page)
-    fit = arm_content.fits[0]
-    for row in fit.parameters:
-        line = parameter_line(row, fit.identifiable_relative_std)
+    fit = arm.fit
+    for row in fit.estimates.rows:
+        line = parameter_line(row, fit.estimates.identifiable_relative_std)
         assert f"{line.name} {line.estimate} {line.lower} … {line.upper} {line.unit}" in text
     for row in fit.resonances:
         assert row.measured_hz is None or f"{row.measured_hz:.4g}"[:4] in text
     for row in (*fit.estimation_costs, *fit.validation_costs):
         assert f"{row.cost:.5f}" in text
-    for stage in arm_content.stages:
+    for stage in arm.stages:
         assert stage.artifact in text
         assert stage.content_hash in text
-    for configuration in arm_content.configurations:
+    for configuration in arm.configurations:
         for angle in np.rad2deg(configuration.angles_rad):
             assert f"{angle:.1f}".replace("-", "\N{MINUS SIGN}") in text
     for words in (
-        *arm_content.robot_notes,
-        *arm_content.warnings,
+        *arm.robot_notes,
+        *arm.warnings,
         *fit.frf.notes,
         "1 min 11 s",
         "108 %",
@@ -130,27 +131,29 @@ def test_every_row_is_on_the_page(arm_page, arm_content):
         assert words in text
 
 
-def test_the_figures_hold_the_data(arm_page, arm_content):
-    fit = arm_content.fits[0]
-    data = embedded(arm_page)["fits"][0]
-    estimation, validation = data["responses"]
+def test_the_figures_hold_the_data(arm_page, arm):
+    fit = arm.fit
+    bode, ratios = embedded(arm_page)["figures"][:2]
+    estimation, validation = bode["responses"]
     for drawn, frf, model in (
         (estimation, fit.frf, fit.model_response),
         (validation, fit.validation_frf, fit.validation_model),
     ):
         chosen = drawn["configurations"][1]
-        measured = 10 ** (np.array(chosen["measured"]) / 20) * np.exp(1j * np.deg2rad(chosen["measured_phase"]))
+        measured = 10 ** (np.array(chosen["magnitude"]) / 20) * np.exp(1j * np.deg2rad(chosen["phase"]))
         np.testing.assert_allclose(measured, np.moveaxis(frf.response[1], 0, -1), rtol=2e-3)
-        predicted = 10 ** (np.array(chosen["model"]) / 20) * np.exp(1j * np.deg2rad(chosen["model_phase"]))
+        (curve,) = chosen["models"]
+        predicted = 10 ** (np.array(curve["magnitude"]) / 20) * np.exp(1j * np.deg2rad(curve["phase"]))
         np.testing.assert_allclose(predicted, np.moveaxis(model[1], 0, -1), rtol=2e-3)
-    springs = data["ratios"][0]
+    springs = ratios["panels"][0]
+    first = fit.estimates.rows[0]
     assert springs["title"] == "Springs"
-    assert springs["rows"][0]["truth"] == pytest.approx(fit.parameters[0].truth / fit.parameters[0].nominal, rel=1e-4)
+    assert springs["rows"][0]["truth"] == pytest.approx(first.truth / first.nominal, rel=1e-4)
 
 
-def test_the_figures_hold_distortion_noise_and_the_response_before_compensation(arm_page, arm_content):
-    frf = arm_content.fits[0].frf
-    chosen = embedded(arm_page)["fits"][0]["responses"][0]["configurations"][1]
+def test_the_figures_hold_distortion_noise_and_the_response_before_compensation(arm_page, arm):
+    frf = arm.fit.frf
+    chosen = embedded(arm_page)["figures"][0]["responses"][0]["configurations"][1]
 
     def drawn(kind):
         return np.array(chosen[kind])[:, None] + np.array(chosen["factor"])[None]
@@ -158,23 +161,23 @@ def test_the_figures_hold_distortion_noise_and_the_response_before_compensation(
     for kind in ("odd", "even"):
         expected = 20 * np.log10(np.moveaxis(frf.response_level(kind)[1], 0, -1))
         np.testing.assert_allclose(drawn(kind), expected, atol=0.11)
-    ratio = np.array(chosen["measured"]) - drawn("noise")
+    ratio = np.array(chosen["magnitude"]) - drawn("noise")
     np.testing.assert_allclose(ratio, 10 * np.log10(np.moveaxis(frf.signal_to_noise[1], 0, -1)), atol=0.12)
     before = 10 ** (np.array(chosen["uncompensated"]) / 20)
     np.testing.assert_allclose(before, np.moveaxis(np.abs(frf.uncompensated_response[1]), 0, -1), rtol=2e-3)
     np.testing.assert_allclose(chosen["incoherence"], 1 - frf.coherence[1].T, rtol=6e-3)
 
 
-def test_what_is_not_known_is_not_drawn(bench_content):
-    fit = bench_content.fits[0]
+def test_what_is_not_known_is_not_drawn(bench):
+    fit = bench.fit
     names = ("noise_covariance", "coherence", "silent_level", "uncompensated_response")
     bare = replace(fit, frf=replace(fit.frf, **dict.fromkeys(names)))
-    chosen = embedded(render(replace(bench_content, fits=(bare,))))["fits"][0]["responses"][0]["configurations"][0]
+    chosen = embedded(render(replace(bench, fit=bare).content))["figures"][0]["responses"][0]["configurations"][0]
     assert all(chosen[name] is None for name in ("noise", "incoherence", "odd", "even", "uncompensated"))
 
 
-def test_the_band_holds_the_truth_as_often_as_its_level_says(arm_content):
-    frf = arm_content.fits[0].frf
+def test_the_band_holds_the_truth_as_often_as_its_level_says(arm):
+    frf = arm.fit.frf
     rng = np.random.default_rng(8)
     error = np.sqrt(frf.element_variance() / 2) * (
         rng.normal(size=frf.response.shape) + 1j * rng.normal(size=frf.response.shape)
@@ -199,24 +202,18 @@ def test_torque_nonlinearities_are_apart_and_relative_to_nothing(arm_page):
     assert "axis_1.level" not in arm_page.replace(apart, "")
 
 
-def test_widened_intervals_are_told(arm_content):
-    fit = arm_content.fits[0]
-    assert widened_sentence(replace(fit, misfit=25.0)).startswith("Intervals are widened 5.0 times")
-    assert widened_sentence(replace(fit, misfit=0.9)) == ""
+def test_widened_intervals_are_told(arm):
+    estimates = arm.fit.estimates
+    assert widened_sentence(replace(estimates, misfit=25.0)).startswith("Intervals are widened 5.0 times")
+    assert widened_sentence(replace(estimates, misfit=0.9)) == ""
 
 
-def test_identified_phrase_counts_and_measures(arm_content, bench_content):
-    fit = arm_content.fits[0]
-    springs = [row for row in fit.parameters if row.kind == "stiffness"]
+def test_identified_phrase_counts_and_measures(arm, bench):
+    estimates = arm.fit.estimates
+    springs = [row for row in estimates.rows if row.kind == "stiffness"]
     half = np.median([(row.upper - row.lower) / 2 / row.estimate for row in springs])
-    assert identified_phrase(fit) == f"13 of 13 springs identified within ±{percent(half)} (median, 95 %)"
-    assert identified_phrase(bench_content.fits[0]) == "1 of 1 spring identified within ±0.26 % (95 %)"
-
-
-def test_interval_ends_differ():
-    assert interval_text((12.341, 12.344)) == "12.341 … 12.344"
-    assert interval_text((12.3, 12.4)) == "12.30 … 12.40"
-    assert interval_text(None) == MISSING
+    assert identified_phrase(estimates) == f"13 of 13 springs identified within ±{percent(half)} (median, 95 %)"
+    assert identified_phrase(bench.fit.estimates) == "1 of 1 spring identified within ±0.26 % (95 %)"
 
 
 def test_without_truth_there_are_no_truth_columns(bench_page, arm_page):
@@ -224,11 +221,11 @@ def test_without_truth_there_are_no_truth_columns(bench_page, arm_page):
     assert "Off truth" not in page_text(bench_page)
 
 
-def test_without_covariance_the_page_says_so_in_the_data(bench_content):
-    fit = bench_content.fits[0]
+def test_without_covariance_the_page_says_so_in_the_data(bench):
+    fit = bench.fit
     bare = replace(fit, frf=replace(fit.frf, total_covariance=None, noise_covariance=None))
-    data = embedded(render(replace(bench_content, fits=(bare,))))
-    assert data["fits"][0]["responses"][0]["configurations"][0]["radius"] is None
+    data = embedded(render(replace(bench, fit=bare).content))
+    assert data["figures"][0]["responses"][0]["configurations"][0]["radius"] is None
 
 
 def test_text_cannot_break_out_of_the_page(bench_page):
@@ -237,12 +234,12 @@ def test_text_cannot_break_out_of_the_page(bench_page):
     assert "no effect <here>" in page_text(bench_page)
 
 
-def test_numbers_that_are_not_finite_do_not_break_the_figures(bench_content):
-    fit = bench_content.fits[0]
+def test_numbers_that_are_not_finite_do_not_break_the_figures(bench):
+    fit = bench.fit
     response = fit.model_response.copy()
     response[0, 3] = np.nan
-    data = embedded(render(replace(bench_content, fits=(replace(fit, model_response=response),))))
-    assert data["fits"][0]["responses"][0]["configurations"][0]["model"][0][0][3] is None
+    data = embedded(render(replace(bench, fit=replace(fit, model_response=response)).content))
+    assert data["figures"][0]["responses"][0]["configurations"][0]["models"][0]["magnitude"][0][0][3] is None
 
 
 def test_a_report_without_a_fit_still_stands():
@@ -258,20 +255,19 @@ def test_the_page_replaces_the_old_one_and_leaves_nothing_behind(tmp_path, bench
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_model_of_another_shape_is_refused(arm_content):
-    fit = arm_content.fits[0]
+def test_a_model_of_another_shape_is_refused(arm):
     with pytest.raises(ValueError, match="model_response"):
-        FitContent("elastic", "estimation", fit.frf, fit.model_response[:, :-1])
+        BodeResponse("Estimation", arm.fit.frf, (("model", arm.fit.model_response[:, :-1]),))
 
 
-def test_key_figures_count_what_the_rows_say(arm_content, bench_content):
-    shown = {figure.label: figure for figure in key_figures(arm_content.fits[0])}
+def test_key_numbers_count_what_the_rows_say(arm, bench):
+    shown = {number.label: number for number in headline(arm.fit).numbers}
     assert shown["Springs identified"].value == "13 of 13"
     assert shown["Springs identified"].detail == "33 of 36 parameters"
     assert shown["Starts at the best"].value == "18 of 20"
-    costs = [row.cost for row in arm_content.fits[0].validation_costs]
+    costs = [row.cost for row in arm.fit.validation_costs]
     assert float(shown["Validation cost / noise"].value) == pytest.approx(np.mean(costs) / 0.0191, rel=5e-3)
-    assert {figure.label for figure in key_figures(bench_content.fits[0])} == {
+    assert {number.label for number in headline(bench.fit).numbers} == {
         "Springs identified", "Spring interval", "Resonances off", "Estimation cost",
     }  # fmt: skip
 
@@ -290,7 +286,7 @@ def test_a_row_says_the_figure_that_decided(row, words):
     assert line.note == words
 
 
-def test_the_page_says_what_set_the_width(arm_content):
-    fit = replace(arm_content.fits[0], interval_rule="noise; jackknife over 6 places")
-    page = page_text(render(replace(arm_content, fits=(fit,))))
+def test_the_page_says_what_set_the_width(arm):
+    estimates = replace(arm.fit.estimates, interval_rule="noise; jackknife over 6 places")
+    page = page_text(render(replace(arm, fit=replace(arm.fit, estimates=estimates)).content))
     assert "The intervals' width is set by noise; jackknife over 6 places." in page

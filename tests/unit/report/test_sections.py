@@ -12,7 +12,7 @@ import pytest
 
 from robid.report.content import ReportContent, Verdict
 from robid.report.page import render, write_report
-from robid.report.section import Curve, Figure, Section, Table
+from robid.report.section import Beside, Curve, Figure, Section, Table
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 
@@ -24,8 +24,8 @@ def study_content():
     straight = Figure("Straight", "x", "y", curves, log_x=False, log_y=False)
     empty = Figure("Empty", "x", "y", (Curve("none", (1.0,), (nan,)),))
     sections = (
-        Section("First", "A lead.", (table,), (Figure("Logarithmic", "f [Hz]", "e", curves),)),
-        Section("Second", figures=(straight, empty)),
+        Section("First", "A lead.", (table, Figure("Logarithmic", "f [Hz]", "e", curves))),
+        Section("Second", parts=(straight, empty)),
     )
     return ReportContent("study", Verdict("All is known.", "ok"), "an arm", sections=sections)
 
@@ -34,7 +34,7 @@ def test_sentences_wrap_and_figures_stand_beside_each_other():
     table = Table(("Claim", "Found"), (("It is so.", "It is."),), prose=True)
     figure = Figure("Small", "", "", (Curve("a", (1.0,), (2.0,)),), y_range=(1.0, 4.0), height=150, legend=False)
     content = ReportContent("study", Verdict("All is known.", "ok"), "an arm")
-    html = render(replace(content, sections=(Section("One", "", (table,), (figure, figure), columns=2),)))
+    html = render(replace(content, sections=(Section("One", "", (table, Beside((figure, figure), 2))),)))
     assert '<table class="prose">' in html
     assert '<th scope="row">It is so.</th><td>It is.</td>' in html
     assert html.count('class="beside" style="--columns: 2"') == 1
@@ -55,9 +55,9 @@ def test_tables_and_curves_stand_on_the_page():
     assert data["figures"][0]["curves"][0] == {"name": "ours", "x": [1.0, 10.0], "y": [0.12346, None]}
 
 
-def test_a_page_without_sections_has_none(arm_content):
-    html = render(arm_content)
-    assert 'id="section-' not in html
+def test_a_page_without_sections_has_none():
+    html = render(ReportContent("empty", Verdict("Nothing is known.", "warn"), "an arm"))
+    assert "<section" not in html
     assert "data-figure=" not in html
 
 

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot
-from robid.report.content import CostRow, FitContent, ParameterRow
+from robid.report.costs import CostRow
+from robid.report.parameters import Estimates, ParameterRow
+from robid.stages.elastic_report.content import FitContent
+from robid.stages.elastic_report.report import fit_report
+from robid.stages.elastic_report.summary import comparison
 from robid.stages.summary import summarize
 
 FRF = exact_frf(two_mass_robot(), np.zeros((1, 1)), np.array([10.0, 20.0]))
@@ -18,14 +22,13 @@ def a_fit(name, kinds, excess, campaign="validation"):
     costs = tuple(
         CostRow(campaign, i, cost=100.0 + value, expected_cost=100.0, excess=value) for i, value in enumerate(excess)
     )
-    parameters = tuple(rows)
-    return FitContent(
-        name, "high", FRF, FRF.response, parameters=parameters, validation_costs=costs, validation_campaign=campaign
-    )
+    estimates = Estimates(tuple(rows))
+    return FitContent(name, "high", FRF, FRF.response, estimates, validation_costs=costs, validation_campaign=campaign)
 
 
 def summary_of(*fits):
-    return summarize(SimpleNamespace(content=SimpleNamespace(excitations=(), fits=fits), designs={}, validations={}))
+    reports = [fit_report(fit) for fit in fits]
+    return summarize(SimpleNamespace(designs={}, excitations=(), fits=reports, comparison=comparison(fits)))
 
 
 def test_cubic_fits_against_the_best_linear_one_in_the_same_campaign():

@@ -1,4 +1,4 @@
-"""What the report shows of one fit."""
+"""The rows of an elastic fit, from its artifacts."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from robid.families.units import with_torque_unit
 from robid.fit.model_error import ModelError
 from robid.fit.solution import Solution
 from robid.frf.frf import Frf
-from robid.report.content import CostRow, ElementErrors, FitContent, GradeRow, ParameterRow, ResonanceRow, StartRow
+from robid.report.costs import CostRow, StartRow
+from robid.report.parameters import Estimates, ParameterRow
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import delay_s
+from robid.stages.elastic_report.content import ElementErrors, FitContent, GradeRow, ResonanceRow
 from robid.stages.fit import chosen_frf
 from robid.validation.elastic import Validation
 from robid.validation.grade import Grade
-from robid.validation.resonances import ResonanceTable, tabulate_resonances
+from robid.validation.resonances import ResonanceTable
 
 _ASSUMED = {
     "cubic": "cubic_nm_rad3",
@@ -39,6 +40,7 @@ def fit_content(
     truth: dict[str, float],
     validation: Validation | None,
     grade: Grade | None = None,
+    resonances: ResonanceTable | None = None,
 ) -> FitContent:
     """Turns a fit, its data and its validation into rows.
 
@@ -50,32 +52,35 @@ def fit_content(
         truth: True values by parameter name; empty for a measured robot.
         validation: Its validation, if any.
         grade: How far to trust it, if that is known.
+        resonances: Its resonances, if its artifact has them.
     """
     settings = elastic_fit(loaded.experiment, name)
     campaign = loaded.experiment.campaigns[settings.campaign]
     robot = loaded.robot.to_robot(campaign.payload_kg)
     frf = chosen_frf(settings, [frfs[campaign] for campaign in settings.campaigns])
     chosen = settings.configurations or range(len(frf.configurations))
-    table = tabulate_resonances(robot, solution, frf, settings.options(), delay_s(loaded, campaign))
     content = FitContent(
         name=name,
         campaign=" + ".join(settings.campaigns),
         frf=replace(frf, response=solution.measured),
         model_response=solution.modelled,
-        level=solution.confidence,
-        parameters=_parameters(solution, frf.torque_unit, truth, robot.assumed),
-        resonances=_resonances(table),
+        estimates=Estimates(
+            rows=_parameters(solution, frf.torque_unit, truth, robot.assumed),
+            level=solution.confidence,
+            torque_unit=frf.torque_unit,
+            misfit=solution.misfit,
+            undetermined=solution.undetermined,
+            identifiable_relative_std=settings.identifiable_relative_std,
+            interval_rule=solution.interval_rule,
+        ),
+        resonances=None if resonances is None else _resonances(resonances),
         estimation_costs=_costs(
             " + ".join(settings.campaigns), chosen, solution.configuration_cost, solution.expected_cost
         ),
         starts=_starts(solution),
         status=solution.status.replace("_", " "),
         advice=solution.advice,
-        misfit=solution.misfit,
-        undetermined=solution.undetermined,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
-        identifiable_relative_std=settings.identifiable_relative_std,
-        interval_rule=solution.interval_rule,
         grade=None if grade is None else GradeRow(grade.value, grade.sentence, tuple(d.sentence for d in grade.doubts)),
     )
     if validation is None or settings.validate_on is None:

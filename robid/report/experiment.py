@@ -1,0 +1,232 @@
+"""Sections on what was measured and what was run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.report.numbers import MINUS, MISSING, duration, number_of, percent, pretty_unit, significant
+from robid.report.section import Cell, ColumnStyle, Notes, Part, Section, Table
+
+
+@dataclass(frozen=True)
+class ConfigurationRow:
+    """One measured configuration.
+
+    Attributes:
+        campaign: Name of the campaign.
+        index: Index in the campaign.
+        angles_rad: Arm-side joint angles [rad].
+    """
+
+    campaign: str
+    index: int
+    angles_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class PeakRow:
+    """A predicted peak against its limit.
+
+    Attributes:
+        channel: Motor or joint.
+        quantity: What peaks, as in `speed`.
+        unit: SI unit of both.
+        predicted: Predicted peak.
+        limit: Limit.
+        rms: Predicted RMS, or None.
+    """
+
+    channel: str
+    quantity: str
+    unit: str
+    predicted: float
+    limit: float
+    rms: float | None = None
+
+
+@dataclass(frozen=True)
+class ExcitationRow:
+    """What one campaign excites with.
+
+    Attributes:
+        campaign: Name of the campaign.
+        lines: Number of excited lines.
+        low_hz: Lowest excited frequency [Hz].
+        high_hz: Highest excited frequency [Hz].
+        duration_s: Measuring time over all configurations [s].
+        rms: RMS of the injected signal, one for all channels or one each.
+        rms_unit: Its unit.
+        peaks: Predicted peaks against limits.
+        detection_lines: Number of odd lines left out on purpose.
+        period_s: Length of a period [s], or None.
+        crest_factor: The highest of all experiments, or None.
+        worst_snr_db: Lowest predicted signal-to-noise ratio of all lines and motors [dB], or None.
+    """
+
+    campaign: str
+    lines: int
+    low_hz: float
+    high_hz: float
+    duration_s: float
+    rms: tuple[float, ...]
+    rms_unit: str
+    peaks: tuple[PeakRow, ...] = ()
+    detection_lines: int = 0
+    period_s: float | None = None
+    crest_factor: float | None = None
+    worst_snr_db: float | None = None
+
+
+@dataclass(frozen=True)
+class TorqueRow:
+    """Torque that compensation removed, over a campaign.
+
+    Attributes:
+        campaign: Name of the campaign.
+        channel: Motor.
+        removed_rms: RMS of the removed torque.
+        unit: Its unit.
+    """
+
+    campaign: str
+    channel: str
+    removed_rms: float
+    unit: str = "N m"
+
+
+@dataclass(frozen=True)
+class StageRow:
+    """One stage that was run.
+
+    Attributes:
+        stage: Name of the stage.
+        artifact: Path of the artifact in the run folder.
+        settings_hash: Short hash of the settings it read.
+        content_hash: Short hash of what it wrote.
+        seconds: Time it took [s], or None when it was not run anew.
+        phrase: What came out.
+    """
+
+    stage: str
+    artifact: str
+    settings_hash: str
+    content_hash: str
+    seconds: float | None = None
+    phrase: str = ""
+
+
+def experiment_section(
+    robot_notes: tuple[str, ...],
+    excitations: tuple[ExcitationRow, ...],
+    removed_torques: tuple[TorqueRow, ...],
+    joint_names: tuple[str, ...],
+    configurations: tuple[ConfigurationRow, ...],
+) -> tuple[Section, ...]:
+    """Lays out with what, where and against which friction the robot was measured; nothing where nothing was."""
+    parts: list[Part] = []
+    if robot_notes:
+        parts.append(Notes(robot_notes))
+    if excitations:
+        parts += [_excitation_table(excitations), *(_peak_table(row) for row in excitations if row.peaks)]
+    if removed_torques:
+        parts.append(_torque_table(removed_torques))
+    if configurations:
+        parts.append(_configuration_table(joint_names, configurations))
+    return (Section("Experiment", "", tuple(parts), "experiment"),) if parts else ()
+
+
+def run_section(stages: tuple[StageRow, ...]) -> tuple[Section, ...]:
+    """Lays out the stages that were run; nothing without any."""
+    if not stages:
+        return ()
+    table = Table(
+        ("Stage", "Artifact", "Settings", "Content", "Time", "What came out"),
+        tuple(
+            (row.stage, row.artifact, row.settings_hash, row.content_hash, duration(row.seconds), row.phrase)
+            for row in stages
+        ),
+        styles=("name", "code", "code", "code", "number", "prose"),
+    )
+    return (Section("What was run", "", (table,), "run"),)
+
+
+def _excitation_table(rows: tuple[ExcitationRow, ...]) -> Table:
+    heads = ("Campaign", "Lines", "Band", "Measuring time", "RMS injected", "Detection lines")
+    cells = tuple(
+        (
+            row.campaign,
+            str(row.lines),
+            f"{significant(row.low_hz)} … {significant(row.high_hz)} Hz",
+            duration(row.duration_s),
+            rms_text(row),
+            str(row.detection_lines),
+            duration(row.period_s),
+            significant(row.crest_factor),
+            significant(row.worst_snr_db) + ("" if row.worst_snr_db is None else " dB"),
+        )
+        for row in rows
+    )
+    return Table((*heads, "Period", "Crest factor", "Worst SNR"), cells, title="Excitation plan", fit="compact")
+
+
+def _peak_table(row: ExcitationRow) -> Table:
+    return Table(
+        ("Channel", "Quantity", "RMS", "Peak", "Limit", "Share of limit", ""),
+        tuple(_peak_cells(peak) for peak in row.peaks),
+        title=f"Predicted peaks, {row.campaign}",
+        styles=("name", "text", "number", "strong", "number", "number", "meter"),
+    )
+
+
+def _peak_cells(peak: PeakRow) -> tuple[str | Cell, ...]:
+    unit = pretty_unit(peak.unit)
+    share = peak.predicted / peak.limit if peak.limit else float("nan")
+    return (
+        peak.channel,
+        peak.quantity,
+        MISSING if peak.rms is None else f"{significant(peak.rms, 3)} {unit}",
+        f"{significant(peak.predicted, 3)} {unit}",
+        f"{significant(peak.limit, 3)} {unit}",
+        Cell(percent(share), "bad" if share > 1 else ""),
+        Cell(percent(share), share=share),
+    )
+
+
+def _torque_table(rows: tuple[TorqueRow, ...]) -> Table:
+    return Table(
+        ("Campaign", "Motor", "RMS removed"),
+        tuple((row.campaign, row.channel, f"{significant(row.removed_rms)} {pretty_unit(row.unit)}") for row in rows),
+        title="Friction torque removed by compensation",
+        styles=("text", "name", "strong"),
+        fit="compact",
+    )
+
+
+def _configuration_table(joint_names: tuple[str, ...], rows: tuple[ConfigurationRow, ...]) -> Table:
+    angles: tuple[ColumnStyle, ...] = tuple("number" for _ in joint_names)
+    heads = ("Campaign", "Configuration", *(f"{name} [°]" for name in joint_names))
+    return Table(
+        heads,
+        tuple((row.campaign, number_of(row.index), *map(_degrees, row.angles_rad)) for row in rows),
+        title="Configurations",
+        styles=("text", "name", *angles),
+        fit="compact tall",
+    )
+
+
+def rms_text(row: ExcitationRow) -> str:
+    """Writes the RMS of an excitation: once when all channels have the same."""
+    values = sorted(set(row.rms))
+    unit = pretty_unit(row.rms_unit)
+    if not values:
+        return MISSING
+    if len(values) == 1:
+        return f"{significant(values[0], 3)} {unit}"
+    return f"{significant(values[0], 3)} … {significant(values[-1], 3)} {unit}"
+
+
+def _degrees(angle_rad: float) -> str:
+    written = f"{np.rad2deg(angle_rad):.1f}"
+    return "0.0" if float(written) == 0 else written.replace("-", MINUS)

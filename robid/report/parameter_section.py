@@ -1,0 +1,221 @@
+"""The section on a fit's parameters, and the numbers that say how well they are known."""
+
+from __future__ import annotations
+
+from statistics import median
+
+from robid.report.content import KeyNumber
+from robid.report.numbers import MISSING, engineering, percent
+from robid.report.parameters import (
+    Estimates,
+    ParameterLine,
+    ParameterRow,
+    bootstrap_sentence,
+    nuisance_lines,
+    parameter_groups,
+    ratio_sentence,
+    rule_sentence,
+)
+from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Ratio, RatioChart, Row, Section, Table
+
+RATIO_PANELS = (
+    ("Springs", ("stiffness",)),
+    ("Dampers", ("damping",)),
+    ("Inertias", ("motor_inertia", "link_inertia")),
+)
+_NUISANCE = (
+    "Estimated with the springs so that their error does not end up there. Level and shape of the friction and the"
+    " torque scale: deviation from the robot file in percentage points. Ripple: its sine and cosine part in per cent of"
+    " the robot file's amplitude. Lag in samples."
+)
+
+
+def parameter_section(estimates: Estimates) -> tuple[Section, ...]:
+    """Lays out a fit's parameters: ratios to nominal, table, what is not determined; nothing without any."""
+    if not estimates.rows:
+        return ()
+    truth = " and the truth of the simulated robot" if _with_truth(estimates) else ""
+    lead = f"Estimates with {percent(estimates.level)} intervals, against the nominal values of the robot file{truth}."
+    parts: list[Part] = [*_ratios(estimates), _table(estimates)]
+    if estimates.undetermined:
+        parts.append(Notes(tuple(f"{sentence}." for sentence in estimates.undetermined)))
+    return (Section("Parameters", lead, (*parts, *_nuisances(estimates)), "parameters"),)
+
+
+def within(is_within: bool | None) -> str | Cell:
+    """Says whether something lies in its interval, if that is known."""
+    if is_within is None:
+        return MISSING
+    return Cell("✓ yes", "good") if is_within else Cell("✗ outside", "bad")
+
+
+def _with_truth(estimates: Estimates) -> bool:
+    return any(row.truth is not None for row in estimates.rows)
+
+
+def _ratios(estimates: Estimates) -> tuple[RatioChart, ...]:
+    panels = [
+        (title, tuple(_ratio(row) for row in rows))
+        for title, kinds in RATIO_PANELS
+        if (rows := [row for row in estimates.rows if row.kind in kinds and row.nominal > 0 and row.estimate > 0])
+    ]
+    return (RatioChart("", tuple(panels), f"{percent(estimates.level)} interval"),) if panels else ()
+
+
+def _ratio(row: ParameterRow) -> Ratio:
+    return Ratio(
+        name=row.name,
+        estimate=row.estimate / row.nominal,
+        lower=row.lower / row.nominal,
+        upper=row.upper / row.nominal,
+        truth=None if row.truth is None else row.truth / row.nominal,
+        identifiable=row.identifiable,
+        text=engineering(row.estimate, row.unit, (row.upper - row.lower) / 2),
+    )
+
+
+def _table(estimates: Estimates) -> Table:
+    with_truth, repeated = _with_truth(estimates), any(row.bootstrap is not None for row in estimates.rows)
+    truth_heads = ("Truth", "Off truth", "In interval") if with_truth else ()
+    heads = ("Parameter", "Estimate", f"{percent(estimates.level)} interval", *(("Bootstrap",) * repeated), "Unit", "±")
+    repeated_styles: tuple[ColumnStyle, ...] = ("number",) if repeated else ()
+    truth_styles: tuple[ColumnStyle, ...] = ("number", "number", "text") if with_truth else ()
+    sentences = (
+        ratio_sentence(estimates.torque_unit),
+        "± is half the interval relative to the estimate.",
+        rule_sentence(estimates),
+        "Grey rows are not determined by the data: use no more of them than was known beforehand.",
+        bootstrap_sentence(estimates),
+    )
+    return Table(
+        (*heads, "Nominal", "Change", *truth_heads, "Note"),
+        tuple(
+            _row(line, title, with_truth=with_truth, repeated=repeated)
+            for title, lines in parameter_groups(estimates)
+            for line in lines
+        ),
+        caption=" ".join(sentence for sentence in sentences if sentence),
+        styles=(
+            "name", "strong", "number", *repeated_styles, "text", "number", "number", "number", *truth_styles, "prose",
+        ),
+    )  # fmt: skip
+
+
+def _row(line: ParameterLine, group: str, *, with_truth: bool, repeated: bool) -> Row:
+    nominal = Cell(line.nominal, badge="a", hint="assumed: no published source") if line.assumed else line.nominal
+    cells = (
+        line.name,
+        line.estimate,
+        f"{line.lower} … {line.upper}",
+        *((line.bootstrap,) if repeated else ()),
+        line.unit,
+        line.half_width,
+        nominal,
+        line.change,
+        *((line.truth, line.off_truth, within(line.covered)) if with_truth else ()),
+        line.note,
+    )
+    return Row(cells, faint=not line.identifiable, group=group)
+
+
+def _nuisances(estimates: Estimates) -> tuple[Folded, ...]:
+    lines, with_truth = nuisance_lines(estimates), _with_truth(estimates)
+    if not lines:
+        return ()
+    truth_heads = ("Truth", "In interval") if with_truth else ()
+    truth_styles: tuple[ColumnStyle, ...] = ("number", "text") if with_truth else ()
+    rows = tuple(
+        Row(
+            (
+                line.name,
+                line.estimate,
+                f"{line.lower} … {line.upper}",
+                line.unit,
+                *((line.truth, within(line.covered)) if with_truth else ()),
+                line.note,
+            ),
+            faint=not line.identifiable,
+        )
+        for line in lines
+    )
+    table = Table(
+        ("Parameter", "Estimate", f"{percent(estimates.level)} interval", "Unit", *truth_heads, "Note"),
+        rows,
+        caption=_NUISANCE,
+        styles=("name", "strong", "number", "text", *truth_styles, "prose"),
+    )
+    return (Folded(f"Torque nonlinearities (nuisance), {len(lines)}", (table,)),)
+
+
+def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> tuple[KeyNumber, ...]:
+    """Picks what says how well the parameters are known.
+
+    Args:
+        estimates: The parameters.
+        usable: Whether the fit may be used at all; else none counts as identified.
+    """
+    candidates = (
+        _identified(estimates) if usable else None,
+        _half_width(estimates),
+        _truth_distance(estimates.rows),
+        _coverage(estimates.rows),
+    )
+    return tuple(number for number in candidates if number is not None)
+
+
+def identified_phrase(estimates: Estimates, *, usable: bool = True) -> str:
+    """Says how many springs, or parameters without any, are identified, and how closely."""
+    springs = _springs(estimates.rows)
+    chosen = springs or list(estimates.rows)
+    noun = ("spring" if springs else "parameter") + ("" if len(chosen) == 1 else "s")
+    if not usable:
+        return f"{len(chosen)} {noun} {'was' if len(chosen) == 1 else 'were'} fitted"
+    found = sum(row.identifiable and row.identified for row in chosen)
+    text = f"{found} of {len(chosen)} {noun} identified"
+    half_width = _median_half_width(springs)
+    if half_width is None:
+        return text
+    level = f"{'median, ' if found > 1 else ''}{percent(estimates.level)}"
+    return f"{text} within ±{percent(half_width)} ({level})"
+
+
+def _springs(rows: tuple[ParameterRow, ...]) -> list[ParameterRow]:
+    return [row for row in rows if row.kind == "stiffness"]
+
+
+def _identified(estimates: Estimates) -> KeyNumber | None:
+    if not estimates.rows:
+        return None
+    springs = _springs(estimates.rows)
+    chosen = springs or list(estimates.rows)
+    found = sum(row.identifiable and row.identified for row in chosen)
+    every = sum(row.identifiable and row.identified for row in estimates.rows)
+    detail = "" if len(chosen) == len(estimates.rows) else f"{every} of {len(estimates.rows)} parameters"
+    what = "Springs identified" if springs else "Parameters identified"
+    return KeyNumber(what, f"{found} of {len(chosen)}", detail)
+
+
+def _half_width(estimates: Estimates) -> KeyNumber | None:
+    value = _median_half_width(_springs(estimates.rows))
+    if value is None:
+        return None
+    return KeyNumber("Spring interval", f"± {percent(value)}", f"median, {percent(estimates.level)} level")
+
+
+def _median_half_width(springs: list[ParameterRow]) -> float | None:
+    widths = [(row.upper - row.lower) / 2 / abs(row.estimate) for row in springs if row.identifiable and row.estimate]
+    return median(widths) if widths else None
+
+
+def _truth_distance(rows: tuple[ParameterRow, ...]) -> KeyNumber | None:
+    errors = [abs(row.estimate / row.truth - 1) for row in _springs(rows) if row.identifiable and row.truth]
+    if not errors:
+        return None
+    return KeyNumber("Springs off truth", percent(median(errors)), f"median; worst {percent(max(errors))}")
+
+
+def _coverage(rows: tuple[ParameterRow, ...]) -> KeyNumber | None:
+    known = [row.covered for row in rows if row.identifiable and row.covered is not None]
+    if not known:
+        return None
+    return KeyNumber("Truth in interval", f"{sum(known)} of {len(known)}", "identifiable parameters")

@@ -1,0 +1,267 @@
+"""The parameters of a fit as every family has them: rows of plain values, and how they are written."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import groupby
+from statistics import median
+
+from robid.report.numbers import MISSING, Scale, percent, scale_for, significant
+
+KIND_TITLES = {
+    "stiffness": "Springs",
+    "damping": "Dampers",
+    "viscous": "Equivalent viscous friction",
+    "motor_inertia": "Motor inertias",
+    "link_inertia": "Link inertias",
+    "cubic": "Cubic stiffness",
+    "location": "Locations of springs",
+    "delay": "Delay",
+    "friction": "Torque nonlinearities (nuisance)",
+}
+NUISANCE = "friction"
+_SYMBOLS = {
+    "stiffness": "k",
+    "cubic": "k3",
+    "damping": "d",
+    "viscous": "d",
+    "motor_inertia": "J1",
+    "link_inertia": "J2",
+}
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One parameter of a fit, in SI units.
+
+    Attributes:
+        name: Name of the parameter.
+        kind: Its kind, as in `stiffness`, `damping`, `delay`.
+        unit: Its SI unit, as in `N m/rad`.
+        nominal: Value in the robot file; 0 for kind `friction`, whose values are deviations from it.
+        estimate: Fitted value.
+        lower: Lower end of the interval.
+        upper: Upper end of the interval.
+        relative_std: Relative standard deviation after the fit.
+        truth: True value of a simulated robot, or None.
+        identifiable: Whether the data determine the parameter, fixed before the fit.
+        identified: Whether that is so and the interval after the fit bears it out.
+        predicted_relative_std: Relative deviation predicted before the fit, which decides; None where it is unknown.
+        known_relative_std: Relative deviation known beforehand, or None.
+        covered: Whether the interval holds the truth, or None without a truth.
+        assumed: Whether the nominal value has no published source.
+        note: What the reader should know, such as why it is not identifiable.
+        bootstrap: Lower and upper end of the bootstrap's interval, or None.
+        realization_relative_std: Relative deviation from the influence of each realization, or None.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    nominal: float
+    estimate: float
+    lower: float
+    upper: float
+    relative_std: float
+    truth: float | None = None
+    identifiable: bool = True
+    covered: bool | None = None
+    assumed: bool = False
+    note: str = ""
+    bootstrap: tuple[float, float] | None = None
+    realization_relative_std: float | None = None
+    identified: bool = True
+    predicted_relative_std: float | None = None
+    known_relative_std: float | None = None
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """All parameters of a fit, and what holds for all of them.
+
+    Attributes:
+        rows: The parameters, in the order to show.
+        level: Level of the intervals.
+        torque_unit: What stands for N m where the torque constant is unknown.
+        misfit: Cost over what noise and the assumed model error give; above 1 the intervals are widened by its root.
+        undetermined: Combinations of parameters that the data do not determine, a sentence each.
+        identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
+        interval_rule: What set the width of the intervals, in words.
+    """
+
+    rows: tuple[ParameterRow, ...] = ()
+    level: float = 0.95
+    torque_unit: str = "N m"
+    misfit: float = 0.0
+    undetermined: tuple[str, ...] = ()
+    identifiable_relative_std: float | None = None
+    interval_rule: str = ""
+
+    @property
+    def shown(self) -> list[ParameterRow]:
+        """Those that the model is made of; nuisances are apart."""
+        return [row for row in self.rows if row.kind != NUISANCE]
+
+
+@dataclass(frozen=True)
+class ParameterLine:
+    """A parameter as text; the numbers share one scale."""
+
+    name: str
+    unit: str
+    nominal: str
+    estimate: str
+    lower: str
+    upper: str
+    half_width: str
+    change: str
+    truth: str
+    off_truth: str
+    covered: bool | None
+    assumed: bool
+    identifiable: bool
+    note: str
+    bootstrap: str = ""
+
+
+def kind_title(kind: str, torque_unit: str = "N m") -> str:
+    """Names a kind of parameters, as a ratio where the torque constant is unknown: `Springs, k/K_t`."""
+    title = KIND_TITLES.get(kind, kind)
+    return f"{title}, {_SYMBOLS[kind]}/K_t" if torque_unit != "N m" and kind in _SYMBOLS else title
+
+
+def ratio_sentence(torque_unit: str) -> str:
+    """Says what the values are where the torque constant is unknown; empty where it is known."""
+    if torque_unit == "N m":
+        return ""
+    return f"The torque constant K_t is unknown: {torque_unit} stands for N m, and every value is its ratio to K_t."
+
+
+def rule_sentence(estimates: Estimates) -> str:
+    """Says what set the width of the intervals; empty where that is unknown."""
+    return f"The intervals' width is set by {estimates.interval_rule}." if estimates.interval_rule else ""
+
+
+def widened_sentence(estimates: Estimates) -> str:
+    """Says by how much the intervals are widened; empty where they are not."""
+    if estimates.misfit <= 1:
+        return ""
+    return (
+        f"Intervals are widened {significant(math.sqrt(estimates.misfit), 2)} times: the residual is so much larger "
+        "than noise and the assumed model error explain."
+    )
+
+
+def bootstrap_sentence(estimates: Estimates) -> str:
+    """Compares the bootstrap's intervals with the tabled ones; empty without a bootstrap."""
+    ratios = [
+        (row.bootstrap[1] - row.bootstrap[0]) / (row.upper - row.lower)
+        for row in estimates.rows
+        if row.bootstrap is not None and row.identifiable and row.upper > row.lower
+    ]
+    if not ratios:
+        return ""
+    return (
+        f"The bootstrap over realizations gives intervals {significant(median(ratios), 2)} times as wide (median; "
+        f"{significant(min(ratios), 2)} to {significant(max(ratios), 2)})."
+    )
+
+
+def parameter_line(row: ParameterRow, threshold: float | None = None) -> ParameterLine:
+    """Writes a parameter; a row that is not identifiable says why."""
+    if row.kind == NUISANCE:
+        return _nuisance_line(row, threshold)
+    half_width = (row.upper - row.lower) / 2
+    scale = scale_for(row.estimate or row.nominal, row.unit, half_width)
+    return ParameterLine(
+        name=row.name,
+        unit=scale.unit,
+        nominal=scale.text(row.nominal),
+        estimate=scale.text(row.estimate),
+        lower=scale.text(row.lower),
+        upper=scale.text(row.upper),
+        half_width=percent(_relative_half_width(row)),
+        change=percent(row.estimate / row.nominal - 1, signed=True) if row.nominal else MISSING,
+        truth=scale.text(row.truth),
+        off_truth=percent(row.estimate / row.truth - 1, signed=True) if row.truth else MISSING,
+        covered=row.covered,
+        assumed=row.assumed,
+        identifiable=row.identifiable,
+        note=_note(row, threshold),
+        bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
+    )
+
+
+def _relative_half_width(row: ParameterRow) -> float:
+    """Half the interval over the estimate, or as it is for what the robot file's value is the zero of."""
+    size = 1.0 if row.kind == NUISANCE else abs(row.estimate)
+    return (row.upper - row.lower) / 2 / size if size else float("nan")
+
+
+def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
+    """Writes a deviation from the robot file, in percentage points or samples; there is nothing to relate it to."""
+    factor, unit = (1, row.unit) if row.unit else (100, "%")
+    half_width = factor * (row.upper - row.lower) / 2
+    known = half_width > 0 and math.isfinite(half_width)
+    decimals = min(max(1 - math.floor(math.log10(half_width)), 0), 3) if known else 3
+
+    def text(value: float | None) -> str:
+        rounded = None if value is None else round(factor * value, decimals)
+        return Scale(0, unit, decimals).text(rounded)
+
+    return ParameterLine(
+        name=row.name,
+        unit=unit,
+        nominal="",
+        estimate=text(row.estimate),
+        lower=text(row.lower),
+        upper=text(row.upper),
+        half_width="",
+        change="",
+        truth=text(row.truth),
+        off_truth="",
+        covered=row.covered,
+        assumed=False,
+        identifiable=row.identifiable,
+        note=_note(row, threshold),
+    )
+
+
+def parameter_groups(estimates: Estimates) -> list[tuple[str, list[ParameterLine]]]:
+    """Groups a fit's parameters by kind, in the order given; nuisances are apart."""
+    order = list(dict.fromkeys(row.kind for row in estimates.shown))
+    rows = sorted(estimates.shown, key=lambda row: order.index(row.kind))
+    return [
+        (
+            kind_title(kind, estimates.torque_unit),
+            [parameter_line(row, estimates.identifiable_relative_std) for row in group],
+        )
+        for kind, group in groupby(rows, key=lambda row: row.kind)
+    ]
+
+
+def nuisance_lines(estimates: Estimates) -> list[ParameterLine]:
+    """Writes what the fit estimates only to get it out of the way: errors of the compensated torque."""
+    return [parameter_line(row, estimates.identifiable_relative_std) for row in estimates.rows if row.kind == NUISANCE]
+
+
+def _note(row: ParameterRow, threshold: float | None) -> str:
+    """Says why a row is not to be relied on, with the figure that decided, before what else there is to know."""
+    reason = _reason(row, threshold)
+    return "; ".join(text for text in (reason, row.note) if text)
+
+
+def _reason(row: ParameterRow, threshold: float | None) -> str:
+    limit = 0.0 if threshold is None else threshold
+    if row.identifiable:
+        if row.identified:
+            return ""
+        return f"not identified: the interval came out at ±{percent(_relative_half_width(row))}"
+    decided = row.relative_std if row.predicted_relative_std is None else row.predicted_relative_std
+    if decided > limit > 0:
+        return f"not identifiable: predicted deviation {percent(decided)}, above {percent(limit)}"
+    if row.known_relative_std is None:
+        return f"not identifiable: predicted deviation {percent(decided)}"
+    known = "known beforehand" if row.known_relative_std <= limit else "not identifiable: known beforehand"
+    return f"{known} to {percent(row.known_relative_std)}, and the data were predicted to leave {percent(decided)}"

@@ -1,0 +1,46 @@
+"""What an elastic fit adds to page, terminal and summary."""
+
+from __future__ import annotations
+
+from robid.report.content import FitReport
+from robid.report.parameter_section import identified_phrase
+from robid.report.parameters import widened_sentence
+from robid.stages.elastic_report.content import FitContent
+from robid.stages.elastic_report.sections import fit_tables, headline, sections
+from robid.stages.elastic_report.summary import fit_summary
+from robid.validation.elastic import Validation
+from robid.validation.recovery import recovery_sentence
+
+
+def fit_report(fit: FitContent, validation: Validation | None = None, told: tuple[str, ...] = ()) -> FitReport:
+    """Puts together all that is shown of a fit.
+
+    Args:
+        fit: The fit.
+        validation: Its validation, if any.
+        told: What the page warns of anyway.
+    """
+    return FitReport(
+        headline=headline(fit),
+        verdict=_verdict(fit, validation),
+        grade=None if fit.grade is None else fit.grade.value,
+        sections=sections(fit, told),
+        parameters=fit.estimates.rows,
+        summary=fit_summary(fit, validation),
+        terminal=tuple(fit_tables(fit)),
+    )
+
+
+def _verdict(fit: FitContent, validation: Validation | None) -> str:
+    """Says what is identified, whether the model holds, and what is known of the truth."""
+    found = [] if fit.grade is None else [fit.grade.sentence]
+    found.append(f"{identified_phrase(fit.estimates, usable=fit.usable)}.")
+    if fit.usable:
+        found.append(widened_sentence(fit.estimates))
+    if validation is None:
+        found.append("Not validated: no campaign was named to hold it against.")
+    else:
+        # What fails the validation stands in the grade's sentence.
+        found.append(f"The model {validation.verdict}." if validation.ok else "")
+        found.append(recovery_sentence(validation.springs_within, validation.springs_known, validation.coverage))
+    return " ".join(sentence for sentence in found if sentence)

@@ -1,0 +1,164 @@
+"""Resonances of an elastic fit: as text, as a section, in the terminal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import median
+
+from rich.console import Group
+from rich.text import Text
+
+from robid.frf.frf import Frf
+from robid.report.bode import configuration_label
+from robid.report.content import KeyNumber
+from robid.report.numbers import MISSING, number_of, percent, significant
+from robid.report.parameter_section import within
+from robid.report.section import Row, Section, Table
+from robid.report.terminal import open_table, with_notes
+from robid.stages.elastic_report.content import FitContent, ResonanceRow
+
+_CAPTION = (
+    "Measured and model are read from their curves in the same way, so that they compare; where modes crowd, both are"
+    " off the mode itself. The model's own mode is its pole or zero, with the interval that the parameters leave and"
+    " its damping ratio."
+)
+
+
+@dataclass(frozen=True)
+class ResonanceLine:
+    """A resonance as text."""
+
+    configuration: int
+    number: str
+    channel: str
+    kind: str
+    measured: str
+    interval: str
+    model: str
+    error: str
+    within: bool | None
+    mode: str
+    mode_interval: str
+    damping: str
+
+
+def resonance_errors(rows: tuple[ResonanceRow, ...]) -> list[tuple[float, ResonanceRow]]:
+    """Relative distance of model from measurement, for the rows that have both."""
+    return [
+        (row.model_hz / row.measured_hz - 1, row)
+        for row in rows
+        if row.measured_hz is not None and row.model_hz is not None and row.measured_hz > 0
+    ]
+
+
+def resonance_line(row: ResonanceRow) -> ResonanceLine:
+    """Writes a resonance with what it can be judged by."""
+    errors = resonance_errors((row,))
+    low_high, own = row.interval_hz, row.mode_interval_hz
+    return ResonanceLine(
+        configuration=row.configuration,
+        number=number_of(row.configuration),
+        channel=row.channel,
+        kind=row.kind,
+        measured=significant(row.measured_hz, 4) if row.measured_hz is not None else "not seen",
+        interval=interval_text(low_high),
+        model=significant(row.model_hz, 4) if row.model_hz is not None else "none",
+        error=percent(errors[0][0], signed=True) if errors else MISSING,
+        within=low_high[0] <= row.model_hz <= low_high[1] if low_high and row.model_hz is not None else None,
+        mode=significant(row.mode_hz, 4),
+        mode_interval=interval_text(own),
+        damping=percent(row.damping),
+    )
+
+
+def interval_text(low_high: tuple[float, float] | None) -> str:
+    """Writes an interval to four digits, or more where its ends would look the same."""
+    if low_high is None:
+        return MISSING
+    for digits in (4, 5):
+        low, high = (significant(value, digits) for value in low_high)
+        if low != high:
+            break
+    return f"{low} … {high}"
+
+
+def resonance_sentence(rows: tuple[ResonanceRow, ...]) -> str:
+    """Says how far the model's resonances are from the measured ones."""
+    errors = resonance_errors(rows)
+    if not errors:
+        return ""
+    worst, row = max(errors, key=lambda item: abs(item[0]))
+    middle = median(abs(error) for error, _ in errors)
+    return (
+        f"{len(errors)} pairs; the model is off by {percent(middle)} in the median and by {percent(abs(worst))} "
+        f"at worst, the {row.kind} of {row.channel} at {significant(row.measured_hz, 4)} Hz in configuration "
+        f"{number_of(row.configuration)}."
+    )
+
+
+def resonance_number(rows: tuple[ResonanceRow, ...]) -> tuple[KeyNumber, ...]:
+    """Says how far the model's resonances are off, in two numbers."""
+    errors = [abs(error) for error, _ in resonance_errors(rows)]
+    if not errors:
+        return ()
+    return (KeyNumber("Resonances off", percent(median(errors)), f"median; worst {percent(max(errors))}"),)
+
+
+def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) -> tuple[Section, ...]:
+    """Lays out the resonances by configuration; nothing without any.
+
+    Args:
+        rows: The resonances.
+        frf: The response that they are of.
+        level: Level of their intervals.
+    """
+    if not rows:
+        return ()
+    interval = f"{percent(level)} interval"
+    heads = ("Conf.", "Channel", "Kind", "Measured [Hz]", interval, "Model [Hz]", "Off", "In interval")
+    table = Table(
+        (*heads, "Own mode [Hz]", interval, "Damping"),
+        tuple(_row(row, frf) for row in rows),
+        caption=_CAPTION,
+        styles=(
+            "text", "name", "text", "strong", "number", "number", "number", "text", "number", "number", "number",
+        ),
+        choice="Configuration",
+        fit="tall",
+    )  # fmt: skip
+    return (Section("Resonances", resonance_sentence(rows), (table,), "resonances"),)
+
+
+def _row(row: ResonanceRow, frf: Frf) -> Row:
+    line = resonance_line(row)
+    cells = (
+        line.number,
+        line.channel,
+        f"{'▲' if line.kind == 'resonance' else '▽'} {line.kind}",
+        line.measured,
+        line.interval,
+        line.model,
+        line.error,
+        within(line.within),
+        line.mode,
+        line.mode_interval,
+        line.damping,
+    )
+    return Row(cells, choice=configuration_label(frf, row.configuration))
+
+
+def resonance_table(fit: FitContent) -> Group:
+    """Lays out measured resonances and antiresonances beside the fitted model's own, each with its interval."""
+    rows = fit.resonances or ()
+    interval = f"{100 * fit.estimates.level:g} % interval"
+    table = open_table("resonances [Hz]")
+    for header in ("model", interval, "measured", interval):
+        table.add_column(header, justify="right", no_wrap=True)
+    found = [row for row in rows if row.mode_hz is not None]
+    for row in found:
+        line = resonance_line(row)
+        place = f", configuration {line.number}" if len(fit.frf.configurations) > 1 else ""
+        name = Text(f"  {line.channel} {line.kind}{place}")
+        table.add_row(name, Text(line.mode, style="bold"), line.mode_interval, line.measured, line.interval)
+    alone = len(rows) - len(found)
+    return with_notes(table, [f"{alone} more that the model does not have are in the report"] if alone else [])

@@ -1,0 +1,92 @@
+"""What of an elastic fit stands on the page and at the end of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import Group
+
+from robid.report.bode import BodeMatrix, BodeResponse, Mark
+from robid.report.content import Headline
+from robid.report.costs import campaign_title, cost_number, cost_section, start_number, start_section
+from robid.report.numbers import percent
+from robid.report.parameter_section import parameter_numbers, parameter_section
+from robid.report.section import Notes, Part, Section
+from robid.report.terminal import parameter_table
+from robid.stages.elastic_report.content import FitContent
+from robid.stages.elastic_report.resonances import resonance_number, resonance_section, resonance_table
+
+_FEW_MOTORS = 2
+_NO_RESONANCES = "The model file is older than its table of resonances; `robid fit --force` makes it."
+
+
+def headline(fit: FitContent) -> Headline:
+    """Picks what decides whether a fit can be used."""
+    return Headline(
+        name=fit.name,
+        numbers=(
+            *parameter_numbers(fit.estimates, usable=fit.usable),
+            *resonance_number(fit.resonances or ()),
+            *cost_number(fit.estimation_costs, fit.validation_costs),
+            *start_number(fit.starts),
+        ),
+        doubts=() if fit.grade is None else fit.grade.doubts,
+        status=fit.status,
+        advice=fit.advice,
+    )
+
+
+def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]:
+    """Lays out a fit: its responses, parameters, resonances, costs and starts.
+
+    Args:
+        fit: The fit.
+        told: What the page warns of anyway.
+    """
+    return (
+        _response(fit, told),
+        *parameter_section(fit.estimates),
+        *resonance_section(fit.resonances or (), fit.frf, fit.estimates.level),
+        *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
+        *start_section(fit.starts),
+    )
+
+
+def fit_tables(fit: FitContent) -> Iterator[Group]:
+    """Yields what the end of a run shows of a fit: its parameters and, of a small drive, its resonances."""
+    yield parameter_table(fit.estimates)
+    if fit.resonances and len(fit.frf.input_names) <= _FEW_MOTORS:
+        yield resonance_table(fit)
+
+
+def element_sentence(fit: FitContent) -> str:
+    """Says what the residuals hold beyond their covariance; empty where that is unknown."""
+    errors = fit.element_errors
+    if errors is None:
+        return ""
+    level = f", where the model is off by {percent(errors.median_level)} (median)" if errors.median_level > 0 else ""
+    return (
+        f"Beyond their covariance are {percent(errors.share_above)} of the elements{level}; the residuals of "
+        f"{percent(errors.share_correlated)} are correlated over frequency. Of an exact model 5 % would be either."
+    )
+
+
+def _response(fit: FitContent, told: tuple[str, ...]) -> Section:
+    marks = tuple(
+        Mark(row.configuration, row.channel, row.measured_hz) for row in fit.resonances or () if row.measured_hz
+    )
+    title = "measured resonances and antiresonances of this channel"
+    label = campaign_title("Estimation", fit.campaign)
+    responses = [BodeResponse(label, fit.frf, (("model", fit.model_response),), marks, title)]
+    if fit.validation_frf is not None and fit.validation_model is not None:
+        label = campaign_title("Validation", fit.validation_campaign)
+        responses.append(BodeResponse(label, fit.validation_frf, (("model", fit.validation_model),)))
+    notes = [note for note in fit.frf.notes if note not in told]
+    notes += [_NO_RESONANCES] if fit.resonances is None else []
+    parts: list[Part] = [BodeMatrix("", tuple(responses), fit.estimates.level)]
+    parts += [Notes(tuple(notes))] if notes else []
+    lead = (
+        "Motor torque to acceleration, measured against model. Every column is one input, every row one output;"
+        " select an element to enlarge it."
+    )
+    return Section("Frequency response", lead, tuple(parts), "response")
