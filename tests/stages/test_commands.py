@@ -1,11 +1,19 @@
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from robid import cli, pipeline
 from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
-from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact, model_to_artifact
+from robid.artifacts.model import (
+    MODEL,
+    grade_from_artifact,
+    model_from_artifact,
+    model_to_artifact,
+    resonances_from_artifact,
+)
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.validation import VALIDATION, validation_from_artifact, validation_to_artifact
 from robid.families.files import load_experiment
@@ -181,11 +189,12 @@ def test_the_room_of_records_is_counted(shop):
 
 
 def graded_model_from(artifact):
-    return model_from_artifact(artifact), grade_from_artifact(artifact)
+    return model_from_artifact(artifact), grade_from_artifact(artifact), resonances_from_artifact(artifact)
 
 
 def graded_model_to(graded, provenance):
-    return model_to_artifact(graded[0], provenance, graded[1])
+    solution, grade, resonances = graded
+    return model_to_artifact(solution, provenance, grade, resonances)
 
 
 @pytest.mark.parametrize(
@@ -201,6 +210,24 @@ def test_what_is_read_and_written_again_is_the_same(done, path, kind, read, writ
     artifact = read_artifact(done.runs / path, kind)
     again = write(read(artifact), artifact.provenance)
     assert write_artifact(done.folder / "again.h5", again) == done.contents()[path]
+
+
+def test_the_page_shows_the_resonances_of_the_model_file(done):
+    """Numbers that no model has show that the page computes none of its own; an older file has none to show."""
+    path = done.runs / "fits/elastic/model.h5"
+    artifact = read_artifact(path, MODEL)
+    solution, grade, resonances = graded_model_from(artifact)
+    assert 'id="fit-1-resonances"' in (done.runs / "report.html").read_text()
+    other = replace(resonances, measured_hz=np.full_like(resonances.measured_hz, 77.31))
+    write_artifact(path, model_to_artifact(solution, artifact.provenance, grade, other))
+    assert done.robid("run", "small.yaml").code == 0
+    assert (done.runs / "report.html").read_text().count(">77.31<") == len(resonances.channel)
+    write_artifact(path, model_to_artifact(solution, artifact.provenance, grade))
+    assert done.robid("run", "small.yaml").code == 0
+    page = (done.runs / "report.html").read_text()
+    assert 'id="fit-1-resonances"' not in page
+    assert "older than its table of resonances" in page
+    assert not [key for key in json.loads((done.runs / "summary.json").read_text()) if ".resonances." in key]
 
 
 def test_an_experiment_without_fits_and_a_fit_of_some_configurations(done):
