@@ -176,6 +176,7 @@ def _peak_table(row: ExcitationRow) -> Table:
         ("Channel", "Quantity", "RMS", "Peak", "Limit", "Share of limit", ""),
         tuple(_peak_cells(peak) for peak in row.peaks),
         title=f"Predicted peaks, {row.campaign}",
+        caption="Speeds and torques are motor side.",
         styles=("name", "text", "number", "strong", "number", "number", "meter"),
     )
 

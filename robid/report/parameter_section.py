@@ -30,13 +30,18 @@ _NUISANCE = (
 )
 
 
-def parameter_section(estimates: Estimates) -> tuple[Section, ...]:
-    """Lays out a fit's parameters: ratios to nominal, table, what is not determined; nothing without any."""
+def parameter_section(estimates: Estimates, conventions: str = "") -> tuple[Section, ...]:
+    """Lays out a fit's parameters: ratios to nominal, table, what is not determined; nothing without any.
+
+    Args:
+        estimates: The parameters.
+        conventions: What their values are to be understood as, a sentence.
+    """
     if not estimates.rows:
         return ()
     truth = " and the truth of the simulated robot" if _with_truth(estimates) else ""
     lead = f"Estimates with {percent(estimates.level)} intervals, against the nominal values of the robot file{truth}."
-    parts: list[Part] = [*_ratios(estimates), _table(estimates)]
+    parts: list[Part] = [*_ratios(estimates), _table(estimates, conventions)]
     if estimates.undetermined:
         parts.append(Notes(tuple(f"{sentence}." for sentence in estimates.undetermined)))
     return (Section("Parameters", lead, (*parts, *_nuisances(estimates)), "parameters"),)
@@ -74,13 +79,14 @@ def _ratio(row: ParameterRow) -> Ratio:
     )
 
 
-def _table(estimates: Estimates) -> Table:
+def _table(estimates: Estimates, conventions: str) -> Table:
     with_truth, repeated = _with_truth(estimates), any(row.bootstrap is not None for row in estimates.rows)
     truth_heads = ("Truth", "Off truth", "In interval") if with_truth else ()
     heads = ("Parameter", "Estimate", f"{percent(estimates.level)} interval", *(("Bootstrap",) * repeated), "Unit", "±")
     repeated_styles: tuple[ColumnStyle, ...] = ("number",) if repeated else ()
     truth_styles: tuple[ColumnStyle, ...] = ("number", "number", "text") if with_truth else ()
     sentences = (
+        conventions,
         ratio_sentence(estimates.torque_unit),
         "± is half the interval relative to the estimate.",
         rule_sentence(estimates),

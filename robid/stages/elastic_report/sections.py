@@ -17,6 +17,7 @@ from robid.stages.elastic_report.content import FitContent
 from robid.stages.elastic_report.resonances import resonance_number, resonance_section, resonance_table
 
 _FEW_MOTORS = 2
+_CONVENTIONS = "Stiffness and damping are arm side."
 _NO_RESONANCES = "The model file is older than its table of resonances; `robid fit --force` makes it."
 
 
@@ -45,7 +46,7 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
     """
     return (
         _response(fit, told),
-        *parameter_section(fit.estimates),
+        *parameter_section(fit.estimates, _CONVENTIONS),
         *resonance_section(fit.resonances or (), fit.frf, fit.estimates.level),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
         *start_section(fit.starts),
@@ -86,7 +87,7 @@ def _response(fit: FitContent, told: tuple[str, ...]) -> Section:
     parts: list[Part] = [BodeMatrix("", tuple(responses), fit.estimates.level)]
     parts += [Notes(tuple(notes))] if notes else []
     lead = (
-        "Motor torque to acceleration, measured against model. Every column is one input, every row one output;"
-        " select an element to enlarge it."
+        "Torque to acceleration, both motor side, measured against model. Every column is one input, every row one"
+        " output; select an element to enlarge it."
     )
     return Section("Frequency response", lead, tuple(parts), "response")

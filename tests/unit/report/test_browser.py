@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -90,6 +91,39 @@ def test_the_controls_change_the_figures(tmp_path, arm):
     assert numbers == pytest.approx(expected_first_points(fit), abs=0.06)
     assert "axis_3 acceleration per axis_4 torque, configuration 1" in seen
     assert "Share" not in seen
+
+
+def test_a_table_and_the_enlarged_element_are_chosen_from_alike(tmp_path, arm):
+    page = tmp_path / "report.html"
+    write_report(page, arm.content)
+    script = """
+      const rows = [...document.querySelectorAll('#fit-1-resonances tr[data-choice]')];
+      const shown = () => rows.filter((row) => !row.hidden).length;
+      const select = document.querySelector('#fit-1-resonances select');
+      const seen = [shown(), select.options.length];
+      select.value = '2'; select.dispatchEvent(new Event('change')); seen.push(shown());
+      select.value = '0'; select.dispatchEvent(new Event('change')); seen.push(shown());
+      const configuration = document.querySelector('select[aria-label="configuration"]');
+      document.querySelector('[aria-label="previous configuration"]').click(); seen.push(configuration.value);
+      const source = document.querySelector('select[aria-label="data"]');
+      source.value = '1'; source.dispatchEvent(new Event('change'));
+      seen.push(configuration.value, configuration.options.length);
+      document.querySelectorAll('.cell')[0].click();
+      const press = (key) => document.getElementById('enlarged').dispatchEvent(new KeyboardEvent('keydown', { key }));
+      press('ArrowUp'); press('ArrowLeft'); press('ArrowRight'); press('ArrowDown'); press('ArrowDown');
+      const title = () => document.getElementById('enlarged-title').textContent.split(',')[0];
+      seen.push(title());
+      for (let times = 0; times < 9; times += 1) press('ArrowDown');
+      seen.push(title(), document.querySelector('[data-move="1,0"]').disabled);
+      document.title = JSON.stringify(seen);
+    """
+    html, console = open_page(add_script(page, script), tmp_path, "--dump-dom", "--window-size=1400,1200")
+    assert console == []
+    rows = [row.configuration for row in arm.fit.resonances]
+    assert json.loads(re.search(r"<title>(\[.*?\])</title>", html).group(1)) == [
+        len(rows), 4, rows.count(1), len(rows), "2", "0", 2,
+        "axis_3 acceleration per axis_2 torque", "axis_6 acceleration per axis_2 torque", True,
+    ]  # fmt: skip
 
 
 def expected_first_points(fit):

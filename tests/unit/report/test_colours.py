@@ -61,6 +61,12 @@ def test_a_warning_has_a_colour_of_its_own(theme):
         assert distance(colours["warn"], colours[kind], "full") > FAR
 
 
+@pytest.mark.parametrize("path", sorted(TEMPLATES.glob("*.j[s2]*")), ids=lambda path: path.name)
+def test_colours_stand_in_the_style_sheet_alone(path):
+    text = re.sub(r"&#\d+;", "", path.read_text())
+    assert not re.search(r"#[0-9a-fA-F]{3,8}\b(?!\-)|\brgba?\(|\bhsl\((?!\$)|Viridis", text)
+
+
 @pytest.mark.parametrize("path", sorted(TEMPLATES.glob("*.js")), ids=lambda path: path.name)
 def test_no_curve_has_the_colour_of_a_state(path):
     assert not re.search(rf'"({"|".join(STATES)})"|--({"|".join(STATES)})\b', path.read_text())

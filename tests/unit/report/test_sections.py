@@ -10,9 +10,23 @@ from dataclasses import replace
 
 import pytest
 
+from robid.report.bode import BodeMatrix, BodeResponse, Mark
 from robid.report.content import ReportContent, Verdict
 from robid.report.page import render, write_report
-from robid.report.section import Beside, Curve, Figure, Section, Table
+from robid.report.section import (
+    Bars,
+    Beside,
+    Cell,
+    Curve,
+    Figure,
+    Folded,
+    Notes,
+    Ratio,
+    RatioChart,
+    Row,
+    Section,
+    Table,
+)
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 
@@ -61,11 +75,88 @@ def test_a_page_without_sections_has_none():
     assert "data-figure=" not in html
 
 
+def family_content(frf):
+    """What a family that the page has never heard of could show."""
+    models = (("first", frf.response), ("second", 2 * frf.response))
+    response = BodeResponse("Measured", frf, models, (Mark(0, "motor", 53.9),), "what stands out")
+    bode = BodeMatrix("", (response,), 0.9, "position", "position", "1")
+    ratios = RatioChart(
+        "",
+        (("Masses", (Ratio("m1", 1.1, 1.0, 1.2, 1.05), Ratio("m2", 0.9, 0.5, 2.0, identifiable=False))),),
+        "90 % interval",
+    )
+    bars = Bars(
+        "", "Cost", ("1", "2", "1"), (("cost", (3.0, 4.0, 2.0)),), groups=(("seen", 2), ("new", 1)), marks=(1, None, 3)
+    )
+    points = Figure(
+        "", "Start", "Cost", (Curve("best", (0.0, 1.0), (1.0, 2.0), ("a", "b"), points=True),), x_labels=("3", "7")
+    )
+    table = Table(
+        ("Name", "Kind", "Share", ""),
+        (
+            Row(("m1", "mass", Cell("10 %", "good"), Cell("10 %", share=0.1)), group="Masses", choice="one"),
+            Row(("f1", Cell("force", badge="b", hint="borrowed"), "1", "1"), faint=True, group="Forces", choice="two"),
+        ),
+        styles=("name", "text", "number", "meter"),
+        choice="Side",
+        footer=(("Sum", "2"),),
+    )
+    sections = (
+        Section("Response", "", (bode, Notes(("a note",))), "response", "rigid"),
+        Section("Parameters", "", (ratios, Beside((bars, points)), Folded("More", (table,))), "parameters", "rigid"),
+        Section("Alone", "", (points,)),
+    )
+    return ReportContent("family", Verdict("It fits.", "ok"), "an arm", sections=sections)
+
+
+def test_any_section_may_hold_any_figure(bench):
+    html = render(family_content(bench.fit.frf))
+    data = json.loads(re.search(r'id="data">(.*?)</script>', html, re.DOTALL).group(1))["figures"]
+    assert [figure["kind"] for figure in data] == ["bode", "ratios", "bars", "curves", "curves"]
+    assert data[0]["responses"][0]["models"] == ["first", "second"]
+    assert data[0]["responses"][0]["configurations"][0]["marks"] == [["motor", 53.9]]
+    assert data[2]["groups"] == [{"name": "seen", "count": 2}, {"name": "new", "count": 1}]
+    assert data[2]["marks"] == [1.0, None, 3.0]
+    assert html.index("Fit rigid") < html.index('<section id="response">') < html.index('<section id="section-3">')
+
+
+def test_cells_say_more_than_their_text(bench):
+    html = render(family_content(bench.fit.frf))
+    assert '<td class="n"><span class="yes">10 %</span></td>' in html
+    assert '<meter min="0" max="1" high="0.9" value="0.1">10 %</meter>' in html
+    assert '<tr class="unidentified" data-choice="two">' in html
+    assert '<abbr title="borrowed">b</abbr> force' in html
+    assert "<abbr>b</abbr> borrowed." in html
+    assert '<th colspan="4" scope="rowgroup">Forces</th>' in html
+    assert '<th scope="row">Sum</th><td class="n" colspan="3">2</td>' in html
+    (table,) = family_content(bench.fit.frf).sections[1].tables
+    assert table.texts == (("m1", "mass", "10 %", "10 %"), ("f1", "force", "1", "1"))
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_every_kind_of_figure_is_drawn_in_any_section(tmp_path, bench):
+    html = dumped(tmp_path, family_content(bench.fit.frf))
+    assert len(re.findall(r'class="chart js-plotly-plot" data-figure', html)) == 4
+    assert len(re.findall(r'class="cell"', html)) == 2
+    assert "enlarge load position per motor position" in html
+    for word in ("second", "before compensation", "estimate with 90 % interval", "not identifiable"):
+        assert f"</i>{word}</span>" in html
+    assert re.search(r'class="annotation-text"[^>]*>(<tspan[^>]*>)?new<', html)
+
+
 @pytest.mark.browser
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_curves_are_drawn_without_a_complaint(tmp_path):
+    html = dumped(tmp_path, study_content())
+    assert len(re.findall(r'class="chart js-plotly-plot"', html)) == 3
+    assert len(re.findall(r'class="legendtext"', html)) >= 4
+
+
+def dumped(tmp_path, content):
+    """The page as a browser shows it, without a complaint."""
     page = tmp_path / "report.html"
-    write_report(page, study_content())
+    write_report(page, content)
     flags = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync")
     quiet = ("--disable-background-networking", "--disable-component-update", "--enable-logging=stderr")
     command = [CHROMIUM, *flags, *quiet, "--virtual-time-budget=8000", f"--user-data-dir={tmp_path / 'profile'}"]
@@ -73,5 +164,4 @@ def test_curves_are_drawn_without_a_complaint(tmp_path):
         [*command, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=90, check=True
     )
     assert [line for line in done.stderr.splitlines() if "CONSOLE" in line] == []
-    assert len(re.findall(r'class="chart js-plotly-plot"', done.stdout)) == 3
-    assert len(re.findall(r'class="legendtext"', done.stdout)) >= 4
+    return done.stdout
