@@ -118,12 +118,17 @@ class Bar:
             left = (now - self.begun) / self.since * (self.total - self.done)
             self.shell.note(
                 self.label,
-                f"{self.done} of {self.total} {self.unit} done" + (f", {duration(left)} left" if left > 0 else ""),
+                f"{self.done} of {self.total} {self.unit} done" + (f", {_rest(left)} left" if left > 0 else ""),
             )
 
     def warn(self, text: str) -> None:
         """Tells what the user should know before using the result."""
         self.shell.warn(f"{self.label}: {text}")
+
+
+def _rest(seconds: float) -> str:
+    """Writes the time that is left, which nobody knows to a tenth of a second."""
+    return f"{seconds:.0f} s" if seconds < 59.5 else duration(seconds)
 
 
 def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
