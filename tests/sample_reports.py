@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 
+from robid.families.elastic.page.content import FitContent, ResonanceRow
+from robid.families.elastic.page.report import fit_report
 from robid.frf.frf import Frf
 from robid.report.content import ReportContent, Verdict, fit_sections
 from robid.report.costs import CostRow, StartRow
@@ -20,8 +22,6 @@ from robid.report.experiment import (
     run_section,
 )
 from robid.report.parameters import Estimates, ParameterRow
-from robid.stages.elastic_report.content import FitContent, ResonanceRow
-from robid.stages.elastic_report.report import fit_report
 
 AXES = tuple(f"axis_{number}" for number in range(1, 7))
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from robid.artifacts.artifact import Artifact
 from robid.backends.map import Map
 from robid.backends.progress import Progress
 from robid.frf.frf import Frf
+from robid.report.content import FitReport
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings, Read
 from robid.settings.load import LoadedExperiment
@@ -73,6 +74,27 @@ class Work:
 
 
 @dataclass(frozen=True)
+class Shown:
+    """A fit with everything that the report may show of it.
+
+    Attributes:
+        data: What it read.
+        model: Its artifact.
+        validation: Artifact of its validation, if there is one.
+        new: What the validation read.
+        true: True value of each parameter by name; empty for a measured robot.
+        told: What the page warns of anyway.
+    """
+
+    data: Data
+    model: Artifact
+    validation: Artifact | None = None
+    new: Data | None = None
+    true: Mapping[str, float] = field(default_factory=dict)
+    told: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class ExportTask:
     """What is exported.
 
@@ -129,6 +151,8 @@ class Family:
         true_values: True value of every parameter, by name, in a true robot; takes the fit's name.
         phrase: How a fit ended, from its artifact.
         verdict: What a validation found, from its artifact.
+        report: Lays out a fit for page, terminal and summary.
+        compare: Numbers that compare fits of this family with each other, by dotted name.
         exports: Formats that a model can be written in, by name.
     """
 
@@ -143,6 +167,8 @@ class Family:
     true_values: Callable[[LoadedExperiment, str, TrueRobot], Mapping[str, float]]
     phrase: Callable[[Artifact], str]
     verdict: Callable[[Artifact], str]
+    report: Callable[[Shown], FitReport]
+    compare: Callable[[Sequence[Shown]], Mapping[str, float]]
     exports: Mapping[str, Export]
 
 

@@ -12,19 +12,19 @@ from robid.settings.load import LoadedExperiment, load_experiment_of
 from robid.settings.schema import experiment_schema_of
 
 
-def load_experiment(path: Path, families: Mapping[str, Family] = FAMILIES) -> LoadedExperiment:
+def load_experiment(path: Path, families: Mapping[str, Family] | None = None) -> LoadedExperiment:
     """Loads an experiment file and the robot file it names, and checks both.
 
     Args:
         path: The experiment file.
-        families: The families that its fits may be of, by name.
+        families: The families that its fits may be of, by name; all that there are when None.
 
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
     """
-    return load_experiment_of(families, path)
+    return load_experiment_of(FAMILIES if families is None else families, path)
 
 
-def experiment_schema(families: Mapping[str, Family] = FAMILIES) -> dict[str, Any]:
+def experiment_schema(families: Mapping[str, Family] | None = None) -> dict[str, Any]:
     """Returns the JSON schema of the experiment file whose fits are of these families."""
-    return experiment_schema_of(families)
+    return experiment_schema_of(FAMILIES if families is None else families)

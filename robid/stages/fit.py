@@ -14,9 +14,10 @@ from robid.families.family import Data, Graded, Work, family_of
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.settings.experiment import Experiment
-from robid.settings.fits import FitSettings, Read
+from robid.settings.fits import Read
 from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
+from robid.signals.record import Record
 from robid.stages.stage import Job, Plan, Stage
 
 
@@ -43,22 +44,23 @@ def data_inputs(reads: Sequence[Read], campaigns: Sequence[str]) -> dict[str, st
 def read_data(loaded: LoadedExperiment, name: str, inputs: Mapping[str, Path]) -> Data:
     """Reads what a fit is fitted to."""
     fit, reads = loaded.experiment.fits[name], family_of(loaded, name).reads
-    frf, chosen = None, fit.configurations or ()
-    if "frf" in reads:
-        paths = [inputs[key] for key in data_inputs(("frf",), fit.campaigns)]
-        frf = chosen_frf(fit, [frf_from_artifact(read_artifact(path, FRF)) for path in paths])
-        chosen = chosen or tuple(range(len(frf.configurations)))
-    records = tuple(
-        record_from_artifact(read_artifact(inputs[key], RECORD))
-        for key in data_inputs([kind for kind in reads if kind == "record"], fit.campaigns)
+    responses, records = (
+        [inputs[key] for key in data_inputs([each for each in reads if each == kind], fit.campaigns)]
+        for kind in ("frf", "record")
     )
-    return Data(loaded, name, frf, records, chosen)
+    frfs = [frf_from_artifact(read_artifact(path, FRF)) for path in responses]
+    return data_of(loaded, name, frfs, tuple(record_from_artifact(read_artifact(path, RECORD)) for path in records))
 
 
-def chosen_frf(fit: FitSettings, frfs: Sequence[Frf]) -> Frf:
+def data_of(loaded: LoadedExperiment, name: str, frfs: Sequence[Frf], records: tuple[Record, ...] = ()) -> Data:
     """Joins the responses of a fit's campaigns and selects its configurations."""
+    fit = loaded.experiment.fits[name]
+    if not frfs:
+        return Data(loaded, name, None, records, fit.configurations or ())
     frf = frfs[0] if len(frfs) == 1 else join(frfs, fit.campaigns)
-    return frf if fit.configurations is None else frf.select(fit.configurations)
+    if fit.configurations is None:
+        return Data(loaded, name, frf, records, tuple(range(len(frf.configurations))))
+    return Data(loaded, name, frf.select(fit.configurations), records, fit.configurations)
 
 
 def _run(job: Job) -> str:

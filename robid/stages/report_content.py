@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -10,17 +10,17 @@ from typing import Literal
 
 import numpy as np
 
+from robid.artifacts.artifact import Artifact
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, grade_from_artifact, model_from_artifact, resonances_from_artifact
+from robid.artifacts.model import MODEL
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
-from robid.artifacts.validation import VALIDATION, validation_from_artifact
+from robid.artifacts.validation import VALIDATION
 from robid.design.excitation import UNITS, Plan
 from robid.design.information import ConfigurationDesign
-from robid.families.elastic.fitting import fit_phrase, values_in, verdict
-from robid.fit.solution import Solution
+from robid.families.family import Data, Shown, family_of
 from robid.frf.frf import Frf
 from robid.report.content import FitReport, ReportContent, Verdict, fit_sections
 from robid.report.design import design_section
@@ -37,16 +37,11 @@ from robid.report.section import Section
 from robid.robot.skeleton import skeleton
 from robid.settings.load import LoadedExperiment
 from robid.stages import design_configs, design_excitation, estimate_frf, simulate_or_acquire
-from robid.stages.elastic_report.content import FitContent
-from robid.stages.elastic_report.gather import fit_content
-from robid.stages.elastic_report.report import fit_report
-from robid.stages.elastic_report.summary import comparison
+from robid.stages.fit import data_of
 from robid.stages.plausible import contradictions
 from robid.stages.validate import truth_input
-from robid.validation.elastic import Validation
-from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST, Grade
+from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST
 from robid.validation.plausible_evidence import gather_evidence
-from robid.validation.resonances import ResonanceTable
 
 _SHORT = 8
 _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}
@@ -84,9 +79,9 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> 
     """
     run = _read(loaded, folder, present)
     warnings = _warnings(loaded, run.frfs)
-    contents = [_fit(loaded, folder, name, run) for name in run.solutions]
-    fits = tuple(fit_report(content, run.validations.get(content.name), warnings) for content in contents)
-    excitations = tuple(_excitation(run, name) for name in run.frfs)
+    shown = {name: _shown(loaded, folder, name, run, warnings) for name in run.models}
+    fits = tuple(family_of(loaded, name).report(each) for name, each in shown.items())
+    excitations = tuple(_excitation(loaded, run, name) for name in run.excitations)
     content = ReportContent(
         title=loaded.experiment.name,
         verdict=_verdict(fits),
@@ -97,17 +92,32 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> 
             *fit_sections(fits),
             *(_design(loaded, name, design) for name, design in run.designs.items()),
             *_experiment(loaded, run, excitations),
-            *run_section(tuple(_stage(path, folder / path, run) for path in present if path.endswith(".h5"))),
+            *run_section(tuple(_stage(loaded, path, folder / path, run) for path in present if path.endswith(".h5"))),
         ),
     )
-    return Gathered(content, fits, run.designs, excitations, comparison(contents))
+    return Gathered(content, fits, run.designs, excitations, _comparison(loaded, shown))
 
 
-def _fit(loaded: LoadedExperiment, folder: Path, name: str, run: _Run) -> FitContent:
-    validation = run.validations.get(name)
-    grade = run.grades[name] if validation is None else validation.grade
-    truth = _truth(loaded, folder, name)
-    return fit_content(loaded, name, run.solutions[name], run.frfs, truth, validation, grade, run.resonances[name])
+def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warnings: tuple[str, ...]) -> Shown:
+    fit, validation = loaded.experiment.fits[name], run.validations.get(name)
+    own = [run.frfs[campaign] for campaign in fit.campaigns if "frf" in family_of(loaded, name).reads]
+    new = None if fit.validate_on is None else run.frfs.get(fit.validate_on)
+    return Shown(
+        data=data_of(loaded, name, own),
+        model=run.models[name],
+        validation=validation,
+        new=None if validation is None else Data(loaded, name, new),
+        true=_truth(loaded, folder, name),
+        told=warnings,
+    )
+
+
+def _comparison(loaded: LoadedExperiment, shown: Mapping[str, Shown]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for family in {loaded.experiment.fits[name].family: family_of(loaded, name) for name in shown}.values():
+        alike = [each for name, each in shown.items() if family_of(loaded, name) is family]
+        found |= family.compare(alike)
+    return found
 
 
 def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[ExcitationRow, ...]) -> tuple[Section, ...]:
@@ -118,8 +128,8 @@ def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[Excitati
         tuple(joint.name for joint in loaded.robot.joints),
         tuple(
             ConfigurationRow(name, index, tuple(row))
-            for name, frf in run.frfs.items()
-            for index, row in enumerate(frf.configurations.tolist())
+            for name, excitation in run.excitations.items()
+            for index, row in enumerate(excitation.configurations.tolist())
         ),
     )
 
@@ -140,10 +150,8 @@ class _Run:
     excitations: dict[str, CampaignExcitation]
     shapes: dict[str, list[int]]
     frfs: dict[str, Frf]
-    solutions: dict[str, Solution]
-    grades: dict[str, Grade | None]
-    resonances: dict[str, ResonanceTable | None]
-    validations: dict[str, Validation]
+    models: dict[str, Artifact]
+    validations: dict[str, Artifact]
 
 
 def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _Run:
@@ -151,24 +159,20 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
         return {name: folder / pattern.format(name) for name in names if pattern.format(name) in present}
 
     experiment = loaded.experiment
-    frfs = there(experiment.campaigns, "{}/frf.h5")
+    frfs, records = there(experiment.campaigns, "{}/frf.h5"), there(experiment.campaigns, "{}/record.h5")
     designs = there(experiment.designs, "designs/{}.h5")
     models = there(experiment.fits, "fits/{}/model.h5")
     validations = there(experiment.fits, "fits/{}/validation.h5")
-    read = {name: read_artifact(path, MODEL) for name, path in models.items()}
     return _Run(
         designs={name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in designs.items()},
         excitations={
-            name: excitation_from_artifact(read_artifact(folder / name / "excitation.h5", EXCITATION)) for name in frfs
+            name: excitation_from_artifact(read_artifact(folder / name / "excitation.h5", EXCITATION))
+            for name in records
         },
-        shapes={name: inspect_artifact(folder / name / "record.h5")["datasets"]["torque"]["shape"] for name in frfs},
+        shapes={name: inspect_artifact(path)["datasets"]["torque"]["shape"] for name, path in records.items()},
         frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
-        solutions={name: model_from_artifact(model) for name, model in read.items()},
-        grades={name: grade_from_artifact(model) for name, model in read.items()},
-        resonances={name: resonances_from_artifact(model) for name, model in read.items()},
-        validations={
-            name: validation_from_artifact(read_artifact(path, VALIDATION)) for name, path in validations.items()
-        },
+        models={name: read_artifact(path, MODEL) for name, path in models.items()},
+        validations={name: read_artifact(path, VALIDATION) for name, path in validations.items()},
     )
 
 
@@ -177,7 +181,7 @@ def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float
     paths = {key: folder / path for key, path in truth_input(loaded, fit).items()}
     if not paths:
         return {}
-    return values_in(loaded, name, read_truth(paths["truth"], paths["true_record"]))
+    return dict(family_of(loaded, name).true_values(loaded, name, read_truth(paths["truth"], paths["true_record"])))
 
 
 def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) -> Section:
@@ -192,7 +196,7 @@ def _verdict(fits: tuple[FitReport, ...]) -> Verdict:
     return Verdict(" ".join(texts), _LEVELS[min(DO_NOT_USE if fit.grade is None else fit.grade for fit in fits)])
 
 
-def _excitation(run: _Run, campaign: str) -> ExcitationRow:
+def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> ExcitationRow:
     excitation = run.excitations[campaign].excitation
     low, high = excitation.frequency_hz[[0, -1]].tolist()
     return ExcitationRow(
@@ -203,12 +207,18 @@ def _excitation(run: _Run, campaign: str) -> ExcitationRow:
         duration_s=float(np.prod(run.shapes[campaign][:4])) * excitation.period_s,
         rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
         rms_unit=UNITS[excitation.kind],
-        peaks=_peaks(run.excitations[campaign], run.frfs[campaign].input_names),
+        peaks=_peaks(run.excitations[campaign], _motors(loaded, run, campaign)),
         detection_lines=len(excitation.detection_lines),
         period_s=excitation.period_s,
         crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
         worst_snr_db=_worst_snr_db(excitation.plan),
     )
+
+
+def _motors(loaded: LoadedExperiment, run: _Run, campaign: str) -> tuple[str, ...]:
+    if campaign in run.frfs:
+        return run.frfs[campaign].input_names
+    return tuple(joint.name for joint in loaded.robot.joints)
 
 
 def _worst_snr_db(plan: Plan | None) -> float | None:
@@ -242,7 +252,7 @@ def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
     return [TorqueRow(campaign, name, value, frf.torque_unit) for name, value in named]
 
 
-def _stage(path: str, file: Path, run: _Run) -> StageRow:
+def _stage(loaded: LoadedExperiment, path: str, file: Path, run: _Run) -> StageRow:
     header = read_header(file)
     made = header.provenance
     seconds = None
@@ -250,19 +260,19 @@ def _stage(path: str, file: Path, run: _Run) -> StageRow:
         begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
         seconds = (ended - begun).total_seconds()
     hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
-    return StageRow(made.stage, path, *hashes, seconds, _phrase(path, run))
+    return StageRow(made.stage, path, *hashes, seconds, _phrase(loaded, path, run))
 
 
-def _phrase(path: str, run: _Run) -> str:
+def _phrase(loaded: LoadedExperiment, path: str, run: _Run) -> str:
     folder, _, name = path.removesuffix(".h5").rpartition("/")
     if folder == "designs":
         return design_configs.figures(run.designs[name])
     owner = folder.removeprefix("fits/")
     if name == "model":
-        return fit_phrase(run.solutions[owner])
+        return family_of(loaded, owner).phrase(run.models[owner])
     if name == "validation":
-        return verdict(run.validations[owner])
-    if owner not in run.frfs:
+        return family_of(loaded, owner).verdict(run.validations[owner])
+    if owner not in run.excitations:
         return ""
     excitation = run.excitations[owner]
     if name == "excitation":

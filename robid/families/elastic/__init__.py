@@ -1,6 +1,6 @@
 """The elastic family: springs and dampers from frequency responses.
 
-Read `settings.py`, `fitting.py`, `truth.py`, then what goes out: `exports.py` with `mechanics.py`.
+Read `settings.py`, `fitting.py`, `truth.py`, then what goes out: `page/`, `exports.py` with `mechanics.py`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from robid.families.elastic.fitting import (
     values_in,
     verdict_of_validation,
 )
+from robid.families.elastic.page.report import compare, report
 from robid.families.elastic.settings import ElasticFit, problems
 from robid.families.family import Family
 
@@ -29,5 +30,7 @@ ELASTIC = Family(
     true_values=values_in,
     phrase=phrase_of_model,
     verdict=verdict_of_validation,
+    report=report,
+    compare=compare,
     exports=EXPORTS,
 )

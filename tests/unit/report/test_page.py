@@ -11,13 +11,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from robid.families.elastic.page.sections import headline
 from robid.report.bode import BodeResponse, band_radius
 from robid.report.content import ReportContent, Verdict
 from robid.report.numbers import MINUS, MISSING, percent
 from robid.report.page import render, write_report
 from robid.report.parameter_section import identified_phrase
 from robid.report.parameters import ParameterRow, parameter_line, widened_sentence
-from robid.stages.elastic_report.sections import headline
 
 FETCHING = {"src", "href", "srcset", "action", "poster", "data", "xlink:href", "background", "formaction"}
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot
+from robid.families.elastic.page.content import FitContent
+from robid.families.elastic.page.report import fit_report
+from robid.families.elastic.page.summary import comparison
 from robid.report.costs import CostRow
 from robid.report.parameters import Estimates, ParameterRow
-from robid.stages.elastic_report.content import FitContent
-from robid.stages.elastic_report.report import fit_report
-from robid.stages.elastic_report.summary import comparison
 from robid.stages.summary import summarize
 
 FRF = exact_frf(two_mass_robot(), np.zeros((1, 1)), np.array([10.0, 20.0]))

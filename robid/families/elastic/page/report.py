@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from robid.artifacts.validation import validation_from_artifact
+from robid.families.elastic.page.content import FitContent
+from robid.families.elastic.page.gather import fit_content
+from robid.families.elastic.page.sections import fit_tables, headline, sections
+from robid.families.elastic.page.summary import comparison, fit_summary
+from robid.families.family import Shown
 from robid.report.content import FitReport
 from robid.report.parameter_section import identified_phrase
 from robid.report.parameters import widened_sentence
-from robid.stages.elastic_report.content import FitContent
-from robid.stages.elastic_report.sections import fit_tables, headline, sections
-from robid.stages.elastic_report.summary import fit_summary
 from robid.validation.elastic import Validation
 from robid.validation.recovery import recovery_sentence
+
+
+def report(shown: Shown) -> FitReport:
+    """Lays out an elastic fit for page, terminal and summary."""
+    validation = None if shown.validation is None else validation_from_artifact(shown.validation)
+    return fit_report(fit_content(shown), validation, shown.told)
+
+
+def compare(every: Sequence[Shown]) -> dict[str, float]:
+    """Returns the numbers that compare elastic fits, by dotted name."""
+    return comparison([fit_content(shown) for shown in every])
 
 
 def fit_report(fit: FitContent, validation: Validation | None = None, told: tuple[str, ...] = ()) -> FitReport:

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 from rich.console import Group
 
+from robid.families.elastic.page.content import FitContent
+from robid.families.elastic.page.resonances import resonance_number, resonance_section, resonance_table
 from robid.report.bode import BodeMatrix, BodeResponse, Mark
 from robid.report.content import Headline
 from robid.report.costs import campaign_title, cost_number, cost_section, start_number, start_section
@@ -13,8 +15,6 @@ from robid.report.numbers import percent
 from robid.report.parameter_section import parameter_numbers, parameter_section
 from robid.report.section import Notes, Part, Section
 from robid.report.terminal import parameter_table
-from robid.stages.elastic_report.content import FitContent
-from robid.stages.elastic_report.resonances import resonance_number, resonance_section, resonance_table
 
 _FEW_MOTORS = 2
 _CONVENTIONS = "Stiffness and damping are arm side."

@@ -7,12 +7,12 @@ from io import StringIO
 
 from rich.console import Console
 
+from robid.families.elastic.page.content import ElementErrors
+from robid.families.elastic.page.resonances import interval_text
+from robid.families.elastic.page.sections import element_sentence, fit_tables, sections
+from robid.families.elastic.page.summary import fit_summary
 from robid.report.numbers import MISSING
 from robid.report.section import Notes
-from robid.stages.elastic_report.content import ElementErrors
-from robid.stages.elastic_report.resonances import interval_text
-from robid.stages.elastic_report.sections import element_sentence, fit_tables, sections
-from robid.stages.elastic_report.summary import fit_summary
 from sample_reports import arm_report, bench_report
 
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from statistics import fmean, median
 
+from robid.families.elastic.page.content import FitContent
+from robid.families.elastic.page.resonances import resonance_errors
 from robid.report.costs import average_and_worst, effort
 from robid.report.parameters import ParameterRow
-from robid.stages.elastic_report.content import FitContent
-from robid.stages.elastic_report.resonances import resonance_errors
 from robid.validation.elastic import Validation
 
 _CLOSE = 0.02

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.artifacts.model import grade_from_artifact, model_from_artifact, resonances_from_artifact
+from robid.artifacts.validation import validation_from_artifact
+from robid.families.elastic.page.content import ElementErrors, FitContent, GradeRow, ResonanceRow
 from robid.families.elastic.settings import elastic_fit
+from robid.families.family import Shown
 from robid.families.units import with_torque_unit
 from robid.fit.model_error import ModelError
 from robid.fit.solution import Solution
-from robid.frf.frf import Frf
 from robid.report.costs import CostRow, StartRow
 from robid.report.parameters import Estimates, ParameterRow
-from robid.settings.load import LoadedExperiment
-from robid.stages.elastic_report.content import ElementErrors, FitContent, GradeRow, ResonanceRow
-from robid.stages.fit import chosen_frf
-from robid.validation.elastic import Validation
-from robid.validation.grade import Grade
 from robid.validation.resonances import ResonanceTable
 
 _ASSUMED = {
@@ -32,40 +30,22 @@ _ASSUMED = {
 }
 
 
-def fit_content(
-    loaded: LoadedExperiment,
-    name: str,
-    solution: Solution,
-    frfs: dict[str, Frf],
-    truth: dict[str, float],
-    validation: Validation | None,
-    grade: Grade | None = None,
-    resonances: ResonanceTable | None = None,
-) -> FitContent:
-    """Turns a fit, its data and its validation into rows.
-
-    Args:
-        loaded: The experiment.
-        name: Name of the fit.
-        solution: What it found.
-        frfs: Frequency responses of each campaign.
-        truth: True values by parameter name; empty for a measured robot.
-        validation: Its validation, if any.
-        grade: How far to trust it, if that is known.
-        resonances: Its resonances, if its artifact has them.
-    """
-    settings = elastic_fit(loaded.experiment, name)
-    campaign = loaded.experiment.campaigns[settings.campaign]
-    robot = loaded.robot.to_robot(campaign.payload_kg)
-    frf = chosen_frf(settings, [frfs[campaign] for campaign in settings.campaigns])
-    chosen = settings.configurations or range(len(frf.configurations))
+def fit_content(shown: Shown) -> FitContent:
+    """Turns a fit, its data and its validation into rows."""
+    loaded, frf = shown.data.loaded, shown.data.response
+    settings = elastic_fit(loaded.experiment, shown.data.name)
+    robot = loaded.robot.to_robot(loaded.experiment.campaigns[settings.campaign].payload_kg)
+    solution, resonances = model_from_artifact(shown.model), resonances_from_artifact(shown.model)
+    validation = None if shown.validation is None else validation_from_artifact(shown.validation)
+    grade = grade_from_artifact(shown.model) if validation is None else validation.grade
+    costs = solution.configuration_cost, solution.expected_cost
     content = FitContent(
-        name=name,
+        name=shown.data.name,
         campaign=" + ".join(settings.campaigns),
         frf=replace(frf, response=solution.measured),
         model_response=solution.modelled,
         estimates=Estimates(
-            rows=_parameters(solution, frf.torque_unit, truth, robot.assumed),
+            rows=_parameters(solution, frf.torque_unit, shown.true, robot.assumed),
             level=solution.confidence,
             torque_unit=frf.torque_unit,
             misfit=solution.misfit,
@@ -74,23 +54,21 @@ def fit_content(
             interval_rule=solution.interval_rule,
         ),
         resonances=None if resonances is None else _resonances(resonances),
-        estimation_costs=_costs(
-            " + ".join(settings.campaigns), chosen, solution.configuration_cost, solution.expected_cost
-        ),
+        estimation_costs=_costs(" + ".join(settings.campaigns), shown.data.configurations, *costs),
         starts=_starts(solution),
         status=solution.status.replace("_", " "),
         advice=solution.advice,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
         grade=None if grade is None else GradeRow(grade.value, grade.sentence, tuple(d.sentence for d in grade.doubts)),
     )
-    if validation is None or settings.validate_on is None:
+    if validation is None or settings.validate_on is None or shown.new is None:
         return content
     every = range(len(validation.cost))
     return replace(
         content,
         validation_costs=_costs(settings.validate_on, every, validation.cost, validation.expected_cost),
         validation_campaign=settings.validate_on,
-        validation_frf=replace(frfs[settings.validate_on], response=validation.measured),
+        validation_frf=replace(shown.new.response, response=validation.measured),
         validation_model=validation.modelled,
     )
 
@@ -132,7 +110,7 @@ def _starts(solution: Solution) -> tuple[StartRow, ...]:
 
 
 def _parameters(
-    solution: Solution, torque_unit: str, truth: dict[str, float], assumed: tuple[str, ...]
+    solution: Solution, torque_unit: str, truth: Mapping[str, float], assumed: tuple[str, ...]
 ) -> tuple[ParameterRow, ...]:
     rows = []
     for index, name in enumerate(solution.names):

@@ -8,6 +8,7 @@ from statistics import median
 from rich.console import Group
 from rich.text import Text
 
+from robid.families.elastic.page.content import FitContent, ResonanceRow
 from robid.frf.frf import Frf
 from robid.report.bode import configuration_label
 from robid.report.content import KeyNumber
@@ -15,7 +16,6 @@ from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.parameter_section import within
 from robid.report.section import Row, Section, Table
 from robid.report.terminal import open_table, with_notes
-from robid.stages.elastic_report.content import FitContent, ResonanceRow
 
 _CAPTION = (
     "Measured and model are read from their curves in the same way, so that they compare; where modes crowd, both are"

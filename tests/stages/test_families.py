@@ -1,0 +1,183 @@
+"""Every family through everything that a user can do with a fit; one of the test's own among them."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from robid.artifacts.model import MODEL
+from robid.artifacts.store import read_artifact, write_artifact
+from robid.artifacts.validation import VALIDATION
+from robid.families import FAMILIES, files
+from robid.families.family import Family
+from robid.families.files import experiment_schema, load_experiment
+from robid.pipeline import graph
+from robid.settings.slices import to_plain
+from toy_family import INERTIA
+
+CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
+
+
+@dataclass(frozen=True)
+class Case:
+    family: Family
+    fit: str
+    change: tuple[str, str]
+    section: str
+    left_out: tuple[str, ...] = ()
+
+
+CASES = {
+    "elastic": Case(
+        FAMILIES["elastic"],
+        "{family: elastic, from: estimation, validate_on: validation, starts: 2}",
+        ("starts: 2", "starts: 1"),
+        "Frequency response",
+    ),
+    "inertia": Case(
+        INERTIA,
+        "{family: inertia, from: estimation, validate_on: validation}",
+        ("validate_on: validation}", "validate_on: validation, shrink: 0.1}"),
+        "What the motors move",
+        ("estimation/frf.h5", "validation/frf.h5"),
+    ),
+}
+
+
+@pytest.fixture(params=CASES, autouse=True)
+def case(request, shop, monkeypatch):
+    found = CASES[request.param]
+    known: Mapping[str, Family] = {**FAMILIES, found.family.name: found.family}
+    monkeypatch.setattr(files, "FAMILIES", known)
+    shop.change("elastic: {family: elastic, from: estimation, validate_on: validation, starts: 2}", f"own: {found.fit}")
+    return found
+
+
+@pytest.fixture
+def made(shop):
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code == 0, answer.err
+    return shop
+
+
+def test_every_family_has_a_case():
+    assert set(FAMILIES) <= set(CASES)
+
+
+def test_settings_come_back_and_their_schema_knows_them(shop, case):
+    loaded = load_experiment(shop.folder / "small.yaml")
+    fit = loaded.experiment.fits["own"]
+    assert type(fit) is case.family.settings
+    content = YAML(typ="safe").load((shop.folder / "small.yaml").read_text())
+    content["fits"]["own"] = to_plain(fit)
+    with (shop.folder / "again.yaml").open("w") as file:
+        YAML(typ="safe").dump(content, file)
+    assert load_experiment(shop.folder / "again.yaml").experiment.fits["own"] == fit
+    assert case.family.settings.__name__ in experiment_schema()["$defs"]
+
+
+def test_what_is_wrong_with_a_fit_is_told_with_its_place(shop):
+    shop.change("own: {family:", "own: {famly: 1, family:")
+    assert "fits.own.famly: unknown key; did you mean `family`?" in shop.refuse(2).flat
+    shop.change("famly: 1, ", "")
+    shop.change("validate_on: validation", "validate_on: nowhere")
+    assert "fits.own.validate_on: there is no campaign `nowhere`" in shop.refuse(2).flat
+
+
+def test_a_family_that_does_not_exist_is_refused_with_those_that_do(shop, case):
+    shop.change(f"family: {case.family.name}", "family: plastic")
+    answer = shop.refuse(2, "fits.own.family", "plastic")
+    assert all(f"'{name}'" in answer.flat for name in files.FAMILIES)
+
+
+def test_artifacts_come_back(made, tmp_path):
+    for kind in (MODEL, VALIDATION):
+        path = made.runs / "fits" / "own" / f"{kind.name}.h5"
+        artifact = read_artifact(path, kind)
+        write_artifact(tmp_path / path.name, artifact)
+        again = read_artifact(tmp_path / path.name, artifact.kind)
+        assert again.attributes == artifact.attributes
+        assert again.datasets.keys() == artifact.datasets.keys()
+        for key, dataset in artifact.datasets.items():
+            np.testing.assert_array_equal(again.datasets[key].values, dataset.values)
+            assert again.datasets[key].units == dataset.units
+
+
+def test_a_run_makes_what_is_read_and_the_rest_on_request(made, case):
+    loaded = load_experiment(made.folder / "small.yaml")
+    outputs = {path for node in graph(loaded) for path in node.plan.outputs}
+    states = made.states()
+    assert {state for state, _ in states.values()} == {"fresh"}
+    there = {str(path.relative_to(made.runs)) for path in made.runs.rglob("*.*") if path.is_file()}
+    assert outputs - set(case.left_out) == there
+    for path in case.left_out:
+        campaign = path.partition("/")[0]
+        answer = made.robid("estimate-frf", "small.yaml", "--campaign", campaign)
+        assert answer.code == 0, answer.err
+        assert (made.runs / path).exists()
+
+
+def test_a_changed_fit_makes_itself_stale_and_nothing_else(made, case):
+    before = made.contents()
+    made.change(*case.change)
+    stale = {path for path, (state, _) in made.states().items() if state != "fresh"}
+    assert stale == {"fits/own/model.h5", "fits/own/validation.h5", "report.html"}
+    answer = made.robid("run", "small.yaml")
+    assert answer.code in (0, 5), answer.err
+    after = made.contents()
+    assert {path for path in after if after[path] != before[path]} <= stale
+    assert after["fits/own/model.h5"] != before["fits/own/model.h5"]
+
+
+def test_an_interrupted_fit_loses_nothing_and_is_resumed(shop, case, monkeypatch):
+    whole = files.FAMILIES
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    broken = replace(case.family, fit=interrupted)
+    monkeypatch.setattr(files, "FAMILIES", {**whole, case.family.name: broken})
+    assert shop.robid("run", "small.yaml").code == 130
+    before = shop.contents()
+    monkeypatch.setattr(files, "FAMILIES", whole)
+    answer = shop.robid("run", "small.yaml", "--json")
+    assert answer.code == 0, answer.err
+    outcomes = {node["output"]: node["outcome"] for node in answer.json["nodes"]}
+    assert {path for path, outcome in outcomes.items() if outcome == "made"} == {
+        "fits/own/model.h5",
+        "fits/own/validation.h5",
+        "report.html",
+    }
+    assert {path: digest for path, digest in shop.contents().items() if path in before} == before
+
+
+def test_every_format_is_written(made, case):
+    for name, form in case.family.exports.items():
+        answer = made.robid("export", "small.yaml", "--format", name)
+        assert answer.code == 0, answer.err
+        assert (made.runs / "fits" / "own" / "export" / form.file).stat().st_size > 0
+    answer = made.robid("export", "small.yaml", "--format", "stone")
+    assert answer.code == 2
+    assert all(f"`{name}`" in answer.flat for name in case.family.exports)
+
+
+def test_the_report_shows_it_and_the_summary_counts_it(made, case, tmp_path):
+    summary = json.loads((made.runs / "summary.json").read_text())
+    assert any(key.startswith("fits.own.") for key in summary)
+    page = made.runs / "report.html"
+    assert case.section in page.read_text()
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed: the page was not opened")
+    drawing = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+    flags = ("--headless", "--no-sandbox", "--enable-logging=stderr", "--virtual-time-budget=8000", *drawing)
+    command = [CHROMIUM, *flags, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=True)
+    told = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    assert [line for line in told if "willReadFrequently" not in line] == []
+    assert re.search(rf"<h\d[^>]*>\s*{case.section}", done.stdout)
