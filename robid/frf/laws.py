@@ -26,6 +26,7 @@ class LawEstimate:
     Attributes:
         values (n_in, 7): The values of `COEFFICIENTS`.
         covariance (n_in, 7, 7): Their covariance, robust against errors that all experiments share at a line.
+        form_deviation (n_in, 7): Their deviations if all that the law leaves were the error of its form.
         bristle (n_in,): Whether the law has memory.
         explained (n_in,): Share of the silent lines' torque above noise that the law explains.
         significance (n_in,): Silent lines' torque power over that of noise; infinite without a noise estimate.
@@ -35,6 +36,7 @@ class LawEstimate:
 
     values: FloatArray
     covariance: FloatArray
+    form_deviation: FloatArray
     bristle: BoolArray
     explained: FloatArray
     significance: FloatArray
@@ -47,8 +49,8 @@ def combine_laws(
 ) -> tuple[tuple[TorqueLaw, ...], tuple[str, ...]]:
     """Joins the estimates of several configurations to one law per motor.
 
-    What a law leaves beyond noise is the error of its form, alike in every configuration: that share of the covariance
-    does not fall with their number. The estimates' scatter widens it where that is larger.
+    What a law leaves beyond noise is the error of its form, alike in every configuration and at all lines: that share
+    of the variance falls with neither number. The estimates' scatter counts where it is larger.
 
     Args:
         estimates: One per configuration, all started from the same laws.
@@ -107,8 +109,10 @@ def _combine(estimates: Sequence[LawEstimate], motor: int, law: TorqueLaw) -> To
     mean = covariance @ np.einsum("cij,cj->i", information, values)
     scatter = np.einsum("ci,cij,cj->", values - mean, information, values - mean)
     freedom = (len(values) - 1) * len(mean)
-    shared = 1 + (len(values) - 1) * float(np.mean([estimate.form_share[motor] for estimate in estimates]))
-    deviation = np.sqrt(np.diag(covariance) * max(shared, scatter / freedom if freedom else 1.0))
+    share = float(np.mean([estimate.form_share[motor] for estimate in estimates]))
+    form = np.mean([estimate.form_deviation[motor] ** 2 for estimate in estimates], axis=0)
+    scattered = np.diag(covariance) * (scatter / freedom if freedom else 1.0)
+    deviation = np.sqrt(np.maximum((1 - share) * np.diag(covariance) + share * form, scattered))
     fitted = law_of(law, mean)
     level = np.hypot(deviation[0] * (1 + mean[1]), fitted.coulomb_nm * deviation[1])
     speeds = deviation[2] * fitted.stribeck_rad_s, deviation[3] * fitted.width

@@ -105,11 +105,11 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
         torque, derivative = _linearise(silent, values, bristle)
         error = _torque_error(silent, torque)
         solved = [_step(error[:, :, m], derivative[:, :, :, m], values[m] - origin[m]) for m in range(len(values))]
-        step = np.clip([step for step, _ in solved], -_LARGEST_STEP, _LARGEST_STEP)
+        step = np.clip([step for step, _, _ in solved], -_LARGEST_STEP, _LARGEST_STEP)
         step[:, 0] = np.maximum(step[:, 0], -0.7 * values[:, 0])
         values = values + step
         values[:, 1] = np.maximum(values[:, 1], 0)
-        deviation = np.sqrt([np.diag(covariance) for _, covariance in solved])
+        deviation = np.sqrt([np.diag(covariance) for _, covariance, _ in solved])
         if np.all(np.abs(step) < _TOLERANCE * deviation):
             break
     torque, derivative = _linearise(silent, values, bristle)
@@ -117,9 +117,10 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
     before, after, noise = _powers(silent, error, torque)
     significance = np.divide(before, noise, out=np.full_like(before, np.inf), where=noise > 0)
     explained = 1 - np.maximum(after - noise, 0) / np.maximum(before - noise, np.finfo(float).tiny)
-    covariance = np.array([_step(error[:, :, m], derivative[:, :, :, m], 0 * origin[m])[1] for m in range(len(values))])
+    solved = [_step(error[:, :, m], derivative[:, :, :, m], 0 * origin[m]) for m in range(len(values))]
+    covariance, form = (np.array(part) for part in list(zip(*solved, strict=True))[1:])
     form_share = np.maximum(after - noise, 0) / np.maximum(after, np.finfo(float).tiny)
-    return LawEstimate(values, covariance, bristle, explained, significance, form_share, _torque_peak(record))
+    return LawEstimate(values, covariance, form, bristle, explained, significance, form_share, _torque_peak(record))
 
 
 def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampling: int = 2) -> _Silent:
@@ -201,8 +202,14 @@ def _linearise(silent: _Silent, values: FloatArray, bristle: BoolArray) -> tuple
     return level + np.einsum("iw,wrfie->rfie", values[:, 5:], silent.ripple), derivative
 
 
-def _step(error: ComplexArray, derivative: ComplexArray, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Newton step of one motor with lines weighted by what is left there, and its sandwich covariance.
+def _step(
+    error: ComplexArray, derivative: ComplexArray, moved: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss-Newton step of one motor with lines weighted by what is left there, and what to make of it.
+
+    Its sandwich covariance (7, 7) adds the powers of what the lines pull. An error of the law's form is no noise: at
+    the excited lines, which no fit has balanced, it may pull one way at all of them. Then amplitudes add, and no
+    coefficient is known worse than beforehand: the deviation (7,) that such an error gives.
 
     Args:
         error (n_real, n_silent, n_exp): Torque error.
@@ -224,10 +231,12 @@ def _step(error: ComplexArray, derivative: ComplexArray, moved: FloatArray) -> t
         step = -np.linalg.solve(hessian, weight @ slope + prior * moved[used])
     score = weight[:, None] * (slope + gram @ step)
     inverse = np.linalg.inv(hessian)
-    full_step, covariance = np.zeros(len(moved)), np.eye(len(moved))
+    full_step, covariance, form = np.zeros(len(moved)), np.eye(len(moved)), np.ones(len(moved))
     full_step[used] = step
     covariance[np.ix_(used, used)] = inverse @ (score.T @ score + np.diag(prior)) @ inverse
-    return full_step, covariance
+    together = np.abs(score @ inverse).sum(axis=0) ** 2 + np.diag(inverse @ np.diag(prior) @ inverse)
+    form[used] = np.minimum(np.sqrt(together), _PRIOR_STD[used])
+    return full_step, covariance, form
 
 
 def _level_only(silent: _Silent, laws: Sequence[TorqueLaw]) -> tuple[FloatArray, FloatArray]:
