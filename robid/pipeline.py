@@ -5,25 +5,35 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from robid.artifacts.leftovers import remove_leftovers
-from robid.artifacts.store import read_header
-from robid.backends.map import Map, make_map
-from robid.backends.progress import Progress
-from robid.errors import ArtifactError, DataError, RobidError, SettingsError
-from robid.families.family import Graded
-from robid.settings.load import LoadedExperiment
-from robid.stages import report
+from robid.errors import DataError, RobidError, SettingsError
+from robid.stages.chain import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
+from robid.stages.chain.report import report_stage
 from robid.stages.freshness import State, compare, input_hashes
-from robid.stages.replacing import check_outputs, outputs_at
+from robid.stages.replacing import check_outputs
 from robid.stages.stage import Job, Plan, Stage, check_room
+
+if TYPE_CHECKING:
+    from robid.backends.map import Map
+    from robid.backends.progress import Progress
+    from robid.families.family import Graded
+    from robid.settings.load import LoadedExperiment
 
 _SMALL_BYTES = 1e6
 
-STAGES: tuple[Stage, ...] = (*report.CHAIN, report.STAGE)
+CHAIN: tuple[Stage, ...] = (
+    design_configs.STAGE,
+    design_excitation.STAGE,
+    simulate_or_acquire.STAGE,
+    estimate_frf.STAGE,
+    fit.STAGE,
+    validate.STAGE,
+)
+STAGES = (*CHAIN, report_stage(CHAIN))
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +168,8 @@ def run_all(
     Raises:
         RobidError: What the first node that cannot be made raised; what is finished stays.
     """
+    from robid.backends.map import make_map
+
     nodes = asked_for(run.loaded) if outputs is None else needed_for(graph(run.loaded), outputs)
     _preflight(run, nodes)
     states: dict[str, State] = {}
@@ -218,60 +230,6 @@ def _check_files(node: Node) -> None:
         )
 
 
-def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
-    """Returns where a node's inputs lie.
-
-    Args:
-        run: The run.
-        node: The node.
-        named: Artifacts to read instead of the run folder's; each takes the place of the input of its kind.
-
-    Raises:
-        ArtifactError: If one is missing or stale, with the command that makes it.
-        SettingsError: If a named one is of a kind that the node does not read.
-    """
-    instead = {_slot(node, path): path for path in named}
-    nodes = graph(run.loaded)
-    states = examine(run, nodes)
-    makers = {path: other for other in nodes for path in other.plan.outputs}
-    for other in needed_for(nodes, [path for name, path in node.plan.inputs.items() if name not in instead]):
-        damage = states[other].unreadable
-        if damage is not None:
-            raise damage
-    inputs = {}
-    for name, path in node.plan.inputs.items():
-        if name in instead:
-            inputs[name] = instead[name]
-            continue
-        maker = makers[path]
-        state = states[maker]
-        if state.blocked and node.stage.takes_what_is_there:
-            continue
-        if state.status != "fresh":
-            why = f" ({state.why})" if state.why else ""
-            there = state.status == "stale" and run.path(maker.output).exists()
-            command = run.command(maker) + " --force" * there
-            raise ArtifactError(
-                f"The input is {state.status}{why}.",
-                where=str(run.path(path)),
-                remedy=f"`{command}` makes it; `robid run {run.loaded.path}` makes all that is needed",
-            )
-        inputs[name] = run.path(path)
-    return inputs
-
-
-def _slot(node: Node, path: Path) -> str:
-    """Name of the input whose place an artifact takes, by its kind."""
-    name = "truth" if path.suffix == ".json" else read_header(path).kind
-    if name not in node.plan.inputs:
-        raise SettingsError(
-            f"`{node.stage.name}` reads no {name}",
-            where=f"--input {path}",
-            remedy=f"it reads: {', '.join(node.plan.inputs) or 'no artifact'}",
-        )
-    return name
-
-
 def execute(
     run: Run, node: Node, inputs: Mapping[str, Path], output: Path, parallel_map: Map, progress: Progress
 ) -> str:
@@ -311,31 +269,3 @@ def _placed(error: RobidError, run: Run, node: Node) -> RobidError:
     return type(error)(
         error.what, where=f"{run.loaded.path}: {section}{joint if where else ''}{where}", remedy=error.remedy
     )
-
-
-def choose_node(run: Run, stage_name: str, owner: str | None) -> Node:
-    """Finds the node of a command.
-
-    Raises:
-        SettingsError: If the owner is unknown, or is not named and there is more than one.
-    """
-    nodes = [node for node in graph(run.loaded) if node.stage.name == stage_name]
-    stage = next(stage for stage in STAGES if stage.name == stage_name)
-    known = ", ".join(f"`{node.owner}`" for node in nodes) or "none"
-    option = f"--{stage.owned_by}"
-    if owner is None and len(nodes) == 1:
-        return nodes[0]
-    for node in nodes:
-        if node.owner == owner:
-            return node
-    what = f"`{stage_name}` has no {stage.owned_by} `{owner}`" if owner else f"`{stage_name}` needs {option}"
-    raise SettingsError(
-        f"{what}; there are: {known}", where=str(run.loaded.path), remedy=f"name one of them with {option}"
-    )
-
-
-def fresh_at(node: Node, inputs: Mapping[str, Path], output: Path) -> State:
-    """Tells whether a file would come out the same if the node's stage wrote it from these inputs."""
-    named = {name: str(path) for name, path in inputs.items()}
-    moved = replace(node.plan, outputs=tuple(map(str, outputs_at(node.plan, output))), inputs=named)
-    return compare(node.stage, moved, Path(), {str(path): State("fresh") for path in inputs.values()})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.backends.map import make_map
 from robid.signals.record import Record
-from robid.stages.estimate_frf import STAGE
+from robid.stages.chain.estimate_frf import STAGE
 from robid.stages.stage import Job
 
 _ENCODER_NOISE_RAD = 1e-5
@@ -89,7 +90,8 @@ def _memory_bytes(kind: str) -> int:
 
 
 if __name__ == "__main__":
-    # Prints by how much the stage raises this process's memory.
+    # Prints by how much the stage raises this process's memory, its libraries left out.
+    importlib.import_module("robid.stages.estimate_frf")
     job_record, job_output, job_compensation = sys.argv[1:]
     before = _memory_bytes("VmRSS")
     run_job(Path(job_record), Path(job_output), job_compensation)

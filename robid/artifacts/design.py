@@ -8,9 +8,13 @@ Schema history:
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.design.information import ConfigurationDesign
+
+if TYPE_CHECKING:
+    from robid.design.information import ConfigurationDesign
 
 DESIGN = Kind("design", "1.2", "robid design-configs")
 
@@ -38,4 +42,6 @@ def design_to_artifact(design: ConfigurationDesign, provenance: Provenance) -> A
 
 def design_from_artifact(artifact: Artifact) -> ConfigurationDesign:
     """The inverse of `design_to_artifact`."""
+    from robid.design.information import ConfigurationDesign
+
     return from_datasets(ConfigurationDesign, artifact)

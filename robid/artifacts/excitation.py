@@ -7,31 +7,21 @@ Schema history:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.design.excitation import UNITS, Excitation
+
+if TYPE_CHECKING:
+    from robid.design.excitation import CampaignExcitation
 
 EXCITATION = Kind("excitation", "1.1", "robid design-excitation")
 
 
-@dataclass(frozen=True)
-class CampaignExcitation:
-    """The excitation of one campaign.
-
-    Attributes:
-        configurations (n_conf, n_joint): Arm-side joint angles [rad].
-        excitation: The excitation; without realizations where a log was played by others.
-    """
-
-    configurations: FloatArray
-    excitation: Excitation
-
-
 def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) -> Artifact:
     """Turns a campaign's excitation into an artifact."""
+    from robid.design.excitation import UNITS
+
     unit = UNITS[content.excitation.kind]
     block = ("realization", "experiment")
     table = {
@@ -50,6 +40,8 @@ def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) 
 
 def excitation_from_artifact(artifact: Artifact) -> CampaignExcitation:
     """The inverse of `excitation_to_artifact`, up to the rounding of the reference to float32."""
+    from robid.design.excitation import CampaignExcitation
+
     return from_datasets(CampaignExcitation, artifact)
 
 

@@ -10,9 +10,13 @@ Schema history:
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.frf.frf import Frf
+
+if TYPE_CHECKING:
+    from robid.frf.frf import Frf
 
 FRF = Kind("frf", "1.3", "robid estimate-frf")
 
@@ -76,4 +80,6 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
 
 def frf_from_artifact(artifact: Artifact) -> Frf:
     """The inverse of `frf_to_artifact`."""
+    from robid.frf.frf import Frf
+
     return from_datasets(Frf, artifact)

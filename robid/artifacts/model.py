@@ -13,13 +13,16 @@ Schema history:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.grade import GRADE_COLUMNS
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.fit.solution import Solution
-from robid.validation.grade import Grade
-from robid.validation.resonances import ResonanceTable
+
+if TYPE_CHECKING:
+    from robid.fit.solution import Solution
+    from robid.validation.grade import Grade
+    from robid.validation.resonances import ResonanceTable
 
 MODEL = Kind("model", "1.5", "robid fit")
 
@@ -115,15 +118,21 @@ def model_to_artifact(
 
 def resonances_from_artifact(artifact: Artifact) -> ResonanceTable | None:
     """Resonances of the fit's own data; None in files of older versions."""
+    from robid.validation.resonances import ResonanceTable
+
     known = "resonances/measured_hz" in artifact.datasets
     return from_datasets(ResonanceTable, artifact, "resonances/") if known else None
 
 
 def grade_from_artifact(artifact: Artifact) -> Grade | None:
     """The grade of the fit by itself; None in files of older versions."""
+    from robid.validation.grade import Grade
+
     return from_datasets(Grade, artifact, "grade/") if "grade/value" in artifact.attributes else None
 
 
 def model_from_artifact(artifact: Artifact) -> Solution:
     """The inverse of `model_to_artifact`."""
+    from robid.fit.solution import Solution
+
     return from_datasets(Solution, artifact)

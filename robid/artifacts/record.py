@@ -8,9 +8,13 @@ Schema history:
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.signals.record import Record
+
+if TYPE_CHECKING:
+    from robid.signals.record import Record
 
 RECORD = Kind("record", "1.2", "robid simulate-or-acquire")
 
@@ -50,4 +54,6 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
 
 def record_from_artifact(artifact: Artifact) -> Record:
     """The inverse of `record_to_artifact`, up to the rounding of the samples to float32."""
+    from robid.signals.record import Record
+
     return from_datasets(Record, artifact)

@@ -8,10 +8,14 @@ Schema history:
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.grade import GRADE_COLUMNS
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.validation.elastic import Validation
+
+if TYPE_CHECKING:
+    from robid.validation.elastic import Validation
 
 VALIDATION = Kind("validation", "2.0", "robid validate")
 
@@ -44,4 +48,6 @@ def validation_to_artifact(validation: Validation, provenance: Provenance) -> Ar
 
 def validation_from_artifact(artifact: Artifact) -> Validation:
     """The inverse of `validation_to_artifact`."""
+    from robid.validation.elastic import Validation
+
     return from_datasets(Validation, artifact)

@@ -134,6 +134,19 @@ class Excitation:
         )
 
 
+@dataclass(frozen=True)
+class CampaignExcitation:
+    """The excitation of one campaign.
+
+    Attributes:
+        configurations (n_conf, n_joint): Arm-side joint angles [rad].
+        excitation: The excitation; without realizations where a log was played by others.
+    """
+
+    configurations: FloatArray
+    excitation: Excitation
+
+
 def design_excitation(
     options: MultisineOptions,
     n_motor: int,

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.io import savemat
 
 from robid.arrays import FloatArray
 from robid.artifacts.atomic import plain
@@ -43,6 +42,8 @@ def encode_table(notes: Sequence[str], columns: Sequence[str], rows: FloatArray)
 
 def encode_mat(content: Content) -> bytes:
     """Writes a MAT file of version 5; tuples and lists of text become cell columns."""
+    from scipy.io import savemat
+
     cells = {name: _cell(value) if isinstance(value, tuple | list) else value for name, value in content.items()}
     file = io.BytesIO()
     savemat(file, cells, oned_as="column")

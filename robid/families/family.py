@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from robid.artifacts.artifact import Artifact
-from robid.backends.map import Map
-from robid.backends.progress import Progress
-from robid.frf.frf import Frf
-from robid.report.content import FitReport
-from robid.settings.experiment import Experiment
-from robid.settings.fits import FitSettings, Read
-from robid.settings.load import LoadedExperiment
-from robid.settings.robot import RobotFile
-from robid.settings.yaml import FieldPath
-from robid.signals.record import Record
-from robid.simulate.truth import TrueRobot
+if TYPE_CHECKING:
+    from robid.artifacts.artifact import Artifact
+    from robid.backends.map import Map
+    from robid.backends.progress import Progress
+    from robid.frf.frf import Frf
+    from robid.report.content import FitReport
+    from robid.settings.experiment import Experiment
+    from robid.settings.fits import FitSettings, Read
+    from robid.settings.load import LoadedExperiment
+    from robid.settings.robot import RobotFile
+    from robid.settings.yaml import FieldPath
+    from robid.signals.record import Record
+    from robid.simulate.truth import TrueRobot
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,9 @@ class Export:
 @dataclass(frozen=True)
 class Family:
     """A kind of model.
+
+    Loading a file and the graph need its settings, problems, decides and the names of its exports: they import no
+    science. What fits, validates and writes is imported by the functions that do it.
 
     Attributes:
         name: What `family` says in an experiment file.

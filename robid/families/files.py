@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robid.families import FAMILIES
 from robid.families.family import Family
+from robid.families.known import FAMILIES
 from robid.settings.load import LoadedExperiment, load_experiment_of
 from robid.settings.schema import experiment_schema_of
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from robid.settings.yaml import FieldPath
 
 Read: TypeAlias = Literal["record", "frf"]
-STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
 _Options = TypeVar("_Options")
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from robid.errors import SettingsError
 from robid.settings.checks import check_experiment
@@ -12,6 +14,7 @@ from robid.settings.fits import Families
 from robid.settings.problems import Problem, problem_at, raise_problems, validate
 from robid.settings.robot import RobotFile
 from robid.settings.robot_checks import check_robot, missing_keys
+from robid.settings.slices import to_plain
 from robid.settings.yaml import Document, load_yaml
 
 
@@ -30,6 +33,11 @@ class LoadedExperiment:
     experiment: Experiment
     robot: RobotFile
     families: Families
+
+    @cached_property
+    def plain(self) -> dict[str, Any]:
+        """The experiment as values that JSON knows, with the whole robot file as its `robot`; not to be changed."""
+        return {**to_plain(self.experiment), "robot": to_plain(self.robot)}
 
 
 def load_experiment_of(families: Families, path: Path) -> LoadedExperiment:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from robid.errors import SettingsError
-from robid.settings.experiment import Campaign
-from robid.settings.load import LoadedExperiment
-from robid.settings.slices import to_plain
-from robid.simulate.options import Controller
+
+if TYPE_CHECKING:
+    from robid.settings.experiment import Campaign
+    from robid.settings.load import LoadedExperiment
+    from robid.simulate.options import Controller
 
 Part: TypeAlias = Literal[
     "mechanics", "range", "motor_limits", "friction", "friction_std", "inertia_std", "timing", "controller", "sensors"
@@ -56,7 +57,7 @@ _TIMING = ("sampling_period_s", "delay_samples")
 
 def robot_settings(loaded: LoadedExperiment, *parts: Part) -> dict[str, Any]:
     """Returns the named parts of the robot file as `{"robot": ...}`; what no stage computes with is left out."""
-    plain = _without_assumed(to_plain(loaded.robot))
+    plain = loaded.plain["robot"]
     chosen = _pick(plain, _ROBOT, parts)
     if "timing" in parts and plain["controller"] is not None:
         chosen["controller"] = {key: plain["controller"][key] for key in _TIMING}
@@ -65,7 +66,7 @@ def robot_settings(loaded: LoadedExperiment, *parts: Part) -> dict[str, Any]:
         motor = _pick(joint["motor"], _MOTOR, parts)
         motor["friction"] = _pick(joint["motor"]["friction"], _FRICTION, parts)
         chosen["joints"].append({"name": joint["name"], **_pick(joint, _JOINT, parts), "motor": motor})
-    return {"robot": chosen}
+    return {"robot": _without_assumed(chosen)}
 
 
 def line_settings(campaign: Campaign) -> dict[str, Any]:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pydantic_core import to_jsonable_python
-
-from robid.settings.load import LoadedExperiment
+if TYPE_CHECKING:
+    from robid.settings.load import LoadedExperiment
 
 
 def to_plain(settings: object) -> Any:  # noqa: ANN401
     """Returns a settings model, an options dataclass or a container of them as values that JSON knows."""
+    from pydantic_core import to_jsonable_python
+
     return to_jsonable_python(settings, by_alias=True)
 
 
@@ -30,8 +31,7 @@ def settings_slice(loaded: LoadedExperiment, *sections: str) -> dict[str, Any]:
     Raises:
         KeyError: If there is no such section.
     """
-    plain = {**to_plain(loaded.experiment), "robot": to_plain(loaded.robot)}
-    return {section: _part(plain, section) for section in sections}
+    return {section: _part(loaded.plain, section) for section in sections}
 
 
 def settings_hash(settings: object) -> str:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 FrictionLaw: TypeAlias = Literal["none", "lugre", "tanh", "stribeck"]
+# Limits of the rule; a change of one changes what the settings ask for, so they are among the settings that decide.
+STEP_LIMITS = {"response_error": 1e-3, "bristle_rate": 2.0, "bristle_frequency": 0.1, "sign_rate": 1.0}
 
 
 @dataclass(frozen=True)

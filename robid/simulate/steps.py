@@ -14,15 +14,13 @@ from robid.robot.response import nominal_parameters
 from robid.robot.statespace import StateSpace, discretise, state_space
 from robid.robot.static_friction import SIGN_SHARE
 from robid.simulate.controller import angle_reference
-from robid.simulate.options import Controller, SimulateOptions
+from robid.simulate.options import STEP_LIMITS, Controller, SimulateOptions
 from robid.simulate.truth import with_imperfections
 
 _MOST = 64
 _CONFIGURATIONS = 8
 _GROWTH = 1e-6
 _TAYLOR = [1 / 24, 1 / 6, 1 / 2, 1.0, 1.0]
-# Limits of the rule; a change of one changes what the settings ask for, so they are among the settings that decide.
-LIMITS = {"response_error": 1e-3, "bristle_rate": 2.0, "bristle_frequency": 0.1, "sign_rate": 1.0}
 
 
 @dataclass(frozen=True)
@@ -123,12 +121,12 @@ def _friction_needs(
         rate = np.where(coulomb > 0, peak_speed / presliding, 0.0).max() * period_s
         resonance = np.sqrt(coulomb / presliding / inertia).max() * period_s
         return {
-            "the bristles' rate": float(rate) / LIMITS["bristle_rate"],
-            "the bristles' resonance with the rotors": float(resonance) / LIMITS["bristle_frequency"],
+            "the bristles' rate": float(rate) / STEP_LIMITS["bristle_rate"],
+            "the bristles' resonance with the rotors": float(resonance) / STEP_LIMITS["bristle_frequency"],
         }
     static = np.array([friction.static_nm for friction in frictions])
     slope = coulomb / stribeck if law == "tanh" else static / (SIGN_SHARE * stribeck)
-    return {"the friction's jump at reversals": float((slope / inertia).max()) * period_s / LIMITS["sign_rate"]}
+    return {"the friction's jump at reversals": float((slope / inertia).max()) * period_s / STEP_LIMITS["sign_rate"]}
 
 
 def _linear_need(
@@ -143,7 +141,9 @@ def _linear_need(
     highest = max(float(np.abs(np.linalg.eigvals(system.A)).max()) for system in systems)
     count = 1
     for system in systems:
-        while count < _MOST and integration_error(system, frequency_hz, period_s, count) > LIMITS["response_error"]:
+        while (
+            count < _MOST and integration_error(system, frequency_hz, period_s, count) > STEP_LIMITS["response_error"]
+        ):
             count += 1
     return count, highest / (2 * np.pi)
 

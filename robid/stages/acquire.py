@@ -7,37 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from robid.artifacts.excitation import CampaignExcitation
+from robid.design.excitation import CampaignExcitation
 from robid.logs.importing import import_log, join_experiments
 from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, ReferenceChannel, TimeChannel
 from robid.logs.match import Played
-from robid.settings.configuration_checks import configuration_count
 from robid.settings.experiment import Acquire, Campaign
-from robid.settings.load import LoadedExperiment
 from robid.signals.record import Record
+from robid.stages.chain.simulate_or_acquire import experiment_count
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-
-
-def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) -> dict[str, Path]:
-    """Returns the path of every log by a name that says which it is; `log` where there is only one."""
-    counts = (
-        configuration_count(loaded.experiment, campaign) or 0,
-        campaign.realizations,
-        experiment_count(campaign, acquire),
-    )
-    paths = acquire.log_paths(loaded.path.parent, *counts)
-    if len(paths) == 1:
-        return {"log": paths[0]}
-    return {
-        f"log of configuration {c + 1}, realization {r + 1}, experiment {e + 1}": path
-        for (c, r, e), path in zip(np.ndindex(*counts), paths, strict=True)
-    }
-
-
-def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
-    """Returns the number of logged experiments of each block: as many as motors unless the campaign says less."""
-    return campaign.experiments or len(acquire.inputs)
 
 
 def acquire_configuration(

@@ -16,19 +16,12 @@ from robid.robot.foreign import Shapes
 from robid.robot.reach import Reach, mirror
 from robid.settings.experiment import Campaign, Configurations, RandomConfigurations
 from robid.settings.load import LoadedExperiment
+from robid.stages.chain.design_configs import design_inputs
 from robid.stages.stage import counted
 
 _TRIES = 100
 """Configurations that are drawn for each that is wanted before a draw gives up."""
 _SHOWN = 5
-
-
-def design_inputs(campaign: Campaign) -> dict[str, str]:
-    """Returns the designs that a campaign's configurations come from, by name of input."""
-    names = campaign.configurations.designs
-    if len(names) == 1:
-        return {"design": f"designs/{names[0]}.h5"}
-    return {f"design {name}": f"designs/{name}.h5" for name in names}
 
 
 def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapping[str, Path]) -> FloatArray:

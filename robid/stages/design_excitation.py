@@ -8,52 +8,26 @@ import numpy as np
 from rich.console import Group
 
 from robid.arrays import FloatArray
-from robid.artifacts.excitation import (
-    EXCITATION,
-    CampaignExcitation,
-    excitation_from_artifact,
-    excitation_to_artifact,
-)
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.excitation import Excitation
+from robid.design.excitation import CampaignExcitation, Excitation
 from robid.design.lines import samples_per_period
 from robid.design.loop import nominal_loop
 from robid.design.prediction import predict
 from robid.design.signal import design_signal
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
-from robid.settings.experiment import Acquire, Campaign
+from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import (
-    line_settings,
-    log_sampling_settings,
-    require_controller,
-    robot_settings,
-)
-from robid.settings.slices import to_plain
-from robid.stages.configurations import configurations_of, design_inputs
+from robid.settings.robot_parts import require_controller
+from robid.stages.chain.design_excitation import STAGE, played_by_others, transient_periods
+from robid.stages.configurations import configurations_of
 from robid.stages.lines import campaign_lines
-from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
+from robid.stages.stage import Job, counted
 
 
-def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
-    campaign = loaded.experiment.campaigns[owner]
-    section = f"campaigns.{owner}"
-    settings = {f"{section}.configurations": to_plain(campaign.configurations)}
-    acquire = played_by_others(campaign)
-    if acquire is None:
-        read = ("excitation", "realizations", "experiments", "periods", "payload_kg")
-        settings |= {f"{section}.{key}": to_plain(getattr(campaign, key)) for key in read}
-        settings |= {f"{section}.source.{key}": value for key, value in _transient_periods(campaign).items()}
-        settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
-    else:
-        settings[f"{section}.excitation"] = line_settings(campaign)
-        settings |= log_sampling_settings(owner, campaign)
-        settings |= robot_settings(loaded, "range")
-    return Plan((f"{owner}/excitation.h5",), settings, design_inputs(campaign))
-
-
-def _run(job: Job) -> str:
+def run(job: Job) -> str:
+    """Designs a campaign's excitation; returns its key figures."""
     campaign, robot = job.campaign, job.loaded.robot.to_robot(job.campaign.payload_kg)
     configurations = configurations_of(job.loaded, campaign, job.inputs)
     acquire = played_by_others(campaign)
@@ -66,12 +40,6 @@ def _run(job: Job) -> str:
     )
     write_artifact(job.output, artifact)
     return figures(excitation, len(configurations))
-
-
-def played_by_others(campaign: Campaign) -> Acquire | None:
-    """Returns the logs of a campaign whose excitation is not designed here: those without references."""
-    acquire = None if campaign.source is None else campaign.source.acquire
-    return None if acquire is None or acquire.references else acquire
 
 
 def _declared(loaded: LoadedExperiment, campaign: Campaign, sampling_period_s: float) -> Excitation:
@@ -98,20 +66,18 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
     excitation = design_signal(options, len(robot.joints), campaign.realizations, period_s, loop)
     excitation = excitation.first_experiments(campaign.experiments)
-    transient = next(iter(_transient_periods(campaign).values()))
+    transient = next(iter(transient_periods(campaign).values()))
     return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
 
 
-def _transient_periods(campaign: Campaign) -> dict[str, int]:
-    """Periods before those that count, by the name of the setting below `source`."""
-    source = campaign.source
-    if source is not None and source.acquire is not None:
-        return {"acquire.drop_periods": source.acquire.drop_periods}
-    simulated = None if source is None else source.simulate
-    return {"simulate.transient_periods": 0 if simulated is None else simulated.transient_periods}
+def phrase(output: Path) -> str:
+    """Says what an excitation is, in a phrase."""
+    content = excitation_from_artifact(read_artifact(output, EXCITATION))
+    return figures(content.excitation, len(content.configurations))
 
 
-def _show(output: Path, loaded: LoadedExperiment) -> Group | None:
+def show(output: Path, loaded: LoadedExperiment) -> Group | None:
+    """Lays out what an excitation will do."""
     content = excitation_from_artifact(read_artifact(output, EXCITATION))
     return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints))
 
@@ -130,15 +96,3 @@ def figures(excitation: Excitation, n_conf: int) -> str:
         f"{text}, crest factor {excitation.crest_factor.max():.2f} at most,"
         f" {nearest} reaches {100 * (1 - margins[nearest].min()):.1f} % of its limit"
     )
-
-
-STAGE = Stage(
-    "design-excitation",
-    "Designs what each motor is told to do, within the limits of every configuration.",
-    "campaign",
-    EXCITATION,
-    measured_campaigns,
-    _plan,
-    _run,
-    show=_show,
-)

@@ -28,7 +28,8 @@ from robid.settings.robot_parts import delay_s
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot
 from robid.stages.configurations import configurations_of
-from robid.stages.design_weights import UNREAD, about_options, fit_options, fit_weights, prior_decades
+from robid.stages.design_options import about_options, fit_options, prior_decades
+from robid.stages.design_weights import UNREAD, fit_weights
 from robid.stages.lines import campaign_lines, campaign_sampling_s
 from robid.stages.stage import Job
 

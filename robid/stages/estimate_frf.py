@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
-from robid.families.family import family_of
 from robid.frf.checks import is_finding
 from robid.frf.estimate import READS_REFERENCE, estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
@@ -26,33 +24,12 @@ from robid.frf.silent import identify_laws, start_laws
 from robid.robot.description import Motor
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import delay_s, robot_settings
-from robid.settings.slices import to_plain
+from robid.settings.robot_parts import delay_s
 from robid.signals.friction import TorqueLaw
+from robid.stages.chain.estimate_frf import STAGE
 from robid.stages.plausible import contradictions
-from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
+from robid.stages.stage import Job, counted
 from robid.validation.plausible_evidence import Evidence, gather_evidence, join_evidence
-
-
-def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
-    campaign = loaded.experiment.campaigns[owner]
-    settings: dict[str, Any] = {f"campaigns.{owner}.estimate": to_plain(campaign.estimate)}
-    if campaign.estimate.compensation != "none":
-        settings |= {"delay_s": delay_s(loaded, campaign), **robot_settings(loaded, "friction", "friction_std")}
-    return Plan((f"{owner}/frf.h5",), settings, {"record": f"{owner}/record.h5"})
-
-
-def _on_request(loaded: LoadedExperiment, owner: str) -> bool:
-    """Whether fits read the campaign's record, and nothing reads its response."""
-    experiment = loaded.experiment
-    reads = {
-        kind
-        for name, fit in experiment.fits.items()
-        if owner in (*fit.campaigns, fit.validate_on)
-        for kind in family_of(loaded, name).reads
-    }
-    designs = [design for design in experiment.designs.values() if design.information == "measured"]
-    return "record" in reads and "frf" not in reads and owner not in [design.campaign for design in designs]
 
 
 @dataclass(frozen=True)
@@ -145,7 +122,8 @@ def _estimate_part(task: _Task) -> _Brief:
     return _brief(frf)
 
 
-def _run(job: Job) -> str:
+def run(job: Job) -> str:
+    """Estimates a campaign's frequency responses; returns its key figures."""
     path = job.inputs["record"]
     options = job.campaign.estimate
     n_conf = read_outline(path, RECORD).n_rows
@@ -195,9 +173,10 @@ def stated_law(motor: Motor) -> TorqueLaw:
     )
 
 
-def figures(frf: Frf) -> str:
+def phrase(output: Path) -> str:
     """Says what was estimated, in a phrase."""
-    return _phrase([_brief(frf)])
+    n_conf = read_outline(output, FRF).n_rows
+    return _phrase([_brief(frf_from_artifact(read_artifact(output, FRF, row=row))) for row in range(n_conf)])
 
 
 def _brief(frf: Frf) -> _Brief:
@@ -227,15 +206,3 @@ def _phrase(briefs: Sequence[_Brief]) -> str:
 
 def _relative(level: FloatArray, frf: Frf) -> FloatArray:
     return np.asarray(np.diagonal(level / np.abs(frf.response), axis1=-2, axis2=-1))
-
-
-STAGE = Stage(
-    "estimate-frf",
-    "Estimates frequency responses with their covariance from a record.",
-    "campaign",
-    FRF,
-    measured_campaigns,
-    _plan,
-    _run,
-    on_request=_on_request,
-)

@@ -13,7 +13,8 @@ from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
 from robid.families.family import Export, ExportTask, family_of
 from robid.settings.load import LoadedExperiment
-from robid.stages.fit import data_inputs, read_data
+from robid.stages.chain.fit import data_inputs
+from robid.stages.fit import read_data
 from robid.stages.replacing import check_replaceable
 from robid.stages.stage import Plan
 

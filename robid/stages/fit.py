@@ -7,38 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
 from robid.artifacts.record import RECORD, record_from_artifact
-from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
-from robid.families.family import Data, Graded, Work, family_of
+from robid.artifacts.store import read_artifact, write_artifact
+from robid.families.family import Data, Work, family_of
 from robid.frf.frf import Frf
 from robid.frf.joined import join
-from robid.settings.experiment import Experiment
-from robid.settings.fits import Read
 from robid.settings.load import LoadedExperiment
-from robid.settings.slices import to_plain
 from robid.signals.record import Record
-from robid.stages.stage import Job, Plan, Stage
-
-
-def _owners(experiment: Experiment) -> tuple[str, ...]:
-    return tuple(experiment.fits)
-
-
-def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
-    fit, family = loaded.experiment.fits[owner], family_of(loaded, owner)
-    plain = {key: value for key, value in to_plain(fit).items() if key != "validate_on"}
-    settings = {f"fits.{owner}": plain, **family.decides(loaded, fit.campaign)}
-    return Plan((f"fits/{owner}/model.h5",), settings, data_inputs(family.reads, fit.campaigns))
-
-
-def data_inputs(reads: Sequence[Read], campaigns: Sequence[str]) -> dict[str, str]:
-    """Returns where the responses and records of campaigns lie; the first one's name is its kind."""
-    return {
-        f"{kind}_{name}" if index else kind: f"{name}/{kind}.h5"
-        for kind in reads
-        for index, name in enumerate(campaigns)
-    }
+from robid.stages.chain.fit import STAGE, data_inputs
+from robid.stages.stage import Job
 
 
 def read_data(loaded: LoadedExperiment, name: str, inputs: Mapping[str, Path]) -> Data:
@@ -63,42 +40,10 @@ def data_of(loaded: LoadedExperiment, name: str, frfs: Sequence[Frf], records: t
     return Data(loaded, name, frf.select(fit.configurations), records, fit.configurations)
 
 
-def _run(job: Job) -> str:
+def run(job: Job) -> str:
+    """Fits a model; returns its key figures."""
     family, data = family_of(job.loaded, job.owner), read_data(job.loaded, job.owner, job.inputs)
     model = family.fit(data, Work(job.map, job.progress))
     made = replace(model, provenance=job.provenance(STAGE.name, family.seed(data.settings)))
     write_artifact(job.output, made)
     return family.phrase(made)
-
-
-def graded(path: Path) -> Graded | None:
-    """Reads the grade that an artifact holds."""
-    attributes = inspect_artifact(path)["attributes"]
-    if "grade/value" not in attributes:
-        return None
-    return Graded(int(attributes["grade/value"]), str(attributes["grade/sentence"]))
-
-
-def _grade(loaded: LoadedExperiment, owner: str, output: Path) -> Graded | None:
-    """Where a fit is validated, the validation owns the grade."""
-    return graded(output) if loaded.experiment.fits[owner].validate_on is None else None
-
-
-def _problem(output: Path) -> str:
-    attributes = inspect_artifact(output)["attributes"]
-    if attributes["status"] == "converged":
-        return ""
-    return f"the fit has not converged ({attributes['status']}): {attributes['advice']}"
-
-
-STAGE = Stage(
-    "fit",
-    "Fits a model to frequency responses.",
-    "fit",
-    MODEL,
-    _owners,
-    _plan,
-    _run,
-    _problem,
-    grade=_grade,
-)

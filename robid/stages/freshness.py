@@ -12,8 +12,8 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.store import read_header
 from robid.errors import ArtifactError
-from robid.stages.report import read_stamp
 from robid.stages.stage import Plan, Stage
+from robid.stages.stamp import read_stamp
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robid.artifacts.store import kind_of
 from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
 from robid.families.encode import PARAMETER_COLUMNS
-from robid.settings.load import LoadedExperiment
-from robid.stages.report import read_stamp
 from robid.stages.stage import Plan, Stage
+from robid.stages.stamp import read_stamp
+
+if TYPE_CHECKING:
+    from robid.settings.load import LoadedExperiment
 
 _HEAD_BYTES = 4096
 _MARKS = {
@@ -107,6 +109,8 @@ def _is_export(path: Path) -> bool:
         found = _read_json(path)
         return isinstance(found, dict) and "robid_version" in found
     if path.suffix == ".npz":
+        import zipfile
+
         return zipfile.is_zipfile(path) and "robid_version.npy" in zipfile.ZipFile(path).namelist()
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)

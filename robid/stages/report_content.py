@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -12,13 +12,13 @@ import numpy as np
 
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION
-from robid.design.excitation import UNITS, Plan
+from robid.design.excitation import UNITS, CampaignExcitation, Plan
 from robid.design.information import ConfigurationDesign
 from robid.families.family import Data, Shown, family_of
 from robid.frf.frf import Frf
@@ -36,10 +36,10 @@ from robid.report.experiment import (
 from robid.report.section import Section
 from robid.robot.skeleton import skeleton
 from robid.settings.load import LoadedExperiment
-from robid.stages import design_configs, design_excitation, estimate_frf, simulate_or_acquire
+from robid.stages.chain.validate import truth_input
 from robid.stages.fit import data_of
 from robid.stages.plausible import contradictions
-from robid.stages.validate import truth_input
+from robid.stages.stage import Stage
 from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST
 from robid.validation.plausible_evidence import gather_evidence
 
@@ -66,13 +66,14 @@ class Gathered:
     comparison: dict[str, float]
 
 
-def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> Gathered:
+def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], chain: Sequence[Stage]) -> Gathered:
     """Reads the artifacts of a run and lays them out.
 
     Args:
         loaded: The experiment.
         folder: The run folder.
         present: Paths in the run folder of the artifacts that are there.
+        chain: The stages that make them.
 
     Raises:
         ArtifactError: If one cannot be read.
@@ -92,7 +93,7 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> 
             *fit_sections(fits),
             *(_design(loaded, name, design) for name, design in run.designs.items()),
             *_experiment(loaded, run, excitations),
-            *run_section(tuple(_stage(loaded, path, folder / path, run) for path in present if path.endswith(".h5"))),
+            *run_section(_stages(loaded, folder, present, chain)),
         ),
     )
     return Gathered(content, fits, run.designs, excitations, _comparison(loaded, shown))
@@ -252,7 +253,23 @@ def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
     return [TorqueRow(campaign, name, value, frf.torque_unit) for name, value in named]
 
 
-def _stage(loaded: LoadedExperiment, path: str, file: Path, run: _Run) -> StageRow:
+def _stages(
+    loaded: LoadedExperiment, folder: Path, present: Collection[str], chain: Sequence[Stage]
+) -> tuple[StageRow, ...]:
+    makers = {
+        stage.plan(loaded, name).outputs[0]: (stage, name)
+        for stage in chain
+        for name in stage.owners(loaded.experiment)
+    }
+    rows = []
+    for path in present:
+        if path.endswith(".h5"):
+            stage, name = makers[path]
+            rows.append(_stage(path, folder / path, stage.phrase(loaded, name, folder / path)))
+    return tuple(rows)
+
+
+def _stage(path: str, file: Path, phrase: str) -> StageRow:
     header = read_header(file)
     made = header.provenance
     seconds = None
@@ -260,23 +277,4 @@ def _stage(loaded: LoadedExperiment, path: str, file: Path, run: _Run) -> StageR
         begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
         seconds = (ended - begun).total_seconds()
     hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
-    return StageRow(made.stage, path, *hashes, seconds, _phrase(loaded, path, run))
-
-
-def _phrase(loaded: LoadedExperiment, path: str, run: _Run) -> str:
-    folder, _, name = path.removesuffix(".h5").rpartition("/")
-    if folder == "designs":
-        return design_configs.figures(run.designs[name])
-    owner = folder.removeprefix("fits/")
-    if name == "model":
-        return family_of(loaded, owner).phrase(run.models[owner])
-    if name == "validation":
-        return family_of(loaded, owner).verdict(run.validations[owner])
-    if owner not in run.excitations:
-        return ""
-    excitation = run.excitations[owner]
-    if name == "excitation":
-        return design_excitation.figures(excitation.excitation, len(excitation.configurations))
-    if name == "record":
-        return simulate_or_acquire.figures(run.shapes[owner], excitation.excitation.period_s)
-    return estimate_frf.figures(run.frfs[owner])
+    return StageRow(made.stage, path, *hashes, seconds, phrase)

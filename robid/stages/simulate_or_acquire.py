@@ -5,62 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitation_from_artifact
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.record import RECORD, record_to_artifact
-from robid.artifacts.store import read_artifact
-from robid.artifacts.truth import check_truth, truth_sha256, write_truth
-from robid.settings.configuration_checks import configuration_count
+from robid.artifacts.store import inspect_artifact, read_artifact
+from robid.artifacts.truth import truth_sha256, write_truth
+from robid.design.excitation import CampaignExcitation
 from robid.settings.experiment import Acquire, Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import delay_s, require_controller, robot_settings
-from robid.settings.slices import to_plain
+from robid.settings.robot_parts import delay_s, require_controller
 from robid.settings.truth import true_robot_of
 from robid.simulate.experiment import Experiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth
-from robid.simulate.steps import LIMITS
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
-from robid.stages.acquire import acquire_configuration, experiment_count, log_files
-from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
-
-_BYTES_PER_SAMPLE = 4
-
-
-def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
-    campaign = loaded.experiment.campaigns[owner]
-    section = f"campaigns.{owner}"
-    settings: dict[str, Any] = {f"{section}.periods": campaign.periods}
-    settings[f"{section}.source"] = to_plain(campaign.source)
-    record, inputs = f"{owner}/record.h5", {"excitation": f"{owner}/excitation.h5"}
-    if campaign.source is not None and campaign.source.acquire is not None:
-        settings |= {f"{section}.{key}": getattr(campaign, key) for key in ("realizations", "experiments")}
-        return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
-    settings[f"{section}.payload_kg"] = campaign.payload_kg
-    settings[f"{section}.outputs"] = to_plain(campaign.outputs)
-    simulated = None if campaign.source is None else campaign.source.simulate
-    if simulated is None or simulated.steps_per_sample is None:
-        settings["steps_per_sample"] = dict(LIMITS)
-    settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", "sensors")
-    return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
+from robid.stages.acquire import acquire_configuration
+from robid.stages.chain.simulate_or_acquire import STAGE, experiment_count
+from robid.stages.stage import Job, counted
 
 
-def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
-    """Torque and angle of all samples, once in the parts and once merged."""
-    n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
-    n_channel = 2 * n_motor + len(campaign.outputs) - 1
-    blocks = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations
-    experiments = blocks * (campaign.experiments or n_motor)
-    samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
-    return 2 * _BYTES_PER_SAMPLE * samples * n_channel
-
-
-def _run(job: Job) -> str:
+def run(job: Job) -> str:
+    """Simulates or imports a campaign; returns its key figures."""
     content = excitation_from_artifact(read_artifact(job.inputs["excitation"], EXCITATION))
     source = job.campaign.source
     if source is None:
@@ -69,6 +38,13 @@ def _run(job: Job) -> str:
     if source.acquire is not None:
         return _acquire(job, source.acquire, content)
     return _simulate(job, source.simulate or SimulateOptions(), content)
+
+
+def phrase(output: Path) -> str:
+    """Says what a record holds, in a phrase."""
+    found = inspect_artifact(output)
+    shape = found["datasets"]["torque"]["shape"]
+    return figures(shape, shape[4] * found["attributes"]["sampling_period_s"])
 
 
 def figures(shape: Sequence[int], period_s: float) -> str:
@@ -176,23 +152,3 @@ def simulated_truth(experiment: Experiment, delay_s: float) -> TrueRobot:
         seed=options.seed,
         steps_per_sample=options.steps_per_sample,
     )
-
-
-def _vouched(outputs: Sequence[Path]) -> str:
-    """Refuses a truth that is not the record's; an imported record has none, and an older one says nothing of it."""
-    for truth in outputs[1:]:
-        if not check_truth(truth, outputs[0]):
-            return "the record is of an earlier version, which does not say its truth"
-    return ""
-
-
-STAGE = Stage(
-    "simulate-or-acquire",
-    "Simulates a campaign in closed loop, or imports it from a log.",
-    "campaign",
-    RECORD,
-    measured_campaigns,
-    _plan,
-    _run,
-    vouched=_vouched,
-)

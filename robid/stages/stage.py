@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import functools
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
-
-from rich.console import Group
+from typing import TYPE_CHECKING, Any, Literal
 
 from robid.artifacts.artifact import Kind, Provenance
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
-from robid.backends.map import Map
-from robid.backends.progress import Progress
 from robid.errors import ArtifactError
-from robid.families.family import Graded
-from robid.settings.experiment import Campaign, Experiment
-from robid.settings.load import LoadedExperiment
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from robid.backends.map import Map
+    from robid.backends.progress import Progress
+    from robid.families.family import Graded
+    from robid.settings.experiment import Campaign, Experiment
+    from robid.settings.load import LoadedExperiment
 
 
 @dataclass(frozen=True)
@@ -108,6 +108,7 @@ class Stage:
         owners: Names of the campaigns, designs or fits that it runs for.
         plan: What it reads and writes for one of them.
         run: Does it; returns its key figures in a phrase.
+        phrase: Reads these from its output, for one of its owners.
         problem: Reads from its output what went wrong numerically; empty when all is well.
         show: Lays out from its output what its command prints below its line; None for nothing.
         told: Reads from its output what `--json` adds to its answer.
@@ -125,6 +126,7 @@ class Stage:
     owners: Callable[[Experiment], tuple[str, ...]]
     plan: Callable[[LoadedExperiment, str], Plan]
     run: Callable[[Job], str]
+    phrase: Callable[[LoadedExperiment, str, Path], str] = lambda *_: ""
     problem: Callable[[Path], str] = lambda _: ""
     show: Callable[[Path, LoadedExperiment], Group | None] = lambda *_: None
     told: Callable[[Path], dict[str, Any]] = lambda _: {}
@@ -145,6 +147,9 @@ def check_room(path: Path, needed_bytes: float) -> None:
     Raises:
         ArtifactError: If it is so.
     """
+    import shutil
+    import tempfile
+
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):

@@ -13,8 +13,7 @@ from robid.artifacts.model import MODEL, model_from_artifact, model_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.errors import DataError
-from robid.families.elastic.fitting import model_settings
-from robid.families.elastic.settings import elastic_fit
+from robid.families.elastic.settings import elastic_fit, model_settings
 from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions
 from robid.fit.solution import Solution

@@ -25,8 +25,9 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.settings.study import FrfStudy
 from robid.stages.replacing import check_replaceable, settings_files
-from robid.stages.report import read_stamp, write_page
+from robid.stages.report import write_page
 from robid.stages.stage import counted
+from robid.stages.stamp import read_stamp
 from robid.studies import (
     frf,
     frf_report,

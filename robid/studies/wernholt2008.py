@@ -12,7 +12,7 @@ import numpy as np
 from robid.artifacts.artifact import Dataset
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.families.elastic.fitting import model_settings
+from robid.families.elastic.settings import model_settings
 from robid.fit.elastic import draw_starts, set_up
 from robid.fit.options import ElasticOptions, WeightsKind
 from robid.fit.problem import Problem

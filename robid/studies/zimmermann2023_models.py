@@ -15,7 +15,7 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.design.measured import measured_information
 from robid.design.options import ALONG
-from robid.families.elastic.fitting import model_settings
+from robid.families.elastic.settings import model_settings
 from robid.fit.elastic import fit_elastic
 from robid.fit.fitted_robot import fitted_robot
 from robid.fit.options import ElasticOptions

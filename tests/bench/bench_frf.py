@@ -17,7 +17,7 @@ from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
 from robid.simulate.experiment import simulate
-from robid.stages.estimate_frf import STAGE
+from robid.stages.chain.estimate_frf import STAGE
 
 _N_CONF = 6
 

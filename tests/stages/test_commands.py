@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid import cli, pipeline
+from robid import pipeline
 from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
 from robid.artifacts.model import (
@@ -164,7 +164,7 @@ def test_a_defect_says_so_and_debug_shows_where(shop, monkeypatch):
     def fail(*_):
         raise KeyError("lost")
 
-    monkeypatch.setattr(cli, "asked_for", fail)
+    monkeypatch.setattr("robid.commands.status.asked_for", fail)
     answer = shop.robid("status", "small.yaml")
     assert answer.code == 1
     assert "a defect of ours: KeyError" in answer.err

@@ -14,9 +14,10 @@ from ruamel.yaml import YAML
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.validation import VALIDATION
-from robid.families import FAMILIES, files
+from robid.families import files
 from robid.families.family import Family
 from robid.families.files import experiment_schema, load_experiment
+from robid.families.known import FAMILIES
 from robid.pipeline import graph
 from robid.settings.slices import to_plain
 from toy_family import INERTIA

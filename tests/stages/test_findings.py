@@ -12,7 +12,7 @@ from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
 from robid.errors import DataError
 from robid.signals.multisine import time_signal
-from robid.stages.estimate_frf import STAGE
+from robid.stages.chain.estimate_frf import STAGE
 
 
 class Heard:

@@ -1,22 +1,66 @@
 """The elastic family: springs and dampers from frequency responses.
 
-Read `settings.py`, `fitting.py`, `truth.py`, then what goes out: `page/`, `exports.py` with `mechanics.py`.
+Read `settings.py`, `fitting.py`, `truth.py`, then what goes out: `page/`, `exports.py`, `writing.py`,
+`mechanics.py`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 from robid.families.elastic.exports import EXPORTS
-from robid.families.elastic.fitting import (
-    fit,
-    model_settings,
-    phrase_of_model,
-    validate,
-    values_in,
-    verdict_of_validation,
-)
-from robid.families.elastic.page.report import compare, report
-from robid.families.elastic.settings import ElasticFit, problems
-from robid.families.family import Family
+from robid.families.elastic.settings import ElasticFit, model_settings, problems
+from robid.families.family import Data, Family, Shown, Work
+
+if TYPE_CHECKING:
+    from robid.artifacts.artifact import Artifact
+    from robid.report.content import FitReport
+    from robid.settings.load import LoadedExperiment
+    from robid.simulate.truth import TrueRobot
+
+
+def _fit(data: Data, work: Work) -> Artifact:
+    from robid.families.elastic.fitting import fit
+
+    return fit(data, work)
+
+
+def _validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
+    from robid.families.elastic.fitting import validate
+
+    return validate(data, model, true)
+
+
+def _true_values(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str, float]:
+    from robid.families.elastic.fitting import values_in
+
+    return values_in(loaded, name, true)
+
+
+def _phrase(model: Artifact) -> str:
+    from robid.families.elastic.fitting import phrase_of_model
+
+    return phrase_of_model(model)
+
+
+def _verdict(validation: Artifact) -> str:
+    from robid.families.elastic.fitting import verdict_of_validation
+
+    return verdict_of_validation(validation)
+
+
+def _report(shown: Shown) -> FitReport:
+    from robid.families.elastic.page.report import report
+
+    return report(shown)
+
+
+def _compare(every: Sequence[Shown]) -> dict[str, float]:
+    from robid.families.elastic.page.report import compare
+
+    return compare(every)
+
 
 ELASTIC = Family(
     name="elastic",
@@ -24,13 +68,13 @@ ELASTIC = Family(
     reads=("frf",),
     problems=problems,
     decides=model_settings,
-    fit=fit,
-    validate=validate,
+    fit=_fit,
+    validate=_validate,
     seed=lambda settings: settings.seed if isinstance(settings, ElasticFit) else None,
-    true_values=values_in,
-    phrase=phrase_of_model,
-    verdict=verdict_of_validation,
-    report=report,
-    compare=compare,
+    true_values=_true_values,
+    phrase=_phrase,
+    verdict=_verdict,
+    report=_report,
+    compare=_compare,
     exports=EXPORTS,
 )

@@ -2,59 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from functools import partial
 
-from robid.artifacts.model import model_from_artifact
-from robid.errors import SettingsError
-from robid.families.elastic.mechanics import FittedExport, arrays, mjcf, parameter_records, state_spaces
-from robid.families.encode import PARAMETER_COLUMNS, Content, encode_csv, encode_json, encode_mat, encode_npz
 from robid.families.family import Export, ExportTask
 
-_ENCODERS: Mapping[str, Callable[[Content], bytes]] = {".mat": encode_mat, ".json": encode_json, ".npz": encode_npz}
 
+def _written(name: str, task: ExportTask) -> bytes:
+    from robid.families.elastic.writing import WRITERS
 
-def _found(task: ExportTask) -> FittedExport:
-    date, solution = task.model.provenance.finished_utc, model_from_artifact(task.model)
-    return FittedExport(task.data.loaded, task.data.name, date, solution, task.data.response, task.data.configurations)
-
-
-def _rows(task: ExportTask) -> list[int]:
-    chosen = task.data.configurations
-    if task.configuration is None:
-        return list(range(len(chosen)))
-    if task.configuration not in chosen:
-        listed = ", ".join(map(str, chosen))
-        message = f"fit `{task.data.name}` has no configuration {task.configuration} (it has {listed})"
-        raise SettingsError(message, where="--configuration", remedy="name one of them, or none for all")
-    return [chosen.index(task.configuration)]
-
-
-def _mjcf(task: ExportTask) -> bytes:
-    return mjcf(_found(task), _rows(task), friction=task.friction is not False).encode()
-
-
-def _json(task: ExportTask) -> bytes:
-    found = _found(task)
-    content = {**found.origin, "confidence": found.solution.confidence, "parameters": parameter_records(found)}
-    return encode_json(content)
-
-
-def _csv(task: ExportTask) -> bytes:
-    return encode_csv(PARAMETER_COLUMNS, [list(record.values()) for record in parameter_records(_found(task))])
-
-
-def _mat(task: ExportTask) -> bytes:
-    return encode_mat(arrays(_found(task), _rows(task)))
-
-
-def _state_space(task: ExportTask) -> bytes:
-    return _ENCODERS[task.suffix](state_spaces(_found(task), _rows(task)))
+    return WRITERS[name](task)
 
 
 EXPORTS = {
-    "mjcf": Export("model.xml", (".xml",), _mjcf, takes_friction=True),
-    "json": Export("parameters.json", (".json",), _json, takes_configuration=False),
-    "csv": Export("parameters.csv", (".csv",), _csv, takes_configuration=False),
-    "mat": Export("model.mat", (".mat",), _mat),
-    "statespace": Export("statespace.mat", (".mat", ".json", ".npz"), _state_space),
+    "mjcf": Export("model.xml", (".xml",), partial(_written, "mjcf"), takes_friction=True),
+    "json": Export("parameters.json", (".json",), partial(_written, "json"), takes_configuration=False),
+    "csv": Export("parameters.csv", (".csv",), partial(_written, "csv"), takes_configuration=False),
+    "mat": Export("model.mat", (".mat",), partial(_written, "mat")),
+    "statespace": Export("statespace.mat", (".mat", ".json", ".npz"), partial(_written, "statespace")),
 }

@@ -19,21 +19,12 @@ from robid.fit.solution import Solution
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import delay_s, robot_settings
+from robid.settings.robot_parts import delay_s
 from robid.simulate.truth import TrueRobot
 from robid.validation.assessment import assess_fit
 from robid.validation.elastic import Validation, validate_elastic
 from robid.validation.recovery import recovery_sentence
 from robid.validation.resonances import tabulate_resonances
-
-
-def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
-    """Returns what the elastic model of a campaign is made of; the delay of a log is none."""
-    used = loaded.experiment.campaigns[campaign]
-    parts = robot_settings(loaded, "mechanics", "inertia_std", "sensors")
-    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
-    settings["delay_s"] = delay_s(loaded, used)
-    return settings
 
 
 def fit(data: Data, work: Work) -> Artifact:

@@ -1,9 +1,9 @@
-"""The elastic fit in an experiment file: its settings, and what must hold of them for a robot."""
+"""The elastic fit in an experiment file: its settings, what must hold of them for a robot, and what decides a fit."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import pydantic.dataclasses
 from pydantic import Field
@@ -13,9 +13,11 @@ from robid.fit.options import ElasticOptions
 from robid.settings.experiment import Experiment
 from robid.settings.fits import STRICT, FitSettings, part
 from robid.settings.limit_checks import TORQUE, missing_limits
+from robid.settings.load import LoadedExperiment
 from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
+from robid.settings.robot_parts import delay_s, robot_settings
 from robid.settings.yaml import FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
@@ -63,3 +65,12 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
             yield ("free",), message
     if "cubic" in fit.free and robot.is_complete:
         yield from missing_limits(("free",), "the scale of `cubic` needs", robot, (TORQUE,))
+
+
+def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
+    """Returns what the elastic model of a campaign is made of; the delay of a log is none."""
+    used = loaded.experiment.campaigns[campaign]
+    parts = robot_settings(loaded, "mechanics", "inertia_std", "sensors")
+    settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
+    settings["delay_s"] = delay_s(loaded, used)
+    return settings

@@ -1,0 +1,59 @@
+"""Exporting a fitted model, or the excitation of a campaign."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from robid.artifacts.lock import locked
+from robid.commands.inputs import choose_node, require_inputs
+from robid.commands.output import print_json
+from robid.commands.shared import lock_of, make_shell
+from robid.pipeline import Run
+from robid.stages.export import ExportOptions, check_options, export, export_plan, export_target, write_export
+from robid.stages.export_excitation import (
+    ExcitationExport,
+    check_excitation_export,
+    excitation_export_plan,
+    export_excitation,
+)
+from robid.stages.replacing import settings_files
+
+
+def export_fit(run: Run, fit: str | None, options: ExportOptions, *, force: bool, as_json: bool) -> int:
+    """Exports a fit; returns the exit code."""
+    node = choose_node(run, "fit", fit)
+    check_options(options, run.loaded, node.owner)
+    inputs = require_inputs(run, dataclasses.replace(node, plan=export_plan(run.loaded, node.owner)), [])
+    content = export(options, run.loaded, node.owner, inputs)
+    target = export_target(options, run.loaded, node.owner, run.folder)
+    with locked(lock_of(run, target), f"robid export {run.loaded.path}"):
+        outcome = write_export(target, content, {**settings_files(run.loaded), **inputs}, force=force)
+    shell = make_shell(run, as_json=as_json)
+    problem = node.stage.problem(inputs["model"])
+    if as_json:
+        print_json({"output": str(target), "format": options.format, "outcome": outcome, "problem": problem})
+    else:
+        shell.say(f"{target}  {outcome}")
+    if problem:
+        shell.warn(problem)
+    return 0
+
+
+def export_campaign(run: Run, options: ExcitationExport, others: Sequence[str], *, force: bool, as_json: bool) -> int:
+    """Exports the excitation of a campaign, which takes no options of a fit; returns the exit code."""
+    check_excitation_export(options, others)
+    node = choose_node(run, "design-excitation", options.campaign)
+    plan = excitation_export_plan(node.owner)
+    inputs = require_inputs(run, dataclasses.replace(node, plan=plan), [])
+    files = export_excitation(options, run.loaded, inputs["excitation"], run.folder)
+    read = {**settings_files(run.loaded), **inputs}
+    with locked(lock_of(run, options.target(run.folder)), f"robid export {run.loaded.path}"):
+        outcomes = {str(path): write_export(path, content, read, force=force) for path, content in files.items()}
+    if as_json:
+        print_json({"output": str(options.target(run.folder)), "format": options.format, "files": outcomes})
+        return 0
+    shell = make_shell(run, as_json=False)
+    for path, outcome in outcomes.items():
+        shell.say(f"{path}  {outcome}")
+    return 0

@@ -1,0 +1,65 @@
+"""What the commands have in common: the run, the terminal, exit codes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+from robid.artifacts.lock import FOLDER_LOCK
+from robid.families.family import Graded
+from robid.families.files import load_experiment
+from robid.pipeline import Result, Run
+from robid.report.numbers import duration
+from robid.stages.terminal import Shell, make_console
+
+PROBLEM = 5
+_TRUST = 2
+
+
+def open_run(
+    path: Path, folder: Path | None, backend: Literal["serial", "processes"] | None, workers: int | None
+) -> Run:
+    """Loads an experiment; the backend and the workers are its own where none are given."""
+    loaded = load_experiment(path)
+    execution = loaded.experiment.execution
+    return Run(
+        loaded=loaded,
+        folder=folder or Path("runs") / loaded.experiment.name,
+        backend=backend or execution.backend,
+        workers=workers or execution.workers or os.cpu_count() or 1,
+    )
+
+
+def make_shell(run: Run, *, as_json: bool) -> Shell:
+    """Returns where a command talks to, with the notes on the robot's model said."""
+    quiet = as_json or run.loaded.experiment.execution.log_level == "warning"
+    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet)
+    for note in run.loaded.robot.model_notes:
+        shell.note(run.loaded.robot.name, note)
+    return shell
+
+
+def graded(grade: Graded | None) -> dict[str, Any]:
+    """What `--json` says of a grade."""
+    return {} if grade is None else {"grade": grade.value, "grade_sentence": grade.sentence}
+
+
+def doubts(grade: Graded | None) -> str:
+    """What a grade below the best warns of."""
+    return grade.sentence if grade is not None and grade.value < _TRUST else ""
+
+
+def lock_of(run: Run, target: Path) -> Path:
+    """Returns the lock of the run folder, or of a file elsewhere."""
+    inside = target.resolve().is_relative_to(run.folder.resolve())
+    return run.path(FOLDER_LOCK) if inside else target.with_name(target.name + FOLDER_LOCK)
+
+
+def tell(shell: Shell, result: Result) -> None:
+    """Says what became of a node."""
+    seconds = f" ({duration(result.seconds)})" if result.outcome == "made" else ""
+    colon = ": " if result.text else ""
+    shell.note(result.node.output, f"{result.outcome}{colon}{result.text}{seconds}")
+    for warning in filter(None, (result.problem, doubts(result.grade))):
+        shell.warn(warning)

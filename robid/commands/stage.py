@@ -1,0 +1,74 @@
+"""Running a single stage."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from robid.artifacts.lock import locked
+from robid.backends.map import make_map
+from robid.commands.inputs import choose_node, fresh_at, require_inputs
+from robid.commands.output import print_json
+from robid.commands.shared import PROBLEM, doubts, graded, lock_of, make_shell
+from robid.errors import ArtifactError, SettingsError
+from robid.pipeline import Run, execute, grade_of
+from robid.report.numbers import duration
+from robid.stages.replacing import check_outputs
+from robid.stages.stage import Stage
+
+
+def check_strict(stage: Stage) -> None:
+    """Refuses `--strict` where nothing is graded.
+
+    Raises:
+        SettingsError: If the stage gives no grade.
+    """
+    if stage.owned_by != "fit":
+        remedy = "leave it out; it belongs to `fit`, `validate` and `run`"
+        raise SettingsError(f"`{stage.name}` gives no grade", where="--strict", remedy=remedy)
+
+
+def run_stage(
+    run: Run,
+    stage: Stage,
+    owner: str | None,
+    named: list[Path],
+    output: Path | None,
+    *,
+    force: bool,
+    strict: bool,
+    as_json: bool,
+) -> int:
+    """Runs a stage unless its output is fresh; returns the exit code."""
+    node = choose_node(run, stage.name, owner)
+    shell = make_shell(run, as_json=as_json)
+    inputs = require_inputs(run, node, named)
+    target = output or run.path(node.output)
+    check_outputs(run.loaded, node.stage, node.plan, inputs, target)
+    outcome, text = "fresh", "nothing to do"
+    if force or fresh_at(node, inputs, target).status != "fresh":
+        with locked(lock_of(run, target), run.command(node)):
+            # Another process may have made it meanwhile.
+            state = fresh_at(node, inputs, target)
+            if state.status == "stale" and not force:
+                raise state.unreadable or ArtifactError(
+                    f"The output is there, but differs ({state.why}).",
+                    where=str(target),
+                    remedy="`--force` replaces it; what was made from it is stale then",
+                )
+            begun = time.monotonic()
+            with make_map(run.backend, run.workers) as parallel_map, shell.progress(node.output) as progress:
+                figures = execute(run, node, inputs, target, parallel_map, progress)
+        outcome, text = "made", f"{figures} ({duration(time.monotonic() - begun)})"
+    problem, grade = node.stage.problem(target), grade_of(run, node, target)
+    if as_json:
+        told = {"outcome": outcome, "text": text, "problem": problem, **graded(grade), **node.stage.told(target)}
+        print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
+    else:
+        shell.say(f"{target}  {outcome}: {text}")
+        shown = node.stage.show(target, run.loaded) if outcome == "made" else None
+        if shown is not None:
+            shell.out.print(shown)
+    for warning in filter(None, (problem, doubts(grade))):
+        shell.warn(warning)
+    return PROBLEM if problem or (grade is not None and grade.fails(strict=strict)) else 0

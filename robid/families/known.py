@@ -1,0 +1,10 @@
+"""The families that there are, known to the stages by this list alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from robid.families.elastic import ELASTIC
+from robid.families.family import Family
+
+FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC,)}

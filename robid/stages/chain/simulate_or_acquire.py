@@ -1,0 +1,107 @@
+"""simulate-or-acquire: the record of a campaign, simulated in closed loop or imported from a log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robid.artifacts.record import RECORD
+from robid.artifacts.truth import check_truth
+from robid.settings.robot_parts import require_controller, robot_settings
+from robid.simulate.options import STEP_LIMITS
+from robid.stages.stage import Job, Plan, Stage, measured_campaigns
+
+if TYPE_CHECKING:
+    from robid.settings.experiment import Acquire, Campaign
+    from robid.settings.load import LoadedExperiment
+
+_BYTES_PER_SAMPLE = 4
+
+
+def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
+    campaign = loaded.experiment.campaigns[owner]
+    section = f"campaigns.{owner}"
+    settings: dict[str, Any] = {f"{section}.periods": campaign.periods}
+    settings[f"{section}.source"] = loaded.plain["campaigns"][owner]["source"]
+    record, inputs = f"{owner}/record.h5", {"excitation": f"{owner}/excitation.h5"}
+    if campaign.source is not None and campaign.source.acquire is not None:
+        settings |= {f"{section}.{key}": getattr(campaign, key) for key in ("realizations", "experiments")}
+        return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
+    settings[f"{section}.payload_kg"] = campaign.payload_kg
+    settings[f"{section}.outputs"] = loaded.plain["campaigns"][owner]["outputs"]
+    simulated = None if campaign.source is None else campaign.source.simulate
+    if simulated is None or simulated.steps_per_sample is None:
+        settings["steps_per_sample"] = dict(STEP_LIMITS)
+    settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", "sensors")
+    return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
+
+
+def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
+    """Torque and angle of all samples, once in the parts and once merged."""
+    from robid.settings.configuration_checks import configuration_count
+
+    n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
+    n_channel = 2 * n_motor + len(campaign.outputs) - 1
+    blocks = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations
+    experiments = blocks * (campaign.experiments or n_motor)
+    samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
+    return 2 * _BYTES_PER_SAMPLE * samples * n_channel
+
+
+def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) -> dict[str, Path]:
+    """Returns the path of every log by a name that says which it is; `log` where there is only one."""
+    from robid.settings.configuration_checks import configuration_count
+
+    counts = (
+        configuration_count(loaded.experiment, campaign) or 0,
+        campaign.realizations,
+        experiment_count(campaign, acquire),
+    )
+    paths = acquire.log_paths(loaded.path.parent, *counts)
+    if len(paths) == 1:
+        return {"log": paths[0]}
+    return {
+        f"log of configuration {c + 1}, realization {r + 1}, experiment {e + 1}": path
+        for (c, r, e), path in zip(np.ndindex(*counts), paths, strict=True)
+    }
+
+
+def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
+    """Returns the number of logged experiments of each block: as many as motors unless the campaign says less."""
+    return campaign.experiments or len(acquire.inputs)
+
+
+def _vouched(outputs: Sequence[Path]) -> str:
+    """Refuses a truth that is not the record's; an imported record has none, and an older one says nothing of it."""
+    for truth in outputs[1:]:
+        if not check_truth(truth, outputs[0]):
+            return "the record is of an earlier version, which does not say its truth"
+    return ""
+
+
+def _run(job: Job) -> str:
+    from robid.stages.simulate_or_acquire import run
+
+    return run(job)
+
+
+def _phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
+    from robid.stages.simulate_or_acquire import phrase
+
+    return phrase(output)
+
+
+STAGE = Stage(
+    "simulate-or-acquire",
+    "Simulates a campaign in closed loop, or imports it from a log.",
+    "campaign",
+    RECORD,
+    measured_campaigns,
+    _plan,
+    _run,
+    _phrase,
+    vouched=_vouched,
+)
