@@ -1,3 +1,4 @@
+import html
 import json
 from dataclasses import replace
 
@@ -32,11 +33,16 @@ CHAIN = (
 )
 
 
-def test_the_stages_one_by_one_give_what_run_gives(done):
+def test_the_stages_one_by_one_give_what_run_gives_and_the_page_tells_what_they_told(done):
+    told = []
     for name, *options in CHAIN:
         answer = done.robid(name, "small.yaml", *options, "--run-dir", "single", "--json")
         assert answer.code == 0, answer.err
         assert answer.json["outcome"] == "made"
+        told.append(answer.json["text"].rpartition(" (")[0].partition(" in all")[0])
+    page = html.unescape((done.folder / "single" / "report.html").read_text())
+    for text in told[:-1]:
+        assert text in page
     assert done.contents(done.folder / "single") == done.contents()
     assert (done.folder / "single" / "summary.json").read_text() == (done.runs / "summary.json").read_text()
 
