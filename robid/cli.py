@@ -46,7 +46,7 @@ from robid.stages.export_excitation import (
 from robid.stages.replacing import check_outputs, settings_files
 from robid.stages.report_content import gather
 from robid.stages.stage import Stage
-from robid.stages.terminal import Shell, dataset_table, make_console, section_table, status_table
+from robid.stages.terminal import Shell, channel_lines, dataset_table, make_console, section_table, status_table
 from robid.studies.study import run_study
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -424,6 +424,7 @@ def inspect_file(
         f"made by {made['stage']} at {made['finished_utc']} with robid {made['versions'].get('robid', 'unknown')}",
         *(f"from {name} {digest}" for name, digest in made["inputs"].items()),
         *(f"{name} = {value}" for name, value in found["attributes"].items()),
+        *channel_lines(found["datasets"]),
     ]
     for line in lines:
         out.print(line, markup=False, highlight=False, soft_wrap=True)

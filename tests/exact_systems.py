@@ -11,6 +11,7 @@ from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Sprin
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
+from robid.signals.quantities import motor_channels
 
 NO_PAYLOAD = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 
@@ -125,9 +126,9 @@ def exact_frf(
         coefficient_relative_std=np.zeros(0),
         removed_torque_rms=np.zeros((n_conf, n_in)),
         sampling_period_s=sampling_period_s,
-        input_names=names,
-        output_names=outputs,
-        torque_hold=torque_hold,
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(outputs, "acceleration"),
+        input_hold=torque_hold,
     )
 
 

@@ -92,7 +92,7 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
         DataError: If the response lacks its torque, or a motor's angle is not among its outputs.
     """
     missing = [name for name in frf.input_names if name not in frf.output_names]
-    if frf.torque_amplitude is None or missing:
+    if frf.input_amplitude is None or missing:
         lack = f"the angle of motor {', '.join(missing)}" if missing else "the torques of its experiments"
         message = f"cubic stiffness needs {lack}, which the response lacks"
         remedy = "estimate the response again, all motors among its outputs, or leave `cubic` out of `free`"
@@ -102,7 +102,7 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
     rows = [frf.output_names.index(name) for name in frf.input_names]
     held = hold_factor(omega, values.delay[0], frf.hold_period_s)
     left = held[:, None, None] * np.eye(len(robot.joints)) - spent[:, :, None] * frf.response[:, :, rows]
-    through = np.linalg.inv(robot.arm_per_motor.T) @ left @ frf.torque_amplitude
+    through = np.linalg.inv(robot.arm_per_motor.T) @ left @ frf.input_amplitude
     gears = [index for index, spring in enumerate(robot.springs) if spring.place == "transmission"]
     through = through[:, :, [robot.springs[index].joint for index in gears]]
     power = np.zeros((*through.shape[:2], len(robot.springs)))

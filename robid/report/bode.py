@@ -86,7 +86,7 @@ def bode_data(figure: BodeMatrix) -> dict[str, Any]:
         "input_quantity": figure.input_quantity,
         "output_quantity": figure.output_quantity,
         "responses": [
-            _response_data(response, figure.level, figure.unit.format(response.frf.torque_unit))
+            _response_data(response, figure.level, figure.unit.format(response.frf.input_unit))
             for response in figure.responses
         ],
     }

@@ -12,6 +12,9 @@ NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 DATA_VARIABLE = "${ROBID_DATA}"
 DATA_DEFAULT = "../shared/data"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""What a section is that composes dataclasses of options."""
+
 Vector = tuple[float, float, float]
 
 

@@ -11,11 +11,12 @@ from robid.arrays import FloatArray, IntArray
 from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
 from robid.robot.model import ElasticModel
+from robid.signals.quantities import INJECTED, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-from robid.simulate.outputs import FurtherOutputs
+from robid.simulate.outputs import FurtherOutputs, further_channels
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed
 from robid.simulate.truth import recorded_torque_factor
 
@@ -101,16 +102,15 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
     return Record(
         sampling_period_s=experiment.controller.sampling_period_s,
         configurations=configuration[None],
-        torque=(recorded * torque).reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
-        position=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
+        inputs=(recorded * torque).reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
+        outputs=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
         reference=experiment.reference[None],
-        reference_kind=experiment.inject,
+        reference_channels=motor_channels(names, INJECTED[experiment.inject]),
         excited_lines=experiment.excited_lines,
         detection_lines=experiment.detection_lines,
-        input_names=names,
-        output_names=(*names, *experiment.outputs),
-        position_offset_rad=offset[None],
-        accelerations=tuple(s.name for s in model.robot.sensors if s.kind == "accelerometer" and s.name in run.names),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=(*motor_channels(names, "angle"), *further_channels(model.robot, experiment.outputs)),
+        output_offset=offset[None],
     )
 
 

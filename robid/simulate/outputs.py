@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from mujoco.batch import Batch
 
 from robid.arrays import FloatArray
+from robid.robot.description import Robot
 from robid.robot.model import ElasticModel
+from robid.signals.quantities import Channel, QuantityName, Side
 from robid.simulate.options import Imperfections
+
+
+def further_channels(robot: Robot, names: Sequence[str]) -> tuple[Channel, ...]:
+    """Returns what outputs beyond the motors are: arm angles, and the tool's positions and accelerations."""
+    kinds = {sensor.name: sensor.kind for sensor in robot.sensors}
+    known: dict[str, tuple[QuantityName, str, Side]] = {
+        "link_encoder": ("angle", "rad", "arm"),
+        "tracker": ("position", "m", "tool"),
+        "accelerometer": ("acceleration", "m/s^2", "tool"),
+    }
+    return tuple(Channel(name, *known[kinds.get(name, "link_encoder")]) for name in names)
 
 
 class FurtherOutputs:

@@ -22,7 +22,8 @@ from robid.design.prediction import predict
 from robid.design.signal import design_signal
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
-from robid.settings.experiment import Acquire, Campaign
+from robid.settings.acquire import Acquire
+from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import (
     line_settings,
@@ -33,7 +34,7 @@ from robid.settings.robot_parts import (
 from robid.settings.slices import to_plain
 from robid.stages.configurations import configurations_of, design_inputs
 from robid.stages.lines import campaign_lines
-from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
+from robid.stages.stage import Job, Plan, Stage, counted, periodic_campaigns
 
 
 def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
@@ -137,7 +138,7 @@ STAGE = Stage(
     "Designs what each motor is told to do, within the limits of every configuration.",
     "campaign",
     EXCITATION,
-    measured_campaigns,
+    periodic_campaigns,
     _plan,
     _run,
     show=_show,

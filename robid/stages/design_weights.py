@@ -18,7 +18,7 @@ from robid.fit.options import ElasticOptions, Weights
 from robid.fit.weights import make_weights
 from robid.settings.experiment import Design, Experiment
 
-UNREAD = ("coherence", "silent_level", "silent_noise", "silent_doubt", "uncompensated_response", "torque_amplitude")
+UNREAD = ("coherence", "silent_level", "silent_noise", "silent_doubt", "uncompensated_response", "input_amplitude")
 """What no design reads of a response."""
 _WEIGHED = ("configurations", "response", "input_factor", "element_scale", "total_covariance", "noise_covariance")
 

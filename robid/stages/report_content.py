@@ -169,7 +169,7 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
             name: excitation_from_artifact(read_artifact(folder / name / "excitation.h5", EXCITATION))
             for name in records
         },
-        shapes={name: inspect_artifact(path)["datasets"]["torque"]["shape"] for name, path in records.items()},
+        shapes={name: inspect_artifact(path)["datasets"]["inputs"]["shape"] for name, path in records.items()},
         frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
         models={name: read_artifact(path, MODEL) for name, path in models.items()},
         validations={name: read_artifact(path, VALIDATION) for name, path in validations.items()},
@@ -249,7 +249,7 @@ def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
     if not rms.any():
         return []
     named = zip(frf.input_names, rms.tolist(), strict=True)
-    return [TorqueRow(campaign, name, value, frf.torque_unit) for name, value in named]
+    return [TorqueRow(campaign, name, value, frf.input_unit) for name, value in named]
 
 
 def _stage(loaded: LoadedExperiment, path: str, file: Path, run: _Run) -> StageRow:

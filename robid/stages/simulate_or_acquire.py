@@ -13,10 +13,11 @@ from robid.artifacts.excitation import EXCITATION, CampaignExcitation, excitatio
 from robid.artifacts.parts import Parts
 from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.record import RECORD, record_to_artifact
-from robid.artifacts.store import read_artifact
+from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import check_truth, truth_sha256, write_truth
+from robid.settings.acquire import Acquire
 from robid.settings.configuration_checks import configuration_count
-from robid.settings.experiment import Acquire, Campaign
+from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller, robot_settings
@@ -26,7 +27,7 @@ from robid.simulate.experiment import Experiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.steps import LIMITS
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
-from robid.stages.acquire import acquire_configuration, experiment_count, log_files
+from robid.stages.acquire import acquire_configuration, acquire_shots, experiment_count, log_files
 from robid.stages.stage import Job, Plan, Stage, counted, measured_campaigns
 
 _BYTES_PER_SAMPLE = 4
@@ -37,7 +38,8 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     section = f"campaigns.{owner}"
     settings: dict[str, Any] = {f"{section}.periods": campaign.periods}
     settings[f"{section}.source"] = to_plain(campaign.source)
-    record, inputs = f"{owner}/record.h5", {"excitation": f"{owner}/excitation.h5"}
+    record = f"{owner}/record.h5"
+    inputs = {} if campaign.is_one_shot else {"excitation": f"{owner}/excitation.h5"}
     if campaign.source is not None and campaign.source.acquire is not None:
         settings |= {f"{section}.{key}": getattr(campaign, key) for key in ("realizations", "experiments")}
         return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
@@ -61,6 +63,8 @@ def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
 
 
 def _run(job: Job) -> str:
+    if job.campaign.is_one_shot:
+        return _acquire_shots(job)
     content = excitation_from_artifact(read_artifact(job.inputs["excitation"], EXCITATION))
     source = job.campaign.source
     if source is None:
@@ -122,6 +126,16 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
     parts.merge(n_conf, job.provenance(STAGE.name))
     return figures((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
+
+
+def _acquire_shots(job: Job) -> str:
+    campaign = job.campaign
+    if campaign.source is None or campaign.source.acquire is None:
+        message = f"campaign {job.owner} has no logs"
+        raise RuntimeError(message)
+    record = acquire_shots(campaign, campaign.source.acquire, job.loaded.path.parent)
+    write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
+    return f"{counted(campaign.realizations, 'shot')} of {record.period_s:.3g} s"
 
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:

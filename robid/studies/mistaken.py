@@ -32,9 +32,9 @@ def mistaken_record(record: Record, mistake: Mistake, configurations: FloatArray
         record = replace(record, configurations=configurations[told : told + 1])
     return replace(
         record,
-        torque=record.torque * torque,
-        position=_late(record.position, mistake.delay_samples) * angle,
-        position_offset_rad=record.position_offset_rad * angle,
+        inputs=record.inputs * torque,
+        outputs=_late(record.outputs, mistake.delay_samples) * angle,
+        output_offset=record.output_offset * angle,
     )
 
 

@@ -215,7 +215,7 @@ def _judgement(one: Fitting, solution: Solution) -> dict[str, Dataset]:
     measured_hz, model_hz = first_resonances(fitted, one.axes)
     places = [(frf.output_names.index(name), frf.input_names.index(name)) for name in one.axes]
     configuration, resonance = ("configuration",), ("configuration", "axis")
-    curve, unit = ("configuration", "frequency", "axis"), f"rad/(s^2 {frf.torque_unit})"
+    curve, unit = ("configuration", "frequency", "axis"), frf.unit
 
     def own(values: FloatArray | ComplexArray) -> FloatArray:
         return np.stack([np.abs(values[..., row, column]) for row, column in places], axis=-1)

@@ -104,7 +104,7 @@ def linear_record():
 
 def fit_periodic(record):
     """Our springs from the record: response of its last period and fit."""
-    last = replace(record, torque=record.torque[:, :, :, 1:], position=record.position[:, :, :, 1:])
+    last = replace(record, inputs=record.inputs[:, :, :, 1:], outputs=record.outputs[:, :, :, 1:])
     frf = estimate_frf(last, EstimateOptions(compensation="none"), None, DELAY_S)
     return fit_elastic(ROBOT, frf, ElasticOptions(free=("stiffness", "damping")), DELAY_S)
 

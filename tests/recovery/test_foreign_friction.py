@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 CONFIGURATIONS = np.deg2rad([[20.0, 30.0], [-60.0, -20.0], [80.0, 70.0], [-100.0, 10.0]])
 SEEDS = 12
-ONE_CONFIGURATION = ("configurations", "torque", "position", "reference", "position_offset_rad")
+ONE_CONFIGURATION = ("configurations", "inputs", "outputs", "reference", "output_offset")
 
 
 def campaign(law, seed):

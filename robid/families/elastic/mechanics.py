@@ -62,7 +62,7 @@ class FittedExport:
     @property
     def units(self) -> list[str]:
         """Returns the unit of each parameter."""
-        return [with_torque_unit(unit, self.frf.torque_unit) for unit in self.solution.units]
+        return [with_torque_unit(unit, self.frf.input_unit) for unit in self.solution.units]
 
     @property
     def origin(self) -> dict[str, str]:
@@ -73,7 +73,7 @@ class FittedExport:
             "fit": self.name,
             "fitted_utc": self.date,
             "status": self.solution.status,
-            "torque_unit": self.frf.torque_unit,
+            "torque_unit": self.frf.input_unit,
             "robid_version": robid.__version__,
         }
 
@@ -119,7 +119,7 @@ def arrays(found: FittedExport, rows: list[int]) -> Content:
         "input_names": found.frf.input_names,
         "output_names": found.frf.output_names,
         "sampling_period_s": found.frf.sampling_period_s,
-        "torque_hold": found.frf.torque_hold,
+        "torque_hold": found.frf.input_hold,
         "response_axes": "configuration, frequency, output, input",
     }
 
@@ -185,7 +185,7 @@ def _steps(found: FittedExport, simulate: SimulateOptions, *, friction: bool) ->
 
 
 def _header(found: FittedExport, names: list[str], angles: FloatArray, *, friction: bool) -> str:
-    solution, unit = found.solution, found.frf.torque_unit
+    solution, unit = found.solution, found.frf.input_unit
     relied = solution.identified | solution.known_beforehand
     weak = [name for name, known in zip(solution.names, relied, strict=True) if not known]
     shown = [np.array2string(row, precision=3, max_line_width=1000) for row in np.rad2deg(angles)]

@@ -345,6 +345,6 @@ def test_what_cannot_be_designed_for_is_refused(frf):
     with pytest.raises(SettingsError, match="`fixed` names elbow, which"):
         measured_information(ROBOT, frf, DELAY_S, fixed=("elbow",))
     with pytest.raises(DataError, match="the robot's motors"):
-        measured_information(ROBOT, replace(frf, input_names=("elbow", "shoulder")), DELAY_S)
+        measured_information(ROBOT, replace(frf, input_channels=frf.input_channels[::-1]), DELAY_S)
     with pytest.raises(ValueError, match="weights"):
         measured_information(ROBOT, frf, DELAY_S, weights=np.ones((3, 25, 2, 1)))

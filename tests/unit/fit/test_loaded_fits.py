@@ -45,7 +45,7 @@ def loaded_frf(robot, torque_nm, configurations=CONFIGURATIONS):
     frf = exact_frf(robot, configurations, FREQUENCY_HZ, delay_s=DELAY_S)
     generator = np.random.default_rng(1)
     phases = np.exp(2j * np.pi * generator.uniform(size=(len(configurations), FREQUENCY_HZ.size, 2, 8)))
-    frf = replace(frf, torque_amplitude=torque_nm * phases / np.sqrt(2 * FREQUENCY_HZ.size))
+    frf = replace(frf, input_amplitude=torque_nm * phases / np.sqrt(2 * FREQUENCY_HZ.size))
     for _ in range(30):
         model = rest_model(robot, frf, ElasticOptions(), DELAY_S)
         values = nominal_parameters(robot, model, DELAY_S)
@@ -66,7 +66,7 @@ def test_power_through_a_gear_is_that_of_its_own_spring():
     model = rest_model(robot, frf, ElasticOptions(), DELAY_S)
     values = nominal_parameters(robot, model, DELAY_S)
     bare = response(model, values, FREQUENCY_HZ, None)
-    deflection = bare.inputs[:, :, 2:4] @ frf.torque_amplitude * frf_hold()[:, None, None]
+    deflection = bare.inputs[:, :, 2:4] @ frf.input_amplitude * frf_hold()[:, None, None]
     dynamic = values.stiffness[:2] + 2j * np.pi * FREQUENCY_HZ[:, None] * values.damping[:2]
     wanted = 2 * (np.abs(dynamic[..., None] * deflection) ** 2).mean(axis=-1)
     found = spring_load(robot, frf, values)

@@ -45,9 +45,9 @@ def fit_content(shown: Shown) -> FitContent:
         frf=replace(frf, response=solution.measured),
         model_response=solution.modelled,
         estimates=Estimates(
-            rows=_parameters(solution, frf.torque_unit, shown.true, robot.assumed),
+            rows=_parameters(solution, frf.input_unit, shown.true, robot.assumed),
             level=solution.confidence,
-            torque_unit=frf.torque_unit,
+            torque_unit=frf.input_unit,
             misfit=solution.misfit,
             undetermined=solution.undetermined,
             identifiable_relative_std=settings.identifiable_relative_std,
