@@ -13,7 +13,7 @@ from robid.design.fitted import FittedInformation
 from robid.design.options import ALONG
 from robid.design.wanted import choose_parameters, eliminated
 from robid.errors import DataError
-from robid.frf.entry import require
+from robid.frf.channels import require
 from robid.frf.frf import Frf
 from robid.frf.residual import LOGARITHM, Residual
 from robid.robot.collocated import motor_rows

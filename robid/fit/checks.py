@@ -8,7 +8,7 @@ from robid.arrays import BoolArray
 from robid.errors import DataError
 from robid.fit.options import ElasticOptions
 from robid.fit.problem import Problem
-from robid.frf.entry import require
+from robid.frf.channels import require
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE

@@ -11,6 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, NEEDS_SQUARE_BLOCKS, BlockEstimate
+from robid.frf.channels import response_channels, to_accelerations
 from robid.frf.checks import check_record, finding_notes, refuse_faults
 from robid.frf.compensation import (
     Disturbance,
@@ -28,7 +29,6 @@ from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
 from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
-from robid.signals.quantities import DRIVES, Channel
 from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
@@ -137,19 +137,6 @@ def estimate_frf(
     )
 
 
-def response_channels(record: Record, options: EstimateOptions) -> tuple[Channel, ...]:
-    """Returns what the outputs of a record's response are."""
-    kept = not _to_accelerations(record, options)
-    return tuple(channel if kept else channel.acceleration for channel in record.output_channels)
-
-
-def _to_accelerations(record: Record, options: EstimateOptions) -> bool:
-    """Whether motions become accelerations."""
-    if options.outputs == "auto":
-        return all(channel.quantity in DRIVES for channel in record.input_channels)
-    return options.outputs == "acceleration"
-
-
 def _used(laws: tuple[TorqueLaw, ...] | None) -> str:
     """Which compensation some laws are."""
     if laws is None:
@@ -161,7 +148,7 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
     """Transforms the record at the lines that the estimator reads and at the silent ones."""
     n_freq = len(record.excited_lines)
     lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
-    accelerations = _to_accelerations(record, options)
+    accelerations = to_accelerations(record, options)
     transform = partial(record_blocks, with_reference=options.estimator in READS_REFERENCE, accelerations=accelerations)
     blocks = transform(record, lines)
     removed = _removed(record, lines, laws, delay_s)

@@ -92,12 +92,12 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     if isinstance(rms, tuple) and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
+    acquire = None if campaign.source is None else campaign.source.acquire
     if not campaign.is_one_shot:
-        yield from _experiments(field, campaign, n_joint)
+        yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
         yield from _lines(field, campaign, robot)
     if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
         yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
-    acquire = None if campaign.source is None else campaign.source.acquire
     yield from _outputs(field, campaign, robot)
     if acquire is not None:
         yield from check_channels(field, acquire, robot)

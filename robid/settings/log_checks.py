@@ -98,7 +98,8 @@ def check_channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Fou
 def _output(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str]]:
     """Finds a name that is no joint's, and a side that is not its name's."""
     joint, _, part = output.name.partition(".")
-    if joint not in joints and output.side != "tool":
+    unsaid = part not in ("", "arm") and output.channel.quantity == "angle" and output.quantity is None
+    if output.side != "tool" and (joint not in joints or unsaid):
         known = [*joints, *(f"{name}.arm" for name in joints)]
         yield "name", f"`{output.name}` is not an angle of the robot; {suggest(output.name, known)}"
     own = {"": "motor", "arm": "arm"}.get(part)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.frf.entry import require
+from robid.frf.channels import require
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.friction import TorqueLaw

@@ -1,10 +1,25 @@
-"""What a reader of a response asks of its channels."""
+"""What the channels of a response are, and what its readers ask of them."""
 
 from __future__ import annotations
 
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.signals.quantities import Wanted, describe
+from robid.frf.options import EstimateOptions
+from robid.signals.quantities import DRIVES, Channel, Wanted, describe
+from robid.signals.record import Record
+
+
+def response_channels(record: Record, options: EstimateOptions) -> tuple[Channel, ...]:
+    """Returns what the outputs of a record's response are."""
+    kept = not to_accelerations(record, options)
+    return tuple(channel if kept else channel.acceleration for channel in record.output_channels)
+
+
+def to_accelerations(record: Record, options: EstimateOptions) -> bool:
+    """Whether motions become accelerations before the response is estimated."""
+    if options.outputs == "auto":
+        return all(channel.quantity in DRIVES for channel in record.input_channels)
+    return options.outputs == "acceleration"
 
 
 def require(frf: Frf, inputs: Wanted, outputs: Wanted, reader: str) -> None:
