@@ -109,4 +109,7 @@ def test_a_reader_says_what_it_wants_and_what_it_got():
         "An elastic model needs responses from motor torque or current to acceleration; this one is from motor speed"
         " reference (q) to motor angle (q), motor speed (q.tacho), tool acceleration (felt)"
     )
+    command = played(motor_channels("q", "speed_reference"), MEASURED)
+    with pytest.raises(DataError, match="from motor speed reference"):
+        require(estimate_frf(command, replace(PLAIN, outputs="acceleration")), MOTOR_TORQUE, ACCELERATION, "It")
     require(estimate_frf(played(motor_channels("q", "current"), MEASURED), PLAIN), MOTOR_TORQUE, ACCELERATION, "It")
