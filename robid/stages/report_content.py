@@ -166,8 +166,8 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
     return _Run(
         designs={name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in designs.items()},
         excitations={
-            name: excitation_from_artifact(read_artifact(folder / name / "excitation.h5", EXCITATION))
-            for name in records
+            name: excitation_from_artifact(read_artifact(path, EXCITATION))
+            for name, path in there(records, "{}/excitation.h5").items()
         },
         shapes={name: inspect_artifact(path)["datasets"]["inputs"]["shape"] for name, path in records.items()},
         frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
