@@ -20,6 +20,7 @@ from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import ElasticModel, build_model
+from robid.robot.parameters import OF_SPRINGS
 from robid.robot.response import nominal_parameters, response
 
 _ALIKE = 1 - 1e-12
@@ -130,7 +131,7 @@ def measured_information(
     frf: Frf,
     delay_s: float,
     *,
-    kinds: Sequence[str] = ("stiffness", "damping"),
+    kinds: Sequence[str] = OF_SPRINGS,
     nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
     weights: FloatArray | None = None,
@@ -190,7 +191,7 @@ def fitted_information(
     *,
     whitening: ComplexArray | None = None,
     residual: Residual = LOGARITHM,
-    kinds: Sequence[str] = ("stiffness", "damping"),
+    kinds: Sequence[str] = OF_SPRINGS,
     nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
     model_error: float = 0.0,

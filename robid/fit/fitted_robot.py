@@ -9,8 +9,12 @@ import numpy as np
 
 from robid.fit.solution import Solution
 from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
+from robid.robot.parameters import PARAMETER_KINDS
 
 _LEAST_FACTOR = 0.01
+_SPRING_VALUES = {
+    name: kind.field for name, kind in PARAMETER_KINDS.items() if kind.owner in ("spring", "transmission")
+}
 
 
 def fitted_robot(robot: Robot, solution: Solution) -> Robot:
@@ -50,9 +54,7 @@ def _spring(spring: Spring, found: Mapping[str, float]) -> Spring:
     moved = any(value is not None for value in point)
     return replace(
         spring,
-        stiffness_nm_rad=found.get(f"{spring.name}.stiffness", spring.stiffness_nm_rad),
-        damping_nms_rad=found.get(f"{spring.name}.damping", spring.damping_nms_rad),
-        cubic_nm_rad3=found.get(f"{spring.name}.cubic", spring.cubic_nm_rad3),
+        **{key: found.get(f"{spring.name}.{kind}", getattr(spring, key)) for kind, key in _SPRING_VALUES.items()},
         point_m=np.where([value is None for value in point], spring.point_m, np.array(point, float))
         if moved
         else spring.point_m,

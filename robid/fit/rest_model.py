@@ -17,7 +17,7 @@ from robid.robot.description import Robot
 from robid.robot.expand import expand, with_springs_at
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.names import element_names
+from robid.robot.parameters import element_names
 from robid.robot.response import ElasticParameters, hold_factor, motion_matrices, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
 

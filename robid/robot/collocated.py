@@ -10,8 +10,6 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, alias_factor, fast_limit, hold_factor, mass_matrix
 
-KINDS = ("stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay")
-
 
 def is_collocated(model: LinearModel) -> bool:
     """Whether the outputs are the motors themselves, so that the response is symmetric."""

@@ -13,7 +13,7 @@ from robid.fit.options import ElasticOptions
 from robid.fit.parameters import map_parameters
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.names import element_names
+from robid.robot.parameters import element_names
 from robid.robot.response import nominal_parameters
 
 CONFIGURATIONS = np.array([[-0.3, 0.5]])
