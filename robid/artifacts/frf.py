@@ -6,15 +6,16 @@ Schema history:
     1.2: `torque_amplitude`, `realization_error`.
     1.3: `mean_torque`, `mean_position`, `motion_rms`, `compensation`, `line_correlation`,
         `freedom_share`.
+    1.4: `joint_units`, where joints are prismatic.
 """
 
 from __future__ import annotations
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import Column, from_datasets, position_units, to_datasets
 from robid.frf.frf import Frf
 
-FRF = Kind("frf", "1.3", "robid estimate-frf")
+FRF = Kind("frf", "1.4", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -26,7 +27,8 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
     table = {
         "frequency_hz": Column("Hz", ("frequency",), "Excited frequencies"),
         "lines": Column("1", ("frequency",), "Their DFT lines"),
-        "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
+        "configurations": Column(position_units(frf.joint_units), ("configuration", "joint"), "Arm-side joints"),
+        "joint_units": Column("1", ("joint",), "Units of the joints' positions"),
         "response": Column(f"rad/s^2/{torque}", ("configuration", *response), "From torque to acceleration"),
         "input_factor": Column(
             f"1/{torque}^2", ("configuration", "frequency", "input", "input"), "Input factor of the covariance"

@@ -4,15 +4,16 @@ Schema history:
     1.0: first version.
     1.1: `accelerations`; trackers and accelerometers among the outputs.
     1.2: `truth_sha256`.
+    1.3: `joint_units`, where joints are prismatic.
 """
 
 from __future__ import annotations
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import Column, from_datasets, position_units, to_datasets
 from robid.signals.record import Record
 
-RECORD = Kind("record", "1.2", "robid simulate-or-acquire")
+RECORD = Kind("record", "1.3", "robid simulate-or-acquire")
 
 _REFERENCE_UNITS = {"speed_reference": "rad/s", "position_reference": "rad"}
 
@@ -22,7 +23,8 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
     samples = ("configuration", "realization", "experiment", "period", "sample")
     reference_units = _REFERENCE_UNITS.get(record.reference_kind, record.torque_unit)
     table = {
-        "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
+        "configurations": Column(position_units(record.joint_units), ("configuration", "joint"), "Arm-side joints"),
+        "joint_units": Column("1", ("joint",), "Units of the joints' positions"),
         "torque": Column(record.torque_unit, (*samples, "input"), "Motor torque, motor side", compact=True),
         "position": Column(
             "rad",

@@ -163,8 +163,8 @@ def _shapes(
 
 def _nominal_springs(robot: Robot) -> SpringValues:
     return SpringValues(
-        stiffness=np.array([spring.stiffness_nm_rad for spring in robot.springs]),
-        cubic=np.array([spring.cubic_nm_rad3 for spring in robot.springs]),
-        damping=np.array([spring.damping_nms_rad for spring in robot.springs]),
-        location=np.concatenate([spring.point_m for spring in robot.springs]),
+        stiffness=np.array([spring.stiffness for spring in robot.springs]),
+        cubic=np.array([spring.cubic for spring in robot.springs]),
+        damping=np.array([spring.damping for spring in robot.springs]),
+        location=robot.spring_points_m,
     )

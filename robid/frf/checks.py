@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
+from robid.signals.positions import shown
 from robid.signals.record import Record
 
 JITTER_LIMIT = 0.1
@@ -85,7 +86,7 @@ def is_finding(note: str) -> bool:
 
 
 def _where(record: Record) -> str:
-    return f"{_WHERE} {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
+    return f"{_WHERE} {shown(record.configurations[0], record.joint_units)}"
 
 
 def _timing(record: Record) -> list[Finding]:

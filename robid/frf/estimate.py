@@ -27,6 +27,7 @@ from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
 from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
+from robid.signals.positions import shown
 from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
@@ -118,6 +119,7 @@ def estimate_frf(
         uncompensated_response=None if laws is None else _uncompensated(spectra, options)[None],
         sampling_period_s=record.sampling_period_s,
         input_names=record.input_names,
+        joint_units=record.joint_units,
         output_names=record.output_names,
         torque_unit=record.torque_unit,
         torque_hold=record.torque_hold,
@@ -207,7 +209,7 @@ def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
 
 
 def _where(record: Record) -> str:
-    return f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
+    return f"configuration at {shown(record.configurations[0], record.joint_units)}"
 
 
 def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:

@@ -142,6 +142,7 @@ class Frf:
     compensation: str = ""
     line_correlation: FloatArray | None = None
     freedom_share: FloatArray | None = None
+    joint_units: tuple[str, ...] | None = None
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""

@@ -155,8 +155,8 @@ def element_units(robot: Robot, kind: str) -> list[str]:
     if about.owner == "point":
         return [about.unit] * (3 * len(robot.springs))
     if about.owner in ("spring", "transmission"):
-        return [about.unit for _ in robot.springs]
-    return [about.unit for _ in robot.joints]
+        return [about.linear_unit if robot.is_linear(spring) else about.unit for spring in robot.springs]
+    return [about.linear_unit if slides else about.unit for slides in robot.prismatic.tolist()]
 
 
 def coefficient_unit(name: str) -> str:

@@ -63,6 +63,10 @@ def check_channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Fou
         if channel.name not in known:
             message = f"`{channel.name}` is not an angle of the robot; {suggest(channel.name, known)}"
             yield (*inside, "outputs", index, "name"), message
+        slides = any(joint.slides and channel.name == f"{joint.name}.arm" for joint in robot.joints)
+        if channel.name in known and slides != (channel.unit in ("m", "mm")):
+            side = "the arm side of a prismatic joint is in m or mm" if slides else "angles are in rad or deg"
+            yield (*inside, "outputs", index, "unit"), f"{channel.unit} is no unit of `{channel.name}`: {side}"
     if not acquire.references:
         return
     if robot.controller is None:

@@ -16,7 +16,7 @@ class Record:
 
     Attributes:
         sampling_period_s: Sampling period of all channels [s].
-        configurations (n_conf, n_joint): Arm-side joint angles, encoder side of the gears [rad].
+        configurations (n_conf, n_joint): Arm-side joint positions, encoder side of the gears [rad, or m].
         torque (n_conf, n_real, n_exp, n_period, n_sample, n_in): Motor torque, motor side [N m].
         position (n_conf, n_real, n_exp, n_period, n_sample, n_out): Measured angles relative to
             `position_offset_rad`: motor side for motors, arm side for link encoders [rad]; of trackers the
@@ -34,6 +34,7 @@ class Record:
         torque_relative_std (n_in,): Standard deviation of the relative error of the torque's scale, or None
             where the scale is exact.
         accelerations: Names of the outputs that are accelerations.
+        joint_units: Unit of each joint's position; None where all are angles.
         truth_sha256: Hash of the file with the truth that was simulated; "" where it is unknown.
         notes: What the import or the simulation wants the reader to know.
     """
@@ -54,6 +55,7 @@ class Record:
     torque_relative_std: FloatArray | None = None
     accelerations: tuple[str, ...] = ()
     truth_sha256: str = ""
+    joint_units: tuple[str, ...] | None = None
     notes: tuple[str, ...] = field(default=())
 
     @property

@@ -41,7 +41,12 @@ def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
 
 
 def acquire_configuration(
-    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, index: int, folder: Path
+    campaign: Campaign,
+    acquire: Acquire,
+    content: CampaignExcitation,
+    index: int,
+    folder: Path,
+    joint_units: tuple[str, ...] | None = None,
 ) -> Record:
     """Imports every experiment of one configuration.
 
@@ -51,6 +56,7 @@ def acquire_configuration(
         content: Its excitation: lines and configurations, and what the references are matched to.
         index: Index of the configuration.
         folder: Folder of the experiment file.
+        joint_units: Unit of each joint's position; None where all are angles.
 
     Raises:
         DataError: If a log is not what was said.
@@ -72,7 +78,9 @@ def acquire_configuration(
     ]
     record = join_experiments(records, n_exp)
     told = f"Imported from {Path(acquire.file).name}, periods dropped: {acquire.drop_periods}, used: {campaign.periods}"
-    return replace(record, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes))
+    return replace(
+        record, joint_units=joint_units, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes)
+    )
 
 
 def _mapping(acquire: Acquire, file: Path) -> LogMapping:

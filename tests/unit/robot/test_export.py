@@ -37,7 +37,7 @@ FIELDS = [
 def full_robot():
     """Every number with many digits, cubic springs, friction and ripple with a phase."""
     robot = two_joint_robot()
-    springs = tuple(replace(s, stiffness_nm_rad=s.stiffness_nm_rad / 3, cubic_nm_rad3=1e6 / 7) for s in robot.springs)
+    springs = tuple(replace(s, stiffness=s.stiffness / 3, cubic=1e6 / 7) for s in robot.springs)
     joints = tuple(
         replace(joint, motor=replace(joint.motor, friction=friction, ripple_nm=0.1 / 3, ripple_phase_rad=phase))
         for joint, friction, phase in zip(

@@ -29,7 +29,7 @@ def bump(width=0.06):
 
 def drive(damping=0.0, cubic=0.0):
     robot = two_mass_robot(MOTOR, LOAD, STIFFNESS, damping, RATIO, VISCOUS)
-    return replace(robot, springs=(replace(robot.springs[0], cubic_nm_rad3=cubic),))
+    return replace(robot, springs=(replace(robot.springs[0], cubic=cubic),))
 
 
 def invert(robot, motion, configuration, stride=1):
