@@ -8,9 +8,10 @@ import mujoco
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring
+from robid.robot.actuators import add_static_friction, add_torque, motor_drives, set_passive
+from robid.robot.description import Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.inertia import combine, remove
-from robid.robot.static_friction import StaticLaw, friction_ramps
+from robid.robot.static_friction import StaticLaw
 
 _MASSLESS_KG = 1e-6
 _ACROSS = 0.5 + 1e-9  # a thin disc's, and so much more that printing it leaves an inertia that a body can have
@@ -112,10 +113,10 @@ def build_model(
         if spring.place == "transmission":
             linear = robot.is_linear(spring)
             _add_transmission(spec, robot, spring, backlash[linear], hysteresis[linear])
-    for joint, drive in zip(robot.joints, _drives(robot), strict=True):
-        _add_torque(spec, joint, drive, friction=friction, ripple=ripple)
-    for joint, drive in zip(robot.joints, _drives(robot), strict=True) if static_law else ():
-        _add_static_friction(spec, joint, drive, static_law or "tanh")
+    for joint, drive in zip(robot.joints, motor_drives(robot), strict=True):
+        add_torque(spec, joint, drive, friction=friction, ripple=ripple)
+    for joint, drive in zip(robot.joints, motor_drives(robot), strict=True) if static_law else ():
+        add_static_friction(spec, joint, drive, static_law or "tanh")
     for sensor in robot.sensors if sensors else ():
         kind = mujoco.mjtSensor.mjSENS_FRAMEPOS if sensor.kind == "tracker" else mujoco.mjtSensor.mjSENS_ACCELEROMETER
         spec.add_sensor(name=sensor.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site_name(sensor))
@@ -130,14 +131,6 @@ def _check_rigid(robot: Robot) -> None:
     if any(joint.couplings for joint in rigid):
         message = "a rigid joint cannot be moved by other motors"
         raise ValueError(message)
-
-
-def _drives(robot: Robot) -> list[tuple[str, float]]:
-    """The MuJoCo joint that each motor drives, and the motor's angle per unit of it."""
-    return [
-        (f"q_a_{joint.name}", joint.motor.gear_ratio) if rigid else (f"q_m_{joint.name}", 1.0)
-        for joint, rigid in zip(robot.joints, robot.rigid, strict=True)
-    ]
 
 
 def _add_base(world: mujoco.MjsBody, robot: Robot) -> tuple[mujoco.MjsBody, FloatArray]:
@@ -252,7 +245,7 @@ def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) 
 def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlash: float, hysteresis: float) -> None:
     joint = robot.joints[spring.joint]
     tendon = spec.add_tendon(name=spring.name)
-    for (drive, turns), arm in zip(_drives(robot), robot.arm_per_motor[spring.joint].tolist(), strict=True):
+    for (drive, turns), arm in zip(motor_drives(robot), robot.arm_per_motor[spring.joint].tolist(), strict=True):
         if arm != 0:
             tendon.wrap_joint(drive, arm * turns)
     tendon.wrap_joint(f"q_a_{joint.name}", -1.0)
@@ -265,61 +258,13 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
         bristles = spec.add_actuator(
             name=f"hysteresis_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=spring.name
         )
-        _set_passive(bristles, lugre=law)
-
-
-def _add_torque(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], *, friction: bool, ripple: bool) -> None:
-    actuator = _add_actuator(spec, f"torque_{joint.name}", drive)
-    actuator.set_to_motor()
-    motor = joint.motor
-    lugre = _lugre(motor) if friction and motor.friction.coulomb_nm > 0 else None
-    cogging = [motor.ripple_nm, motor.ripple_order, motor.ripple_phase_rad] if ripple and motor.ripple_nm > 0 else None
-    if lugre or cogging:
-        passive = _add_actuator(spec, f"friction_{joint.name}", drive)
-        _set_passive(passive, lugre=lugre, cogging=cogging)
-
-
-def _add_actuator(spec: mujoco.MjSpec, name: str, drive: tuple[str, float]) -> mujoco.MjsActuator:
-    """Adds an actuator whose length is the motor's angle."""
-    actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=drive[0])
-    actuator.gear = [drive[1], 0.0, 0.0, 0.0, 0.0, 0.0]
-    return actuator
-
-
-def _add_static_friction(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], law: StaticLaw) -> None:
-    if joint.motor.friction.coulomb_nm == 0:
-        return
-    ramps = friction_ramps(joint.motor.friction, law)
-    for number, (slope, level) in enumerate(zip(ramps.slope.tolist(), ramps.level.tolist(), strict=True)):
-        ramp = _add_actuator(spec, f"friction_{joint.name}_{number}", drive)
-        # The gain of 1 on a control that stays zero keeps MuJoCo from reading the slope as a damping ratio.
-        ramp.set_to_motor()
-        ramp.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        ramp.biasprm = np.concatenate([[0.0, 0.0, -slope], np.zeros(7)])
-        ramp.forcelimited, ramp.forcerange = 1, [-level, level]
-
-
-def _lugre(motor: Motor) -> list[float]:
-    law = motor.friction
-    return [law.coulomb_nm / law.presliding_rad, 0.0, law.coulomb_nm, law.static_nm, law.stribeck_rad_s]
-
-
-def _set_passive(
-    actuator: mujoco.MjsActuator, *, lugre: list[float] | None = None, cogging: list[float] | None = None
-) -> None:
-    actuator.set_to_dcmotor(
-        motorconst=[0.0, 0.0],
-        resistance=1.0,
-        lugre=lugre or [0.0] * 5,
-        cogging=cogging or [0.0] * 3,
-        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
-    )
+        set_passive(bristles, lugre=law)
 
 
 def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
     model = spec.compile()
     names = [joint.name for joint in robot.joints]
-    drives = _drives(robot)
+    drives = motor_drives(robot)
     motor = np.array([model.joint(name).dofadr[0] for name, _ in drives])
     turns = np.array([turn for _, turn in drives])
     arm = np.array([model.joint(f"q_a_{name}").dofadr[0] for name in names])

@@ -13,8 +13,9 @@ from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.robot.description import Inertial, Joint, Robot
 from robid.robot.rotation import roll_pitch_yaw
-from robid.settings.base import DATA_VARIABLE, Vector, data_path
-from robid.settings.robot_sections import Assumed, Body, GearSection, JointSection, SensorSection, SpringSection, given
+from robid.settings.base import DATA_VARIABLE, Assumed, Vector, data_path
+from robid.settings.gears import GearSection
+from robid.settings.robot_sections import Body, JointSection, SensorSection, SpringSection, given
 from robid.settings.yaml import FieldPath
 from robid.signals.positions import METRES, RADIANS
 from robid.simulate.options import Controller

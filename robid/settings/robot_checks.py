@@ -15,13 +15,13 @@ from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.plausible import implausible
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile, assumed_sections
+from robid.settings.robot_missing import missing
 from robid.settings.robot_sections import Body, JointSection, SpringSection
 from robid.settings.yaml import Document, FieldPath
 
 _ROUNDING = 1e-9
 _PARALLEL = 1e-6
 _OTHER = {"revolute": "prismatic", "prismatic": "revolute"}
-_NO_GEOMETRY = "is missing (or `frame`, or a `model` for the whole robot)"
 
 
 def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str] | None = None) -> list[Problem]:
@@ -32,7 +32,7 @@ def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str
         robot: The file, completed from its model where it names one that is there.
         immobile: Joints of the model that do not move, with the reason.
     """
-    checks = (_names, _missing, _joints, _values, _couplings, _splits, _payload, _base, _sensors, _assumed)
+    checks = (_names, missing, _joints, _values, _couplings, _splits, _payload, _base, _sensors, _assumed)
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
     found += implausible(robot)
     return [problem_at(document, field, message) for field, message in found]
@@ -44,46 +44,6 @@ def check_springs(robot: RobotFile, immobile: Mapping[str, str] | None = None) -
     yield from _splits(robot)
     yield from _values(robot)
     yield from _names(robot)
-
-
-def missing_keys(document: Document) -> list[Problem]:
-    """Returns what a robot file lacks by the types of its joints, whatever else keeps it from being read."""
-    joints = document.data.get("joints")
-    if not isinstance(joints, list):
-        return []
-    sliding = {joint.get("name") for joint in joints if isinstance(joint, dict) and joint.get("type") == "prismatic"}
-    found: list[tuple[FieldPath, str]] = []
-    for index, joint in enumerate(joints):
-        if isinstance(joint, dict):
-            keys = _lacking(joint, slides=joint.get("name") in sliding, alone="model" not in document.data)
-            found += [((("joints", index, *field), message)) for field, message in keys]
-    springs = document.data.get("springs")
-    for index, spring in enumerate(springs if isinstance(springs, list) else []):
-        if isinstance(spring, dict):
-            linear = spring.get("place") == "transmission" and spring.get("joint") in sliding
-            found += [(("springs", index, key), "is missing") for key in _lacking_values(spring, linear=linear)]
-    return [problem_at(document, field, message) for field, message in found]
-
-
-def _lacking(joint: Mapping[str, object], *, slides: bool, alone: bool) -> Iterator[tuple[FieldPath, str]]:
-    """What a joint as it is written lacks; frames, links and limits only where no model brings them."""
-    if alone and "dh" not in joint and "frame" not in joint:
-        yield ("dh",), _NO_GEOMETRY
-    wanted = ("link", "limits_m" if slides else "limits_deg") if alone else ()
-    yield from (((key,), "is missing") for key in wanted if key not in joint)
-    ratio, motor = "gear_ratio_rad_m" if slides else "gear_ratio", joint.get("motor")
-    if isinstance(motor, dict) and {"gear_ratio", "gear_ratio_rad_m"}.isdisjoint(motor):
-        yield ("motor", ratio), "is missing"
-    gear = joint.get("gear")
-    if isinstance(gear, dict):
-        yield from ((("gear", key), "is missing") for key in _lacking_values(gear, linear=slides))
-
-
-def _lacking_values(spring: Mapping[str, object], *, linear: bool) -> Iterator[str]:
-    for kind in ("stiffness", "damping"):
-        about = PARAMETER_KINDS[kind]
-        if {about.field, about.linear_field}.isdisjoint(spring):
-            yield about.linear_field if linear else about.field
 
 
 def spring_field(robot: RobotFile, index: int) -> FieldPath:
@@ -100,38 +60,6 @@ def _names(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     for field, name in named:
         if count[name] > 1:
             yield field, f"`{name}` names more than one joint, spring or sensor"
-
-
-def _missing(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
-    """What a file must say itself: all without a model, and what a model that was read does not say."""
-    was_read = robot.model is None or robot.joints[0].frame is not None
-    for index, joint in enumerate(robot.joints):
-        field = ("joints", index)
-        if robot.model is None:
-            yield from _missing_geometry(field, joint)
-        if was_read and joint.stated_limits is None:
-            yield (*field, joint.limits_key), _is_missing(robot)
-    if robot.model is None:
-        for key in ("locked_deg", "locked_m", "flange"):
-            if getattr(robot, key):
-                yield (key,), "belongs to a `model`, and there is none"
-
-
-def _is_missing(robot: RobotFile) -> str:
-    return "is missing" if robot.model is None else "is missing: the model does not say it either"
-
-
-def _missing_geometry(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
-    if joint.dh is not None and joint.frame is not None:
-        yield (*field, "frame"), "stands in place of `dh`: leave one of them out"
-    if joint.dh is None and joint.frame is None:
-        yield (*field, "dh"), _NO_GEOMETRY
-    if joint.link is None:
-        yield (*field, "link"), "is missing"
-    if joint.frame is not None:
-        rotation = np.array(joint.frame.rotation)
-        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _PARALLEL or np.linalg.det(rotation) < 0:
-            yield (*field, "frame", "rotation"), "is not a rotation: rows must be right-handed unit axes"
 
 
 def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
