@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from robid.errors import SettingsError
 from robid.fit.options import ElasticOptions
-from robid.robot.parameters import LOGARITHMIC, ElasticKind, kind_of_name
+from robid.robot.parameters import LOGARITHMIC, PARAMETER_KINDS, ElasticKind, kind_of_name
 
 if TYPE_CHECKING:
     from robid.robot.response import ElasticParameters
@@ -36,7 +36,7 @@ def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], 
         problems += [
             f"`{name}` starts at {value:g}, but must be positive to be estimated"
             for name, value in zip(every.get(kind, []), values, strict=False)
-            if value <= 0 and name in free
+            if value <= PARAMETER_KINDS[kind].lower and name in free
         ]
     if problems:
         remedy = "correct `fixed`, `tied`, `bounds` or the robot file's values"

@@ -52,6 +52,11 @@ class ParameterKind:
     panel: str = ""
 
     @property
+    def fields(self) -> tuple[str, str]:
+        """Where the robot file states it, of joints that turn and of those that slide."""
+        return self.field, self.linear_field
+
+    @property
     def lower(self) -> float:
         """What every value of this kind lies above."""
         return 0.0 if self.logarithmic else -np.inf

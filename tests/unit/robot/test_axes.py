@@ -16,6 +16,8 @@ from robid.robot.parameters import element_units
 from robid.robot.reach import mirror
 from robid.robot.response import nominal_parameters, response, with_values
 from robid.robot.skeleton import skeleton
+from robid.simulate.options import Imperfections
+from robid.simulate.truth import with_imperfections
 from tolerances import FINITE_DIFFERENCE
 
 FREQUENCY_HZ = np.array([1.3, 5.0, 11.0, 17.0, 29.0, 47.0, 60.0, 83.0])
@@ -154,6 +156,17 @@ def test_friction_of_a_rigid_joint_is_that_of_its_motor():
     assert data.actuator("friction_rail").force[0] == pytest.approx(1.5, rel=1e-2)  # the motor turns backwards
     assert data.qfrc_actuator[0] == pytest.approx(-628.0 * 1.5, rel=1e-2)
     assert data.actuator("friction_rail").velocity[0] == pytest.approx(-628.0 * speed, rel=0.05)
+
+
+def test_what_gears_do_wrong_is_stated_by_type_of_joint():
+    robot = with_imperfections(arm_on_rail(), Imperfections(stiffening_1_rad2=2.0, stiffening_1_m2=5e4))
+    assert [s.cubic / s.stiffness for s in robot.springs[:3]] == pytest.approx([5e4, 2.0, 2.0])
+    model = build_model(robot, backlash=(1e-4, 2e-5), hysteresis=(3.0, 40.0)).mujoco
+    for name, gap, load in (("gear_rail", 2e-5, 40.0), ("gear_1", 1e-4, 3.0)):
+        np.testing.assert_allclose(np.ptp(model.tendon_lengthspring[model.tendon(name).id]), gap)
+        joint = {"gear_rail": "rail", "gear_1": "shoulder"}[name]
+        bristles = model.actuator(f"hysteresis_{joint}")
+        assert load in [*bristles.dynprm, *bristles.gainprm, *bristles.biasprm]
 
 
 def test_units_follow_the_joint():

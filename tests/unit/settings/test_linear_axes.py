@@ -170,6 +170,29 @@ def test_what_is_wrong_is_told_with_its_field(tmp_path, change, field, told):
 
 
 @pytest.mark.parametrize(
+    ("name", "unit", "told"), [("x.arm", "rad", "is in m or mm"), ("x", "mm", "angles are in rad")]
+)
+def test_logs_of_linear_axes_have_units_of_their_own(tmp_path, name, unit, told):
+    data = YAML(typ="safe").load((CONFIGS / "gantry.yaml").read_text())
+    data["robot"] = str(CONFIGS / data["robot"])
+    axes = ("x", "y", "z")
+    outputs = [{"name": axis, "variable": axis} for axis in axes if axis != name]
+    data["campaigns"]["estimation"]["source"] = {
+        "acquire": {
+            "file": "{configuration}_{realization}_{experiment}.csv",
+            "format": "csv",
+            "sampling_period_s": 1e-3,
+            "inputs": [{"name": axis, "variable": f"t{axis}"} for axis in axes],
+            "outputs": [*outputs, {"name": name, "variable": "n", "unit": unit}],
+        }
+    }
+    path = tmp_path / "gantry.yaml"
+    YAML().dump(data, path)
+    with pytest.raises(SettingsError, match=told):
+        load_experiment(path)
+
+
+@pytest.mark.parametrize(
     ("chosen", "field", "told"),
     [
         ({"list_deg": [[1, 0, 0]]}, "list_deg", "write `list`"),

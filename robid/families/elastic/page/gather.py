@@ -128,7 +128,7 @@ def _parameters(
                 covered=None if true is None else lower <= true <= upper,
                 bootstrap=_pair(solution.bootstrap_lower, solution.bootstrap_upper, index),
                 realization_relative_std=_at(solution.realization_relative_std, index),
-                assumed=f"{owner}.{PARAMETER_KINDS[kind].field}" in assumed,
+                assumed=any(f"{owner}.{field}" in assumed for field in PARAMETER_KINDS[kind].fields),
                 note=f"shared by {', '.join(owner_of(tied, kind) for tied in shared)}" if shared else "",
             )
         )
