@@ -1,13 +1,14 @@
 """Prismatic and rigid joints: closed forms, limits, derivatives, and friction of motors that are part of their arms."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
 from exact_systems import arm_on_rail, linear_axis, two_joint_robot, without_spring
-from robid.robot.collocated import Collocated, is_collocated
+from robid.robot.collocated import Collocated, has_plain_inertias, is_collocated
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Friction
 from robid.robot.linearize import linearize, solve_statics
@@ -16,6 +17,7 @@ from robid.robot.parameters import element_units
 from robid.robot.reach import mirror
 from robid.robot.response import nominal_parameters, response, with_values
 from robid.robot.skeleton import skeleton
+from robid.settings.load import load_robot
 from robid.simulate.options import Imperfections
 from robid.simulate.truth import with_imperfections
 from tolerances import FINITE_DIFFERENCE
@@ -23,7 +25,9 @@ from tolerances import FINITE_DIFFERENCE
 FREQUENCY_HZ = np.array([1.3, 5.0, 11.0, 17.0, 29.0, 47.0, 60.0, 83.0])
 RIGID_RAIL = without_spring(arm_on_rail(), "gear_rail")
 RIGID_ELBOW = without_spring(two_joint_robot(), "gear_2")
+GANTRY = load_robot(Path(__file__).parents[3] / "configs/robots/gantry.yaml").to_robot()
 CASES = {
+    "gantry": (GANTRY, np.array([[1.0, 0.9, -0.3], [2.0, -1.2, 0.1]])),
     "arm on a rail": (arm_on_rail(), np.array([[0.4, -0.3, 0.5], [1.2, 0.9, 1.2]])),
     "arm on a rigid rail": (RIGID_RAIL, np.array([[0.4, -0.3, 0.5], [1.2, 0.9, 1.2]])),
     "rigid elbow": (RIGID_ELBOW, np.array([[-0.3, 0.5], [0.9, 1.2]])),
@@ -128,6 +132,12 @@ def test_links_own_inertia_is_that_of_the_model(case, joint):
     whole = [m.mass + np.einsum("l,clij->cij", m.axial, m.link_inertia) for m in (model, other)]
     np.testing.assert_allclose(whole[1] - whole[0], gained * model.link_inertia[:, joint], atol=1e-12)
     np.testing.assert_allclose(other.axial[joint] - model.axial[joint], gained, rtol=1e-8)
+
+
+def test_a_link_that_slides_two_ways_is_no_plain_inertia():
+    assert has_plain_inertias(linear_model(linear_axis(), np.array([[0.5]])))
+    assert has_plain_inertias(linear_model(*CASES["rigid elbow"]))
+    assert not has_plain_inertias(linear_model(*CASES["gantry"]))
 
 
 @pytest.mark.parametrize("case", CASES)
