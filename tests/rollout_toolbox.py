@@ -69,7 +69,7 @@ def make_parameters(nominal):
     """Logarithms of factors on springs and dampers, which scale them alike."""
     parameters, reach = sysid.ParameterDict(), np.log(FACTOR)
     for spring in nominal.springs:
-        for kind, value in (("stiffness", spring.stiffness_nm_rad), ("damping", spring.damping_nms_rad)):
+        for kind, value in (("stiffness", spring.stiffness), ("damping", spring.damping)):
 
             def scale(spec, parameter, name=spring.name, kind=kind, value=value):
                 element = spec.tendon(name) or spec.joint(f"q_e_{name}")

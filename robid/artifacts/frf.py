@@ -8,13 +8,14 @@ Schema history:
         `freedom_share`.
     2.0: each input and output has its quantity, unit and side: `input_channels`, `output_channels`; a response need not
         be one from torque to acceleration. `input_hold`, `input_amplitude`, `mean_input` and `mean_output` were
-        `torque_hold`, `torque_amplitude`, `mean_torque` and `mean_position`.
+        `torque_hold`, `torque_amplitude`, `mean_torque` and `mean_position`. `joint_units`, where joints
+        are prismatic.
 """
 
 from __future__ import annotations
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import Column, from_datasets, position_units, to_datasets
 from robid.frf.frf import Frf
 from robid.signals.quantities import units_text
 
@@ -33,7 +34,8 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
     table = {
         "frequency_hz": Column("Hz", ("frequency",), "Excited frequencies"),
         "lines": Column("1", ("frequency",), "Their DFT lines"),
-        "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
+        "configurations": Column(position_units(frf.joint_units), ("configuration", "joint"), "Arm-side joints"),
+        "joint_units": Column("1", ("joint",), "Units of the joints' positions"),
         "response": Column(unit, ("configuration", *response), "From inputs to outputs, by their channels"),
         "input_factor": Column(
             f"1/{per_input}^2", ("configuration", "frequency", "input", "input"), "Input factor of the covariance"

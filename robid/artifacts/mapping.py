@@ -34,6 +34,11 @@ class Column:
     compact: bool = False
 
 
+def position_units(joint_units: tuple[str, ...] | None) -> str:
+    """Unit of a dataset of joint positions."""
+    return "rad" if joint_units is None else "rad; m"
+
+
 def to_datasets(
     value: DataclassInstance, table: Mapping[str, Column]
 ) -> tuple[dict[str, Dataset], dict[str, Attribute]]:

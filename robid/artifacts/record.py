@@ -7,13 +7,13 @@ Schema history:
     2.0: each channel has its quantity, unit and side: `input_channels`, `output_channels`, `reference_channels`.
         `inputs`, `outputs`, `output_offset`, `input_hold` and `input_relative_std` were `torque`, `position`,
         `position_offset_rad`, `torque_hold` and `torque_relative_std`. A record may be one shot: without excited
-        lines, and without configurations.
+        lines, and without configurations. `joint_units`, where joints are prismatic.
 """
 
 from __future__ import annotations
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import Column, from_datasets, position_units, to_datasets
 from robid.signals.quantities import units_text
 from robid.signals.record import Record
 
@@ -25,7 +25,8 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
     samples = ("configuration", "realization", "experiment", "period", "sample")
     outputs = units_text(record.output_channels)
     table = {
-        "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
+        "configurations": Column(position_units(record.joint_units), ("configuration", "joint"), "Arm-side joints"),
+        "joint_units": Column("1", ("joint",), "Units of the joints' positions"),
         "inputs": Column(
             units_text(record.input_channels), (*samples, "input"), "Inputs, by their channels", compact=True
         ),

@@ -21,6 +21,7 @@ from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import ElasticModel, build_model
+from robid.robot.parameters import OF_SPRINGS
 from robid.robot.response import nominal_parameters, response
 from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE
 
@@ -132,7 +133,7 @@ def measured_information(
     frf: Frf,
     delay_s: float,
     *,
-    kinds: Sequence[str] = ("stiffness", "damping"),
+    kinds: Sequence[str] = OF_SPRINGS,
     nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
     weights: FloatArray | None = None,
@@ -192,7 +193,7 @@ def fitted_information(
     *,
     whitening: ComplexArray | None = None,
     residual: Residual = LOGARITHM,
-    kinds: Sequence[str] = ("stiffness", "damping"),
+    kinds: Sequence[str] = OF_SPRINGS,
     nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
     model_error: float = 0.0,

@@ -17,7 +17,7 @@ from robid.robot.description import Robot
 from robid.robot.expand import expand, with_springs_at
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.names import element_names
+from robid.robot.parameters import element_names
 from robid.robot.response import ElasticParameters, hold_factor, motion_matrices, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
 
@@ -163,8 +163,8 @@ def _shapes(
 
 def _nominal_springs(robot: Robot) -> SpringValues:
     return SpringValues(
-        stiffness=np.array([spring.stiffness_nm_rad for spring in robot.springs]),
-        cubic=np.array([spring.cubic_nm_rad3 for spring in robot.springs]),
-        damping=np.array([spring.damping_nms_rad for spring in robot.springs]),
-        location=np.concatenate([spring.point_m for spring in robot.springs]),
+        stiffness=np.array([spring.stiffness for spring in robot.springs]),
+        cubic=np.array([spring.cubic for spring in robot.springs]),
+        damping=np.array([spring.damping for spring in robot.springs]),
+        location=robot.spring_points_m,
     )

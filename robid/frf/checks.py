@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
+from robid.signals.positions import shown
 from robid.signals.record import Record
 
 JITTER_LIMIT = 0.1
@@ -85,8 +86,8 @@ def is_finding(note: str) -> bool:
 
 
 def _where(record: Record) -> str:
-    angles = np.rad2deg(record.require_periods("A check of the time base")[0])
-    return f"{_WHERE} {np.array2string(angles, precision=1)} deg"
+    configuration = record.require_periods("A check of the time base")[0]
+    return f"{_WHERE} {shown(configuration, record.joint_units)}"
 
 
 def _timing(record: Record) -> list[Finding]:

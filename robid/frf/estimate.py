@@ -29,6 +29,7 @@ from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
 from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
+from robid.signals.positions import shown
 from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
@@ -124,6 +125,7 @@ def estimate_frf(
         output_channels=response_channels(record, options),
         measured_channels=record.output_channels,
         input_hold=record.input_hold,
+        joint_units=record.joint_units,
         notes=(*record.notes, *_notes(found.total, record.excited_lines), *finding_notes(record, findings)),
         coherence=multiple_coherence(blocks.outputs, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
@@ -211,8 +213,8 @@ def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
 
 
 def _where(record: Record) -> str:
-    angles = np.rad2deg(record.require_periods("A frequency response")[0])
-    return f"configuration at {np.array2string(angles, precision=1)} deg"
+    configuration = record.require_periods("A frequency response")[0]
+    return f"configuration at {shown(configuration, record.joint_units)}"
 
 
 def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:

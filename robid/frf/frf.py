@@ -143,6 +143,7 @@ class Frf:
     compensation: str = ""
     line_correlation: FloatArray | None = None
     freedom_share: FloatArray | None = None
+    joint_units: tuple[str, ...] | None = None
 
     @property
     def input_names(self) -> tuple[str, ...]:

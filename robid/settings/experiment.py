@@ -43,15 +43,24 @@ class RandomConfigurations(Section):
     count: int = Field(description="Number of configurations.", ge=1)
     seed: int = Field(default=1, description="Seed of the draw.", ge=0)
     margin_deg: float = Field(default=10.0, description="Distance kept from the joint limits [deg].", ge=0)
+    margin_m: float = Field(default=0.05, description="The same of prismatic joints [m].", ge=0)
 
 
 class Configurations(OneKey):
     """The robot configurations of a campaign; exactly one of the keys."""
 
     list_deg: Rows | None = Field(default=None, description="Joint angles, one row per configuration [deg].")
+    positions: Rows | None = Field(
+        default=None,
+        alias="list",
+        description="In place of `list_deg` where joints are prismatic: angles [deg] and positions [m].",
+    )
     random: RandomConfigurations | None = Field(default=None, description="Drawn within the joint limits.")
     grid_deg: Rows | None = Field(
         default=None, description="Angles of each joint, one row per joint; every combination is measured [deg]."
+    )
+    grid: Rows | None = Field(
+        default=None, description="In place of `grid_deg` where joints are prismatic: angles [deg] and positions [m]."
     )
     chosen_by: Name | Annotated[tuple[Name, ...], Field(min_length=1)] | None = Field(
         default=None, alias="from", description="Name of the design that chooses them, or of several in a row."
@@ -63,6 +72,22 @@ class Configurations(OneKey):
     join: tuple[Configurations, ...] | None = Field(
         default=None, description="Several such sections in a row.", min_length=1
     )
+
+    @property
+    def key(self) -> str:
+        """The key that is written."""
+        name = next(iter(self.model_fields_set))
+        return type(self).model_fields[name].alias or name
+
+    @property
+    def list_rows(self) -> Rows | None:
+        """Listed positions, one row per configuration [deg, or m]."""
+        return self.list_deg if self.positions is None else self.positions
+
+    @property
+    def grid_rows(self) -> Rows | None:
+        """Positions of each joint, one row per joint [deg, or m]."""
+        return self.grid_deg if self.grid is None else self.grid
 
     @property
     def designs(self) -> tuple[str, ...]:

@@ -83,8 +83,9 @@ def check_channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Fou
     for key, channels in named:
         if channels and [channel.name for channel in channels] != joints:
             yield (*inside, key), f"must be one channel per joint, named in this order: {', '.join(joints)}"
+    sliding = [joint.name for joint in robot.joints if joint.slides]
     for index, output in enumerate(acquire.outputs):
-        for key, problem in _output(output, joints):
+        for key, problem in _output(output, joints, sliding):
             yield (*inside, "outputs", index, key), problem
     if not acquire.references or acquire.one_shot:
         return
@@ -95,8 +96,8 @@ def check_channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Fou
         yield (*inside, "sampling_period_s"), message
 
 
-def _output(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str]]:
-    """Finds a name that is no joint's, and a side that is not its name's."""
+def _output(output: OutputChannel, joints: list[str], sliding: list[str]) -> Iterator[tuple[str, str]]:
+    """Finds a name that is no joint's, a side that is not its name's, and a unit that its joint does not have."""
     joint, _, part = output.name.partition(".")
     unsaid = part not in ("", "arm") and output.channel.quantity == "angle" and output.quantity is None
     if output.side != "tool" and (joint not in joints or unsaid):
@@ -105,6 +106,10 @@ def _output(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str
     own = {"": "motor", "arm": "arm"}.get(part)
     if joint in joints and own is not None and output.side not in (None, own):
         yield "side", f"`{output.name}` is the {own} side of `{joint}`: leave `side` out, or give it another name"
+    slides = part == "arm" and joint in sliding
+    if joint in joints and own is not None and output.channel.quantity == ("angle" if slides else "position"):
+        wanted = "the arm side of a prismatic joint is in m or mm" if slides else "angles are in rad or deg"
+        yield "unit", f"{output.unit} is no unit of `{output.name}`: {wanted}"
 
 
 def _file(field: FieldPath, file: str, counts: dict[str, int]) -> _Found:

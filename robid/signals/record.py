@@ -31,7 +31,7 @@ class Record:
         output_offset (n_conf, n_out): What was subtracted from `outputs`.
         input_channels: What each input is.
         output_channels: What each output is.
-        configurations (n_conf, n_joint): Arm-side joint angles, encoder side of the gears [rad]; None for a
+        configurations (n_conf, n_joint): Arm-side joint positions, encoder side of the gears [rad, or m]; None for a
             record that does not begin and stay at rest.
         reference (n_conf, n_real, n_exp, n_sample, n_reference): One period of what was injected, or None.
         reference_channels: What each column of `reference` is; empty where there is none.
@@ -41,6 +41,7 @@ class Record:
             behind the same anti-aliasing as the outputs.
         input_relative_std (n_in,): Standard deviation of the relative error of each input's scale, or None
             where the scale is exact.
+        joint_units: Unit of each joint's position; None where all are angles.
         truth_sha256: Hash of the file with the truth that was simulated; "" where it is unknown.
         notes: What the import or the simulation wants the reader to know.
     """
@@ -59,6 +60,7 @@ class Record:
     input_hold: Literal["zoh", "band_limited"] = "zoh"
     input_relative_std: FloatArray | None = None
     truth_sha256: str = ""
+    joint_units: tuple[str, ...] | None = None
     notes: tuple[str, ...] = ()
 
     @property

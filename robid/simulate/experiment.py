@@ -94,7 +94,7 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
         for period in range(total):
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
-            refuse_explosion(batch, configuration, index, f"period {period + 1}")
+            refuse_explosion(batch, model.robot, configuration, index, f"period {period + 1}")
     recorded = recorded_torque_factor(experiment.robot, experiment.options.truth)
     offset = np.concatenate([model.robot.motor_per_arm @ configuration, run.rest_outputs])
     shape = (experiment.periods, n_sample, n_real, n_exp)
@@ -111,6 +111,7 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
         input_channels=motor_channels(names, "torque"),
         output_channels=(*motor_channels(names, "angle"), *further_channels(model.robot, experiment.outputs)),
         output_offset=offset[None],
+        joint_units=model.robot.joint_units,
     )
 
 
@@ -129,14 +130,14 @@ class _Run:
         n_sim = batch.nsim
         reference = experiment.reference.reshape(n_sim, *experiment.reference.shape[2:])
         self._reference = np.ascontiguousarray(reference.transpose(1, 0, 2))
-        self._motor = model.motor
+        self._motor, self._turns = model.motor, model.turns
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
         batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
         self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
-        self._rest = batch.qpos[:, model.motor].copy()
+        self._rest = model.motor_angles(batch.qpos)
         zero = np.zeros_like(self._reference)
         speed, angle, torque = zero, zero, zero
         if experiment.inject == "speed_reference":
@@ -167,7 +168,7 @@ class _Run:
         steps = self._experiment.options.steps_per_sample or 1
         further = self._generator.standard_normal((*torque.shape[:2], len(self.names))) * self._sensor_noise
         for sample in range(torque.shape[0]):
-            measured = measure(qpos[:, self._motor], noise[sample], flaws)
+            measured = measure(qpos[:, self._motor] * self._turns, noise[sample], flaws)
             command = self._cascade.command(measured, self._angle[sample], self._speed[sample])
             command = command + self._torque[sample]
             angle[sample, :, : self._motor.size], torque[sample] = measured, command

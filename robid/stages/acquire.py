@@ -57,7 +57,12 @@ def acquire_shots(campaign: Campaign, acquire: Acquire, folder: Path) -> Record:
 
 
 def acquire_configuration(
-    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, index: int, folder: Path
+    campaign: Campaign,
+    acquire: Acquire,
+    content: CampaignExcitation,
+    index: int,
+    folder: Path,
+    joint_units: tuple[str, ...] | None = None,
 ) -> Record:
     """Imports every experiment of one configuration.
 
@@ -67,6 +72,7 @@ def acquire_configuration(
         content: Its excitation: lines and configurations, and what the references are matched to.
         index: Index of the configuration.
         folder: Folder of the experiment file.
+        joint_units: Unit of each joint's position; None where all are angles.
 
     Raises:
         DataError: If a log is not what was said.
@@ -88,7 +94,9 @@ def acquire_configuration(
     ]
     record = join_experiments(records, n_exp)
     told = f"Imported from {Path(acquire.file).name}, periods dropped: {acquire.drop_periods}, used: {campaign.periods}"
-    return replace(record, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes))
+    return replace(
+        record, joint_units=joint_units, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes)
+    )
 
 
 def _mapping(acquire: Acquire, file: Path) -> LogMapping:

@@ -114,7 +114,7 @@ def _transient_periods(campaign: Campaign) -> dict[str, int]:
 
 def _show(output: Path, loaded: LoadedExperiment) -> Group | None:
     content = excitation_from_artifact(read_artifact(output, EXCITATION))
-    return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints))
+    return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints), loaded.robot.joint_units)
 
 
 def figures(excitation: Excitation, n_conf: int) -> str:

@@ -127,7 +127,7 @@ def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[Excitati
         tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
         tuple(joint.name for joint in loaded.robot.joints),
         tuple(
-            ConfigurationRow(name, index, tuple(row))
+            ConfigurationRow(name, index, tuple(row), loaded.robot.joint_units)
             for name, excitation in run.excitations.items()
             for index, row in enumerate(excitation.configurations.tolist())
         ),
@@ -207,7 +207,7 @@ def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> Excitatio
         duration_s=float(np.prod(run.shapes[campaign][:4])) * excitation.period_s,
         rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
         rms_unit=UNITS[excitation.kind],
-        peaks=_peaks(run.excitations[campaign], _motors(loaded, run, campaign)),
+        peaks=_peaks(run.excitations[campaign], _motors(loaded, run, campaign), loaded.robot.slides),
         detection_lines=len(excitation.detection_lines),
         period_s=excitation.period_s,
         crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
@@ -228,7 +228,7 @@ def _worst_snr_db(plan: Plan | None) -> float | None:
     return float(np.diagonal(plan.snr_db, axis1=-2, axis2=-1).min())
 
 
-def _peaks(content: CampaignExcitation, names: tuple[str, ...]) -> tuple[PeakRow, ...]:
+def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[bool]) -> tuple[PeakRow, ...]:
     plan = content.excitation.plan
     if plan is None:
         return ()
@@ -238,8 +238,15 @@ def _peaks(content: CampaignExcitation, names: tuple[str, ...]) -> tuple[PeakRow
         ("arm excursion", "rad", plan.excursion_rms, plan.excursion_peak, plan.excursion_limit),
     )
     return tuple(
-        PeakRow(name, quantity, unit, float(peak[:, motor].max()), float(limit[motor]), float(rms[:, motor].max()))
-        for motor, name in enumerate(names)
+        PeakRow(
+            name,
+            quantity,
+            "m" if unit == "rad" and own else unit,
+            float(peak[:, motor].max()),
+            float(limit[motor]),
+            float(rms[:, motor].max()),
+        )
+        for motor, (name, own) in enumerate(zip(names, slides, strict=True))
         for quantity, unit, rms, peak, limit in quantities
     )
 

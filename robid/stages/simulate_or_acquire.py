@@ -109,10 +109,11 @@ class _LogTask:
     content: CampaignExcitation
     index: int
     folder: Path
+    joint_units: tuple[str, ...] | None
 
 
 def _acquire_part(task: _LogTask) -> None:
-    record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder)
+    record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder, task.joint_units)
     task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
 
 
@@ -122,7 +123,8 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     folder = job.loaded.path.parent
-    tasks = [_LogTask(parts, campaign, acquire, content, index, folder) for index in todo]
+    units = job.loaded.robot.joint_units
+    tasks = [_LogTask(parts, campaign, acquire, content, index, folder, units) for index in todo]
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
     parts.merge(n_conf, job.provenance(STAGE.name))
     return figures((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)

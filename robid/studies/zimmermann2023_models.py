@@ -166,9 +166,9 @@ def _parameters(one: Fitting, solution: Solution) -> dict[str, Dataset]:
         "estimate": Dataset(solution.estimate, "SI", parameter, "Estimated values"),
         "fit_std": Dataset(solution.relative_std, "1", parameter, "Relative deviation that the fit states"),
         "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
-        "stiffness": Dataset(np.array([each.stiffness_nm_rad for each in springs]), "N m/rad", spring),
-        "true_stiffness": Dataset(np.array([each.stiffness_nm_rad for each in one.truth.springs]), "N m/rad", spring),
-        "true_cubic": Dataset(np.array([each.cubic_nm_rad3 for each in one.truth.springs]), "N m/rad^3", spring),
+        "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
+        "true_stiffness": Dataset(np.array([each.stiffness for each in one.truth.springs]), "N m/rad", spring),
+        "true_cubic": Dataset(np.array([each.cubic for each in one.truth.springs]), "N m/rad^3", spring),
     }
 
 

@@ -55,7 +55,7 @@ def test_closed_loop_against_raw_rollout(compare):
 def problem():
     """Eight configurations, sixty lines, all springs, dampers, viscous terms and the delay free."""
     generator = np.random.default_rng(2)
-    configurations = generator.uniform(ROBOT.lower_rad, ROBOT.upper_rad, (8, len(ROBOT.joints)))
+    configurations = generator.uniform(ROBOT.lower, ROBOT.upper, (8, len(ROBOT.joints)))
     frf = exact_frf(ROBOT, configurations, np.geomspace(2, 80, 60), delay_s=DELAY_S, relative_noise=0.02)
     model = build_model(ROBOT)
     linear = linearize(model, solve_statics(model, configurations))

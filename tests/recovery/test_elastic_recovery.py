@@ -30,8 +30,8 @@ VARIANTS = {
 
 def truth_of(robot, delay_s):
     return {
-        **{f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in robot.springs},
-        **{f"{spring.name}.damping": spring.damping_nms_rad for spring in robot.springs},
+        **{f"{spring.name}.stiffness": spring.stiffness for spring in robot.springs},
+        **{f"{spring.name}.damping": spring.damping for spring in robot.springs},
         **{f"{joint.name}.viscous": joint.motor.friction.viscous_nms_rad for joint in robot.joints},
         **{f"{joint.name}.motor_inertia": joint.motor.inertia_kgm2 for joint in robot.joints},
         "delay": delay_s,

@@ -72,9 +72,7 @@ def test_information_is_the_inverse_covariance_of_the_optimally_weighted_fit(frf
 
 def soft(robot, factor=2.0):
     """The robot with springs that are off by a factor."""
-    return replace(
-        robot, springs=tuple(replace(each, stiffness_nm_rad=each.stiffness_nm_rad / factor) for each in robot.springs)
-    )
+    return replace(robot, springs=tuple(replace(each, stiffness=each.stiffness / factor) for each in robot.springs))
 
 
 def with_friction(frf, deviation=1e-4):

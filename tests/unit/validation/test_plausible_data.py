@@ -308,7 +308,7 @@ def simulated(seed, *, friction=1.0, rms=8.0):
         detection_lines=detection,
         periods=2,
     )
-    angles = generator.uniform(0.8 * robot.lower_rad, 0.8 * robot.upper_rad, (5, 2))
+    angles = generator.uniform(0.8 * robot.lower, 0.8 * robot.upper, (5, 2))
     plain = EstimateOptions(compensation="none")
     frfs = [estimate_frf(simulate(experiment, angle, index), plain) for index, angle in enumerate(angles)]
     return robot, join(frfs, ["arm"] * 5)
