@@ -158,7 +158,7 @@ def level_errors(seed):
     laws, _ = identify(record, UNKNOWN)
     moved = disturbance(record_motion(record, EXCITED, DELAY_S), laws)
     error = whole_torque(record, EXCITED, true) - moved.torque
-    acceleration = record_blocks(record, EXCITED).acceleration
+    acceleration = record_blocks(record, EXCITED).outputs
     rate = 2j * np.pi * EXCITED[:, None] / PERIOD_S
     found = []
     for motor, law in enumerate(laws):
