@@ -3,6 +3,7 @@
 import numpy as np
 
 from robid.signals.multisine import multisine
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 
 PERIOD_S, N_SAMPLE = 2.0, 512
@@ -49,15 +50,14 @@ def loop_record(*, cubic=0.0, quadratic=0.0, noise=0.0, realizations=4, periods=
     record = Record(
         sampling_period_s=PERIOD_S / N_SAMPLE,
         configurations=np.zeros((1, 2)),
-        torque=torque[None],
-        position=position[None],
+        inputs=torque[None],
+        outputs=position[None],
         reference=None,
-        reference_kind="",
         excited_lines=EXCITED,
         detection_lines=LEFT_OUT,
-        input_names=names,
-        output_names=names,
-        position_offset_rad=np.zeros((1, 2)),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(names, "angle"),
+        output_offset=np.zeros((1, 2)),
     )
     motion = np.einsum("kij,rekj->reki", closed, drive) * rate
     return record, motion

@@ -11,6 +11,7 @@ from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Sprin
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
+from robid.signals.quantities import motor_channels
 
 NO_PAYLOAD = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 
@@ -47,6 +48,34 @@ def two_joint_robot(rotor="spong"):
     )
     payload = Inertial(4.0, np.array([0.6, 0.0, 0.15]), 0.02 * np.eye(3))
     return Robot("two joints", np.array([0.0, 0.0, -9.81]), joints, springs, payload, rotor)
+
+
+def linear_axis(rotor_kgm2=2e-3, mass_kg=80.0, stiffness=5e6, damping=3e3, ratio=-628.0, viscous=0.004, upright=False):
+    """A motor, a screw and a carriage that slides along the world's x, or upwards."""
+    along_x = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    motor = Motor(rotor_kgm2, ratio, 600.0, 60.0)
+    motor = replace(motor, friction=replace(motor.friction, viscous_nms_rad=viscous))
+    carriage = Inertial(mass_kg, np.array([0.05, 0.1, 0.02]), np.diag([2.0, 3.0, 4.0]))
+    turn = np.eye(3) if upright else along_x
+    joint = Joint("rail", np.array([0.0, 0.0, 0.3]), turn, carriage, 0.0, 2.0, motor, type="prismatic")
+    spring = Spring("gear_rail", 0, "transmission", np.array([0.0, 0.0, 1.0]), stiffness, damping)
+    return Robot("linear axis", np.array([0.0, 0.0, -9.81]), (joint,), (spring,), NO_PAYLOAD)
+
+
+def arm_on_rail():
+    """The two joints on a carriage that slides on an elastic screw and pitches about the world's y."""
+    rail, arm = linear_axis(), two_joint_robot()
+    along_x = rail.joints[0].rotation
+    shoulder, elbow = arm.joints
+    shoulder = replace(shoulder, position_m=along_x.T @ shoulder.position_m, rotation=along_x.T @ shoulder.rotation)
+    pitch = Spring("pitch", 0, "bearing", np.array([1.0, 0.0, 0.0]), 4e6, 4e3)
+    springs = (*rail.springs, *(replace(spring, joint=spring.joint + 1) for spring in arm.springs), pitch)
+    return replace(arm, name="arm on a rail", joints=(rail.joints[0], shoulder, elbow), springs=springs)
+
+
+def without_spring(robot, name):
+    """The robot without one of its springs; without its transmission a joint is rigid."""
+    return replace(robot, springs=tuple(spring for spring in robot.springs if spring.name != name))
 
 
 def springs_everywhere():
@@ -125,9 +154,9 @@ def exact_frf(
         coefficient_relative_std=np.zeros(0),
         removed_torque_rms=np.zeros((n_conf, n_in)),
         sampling_period_s=sampling_period_s,
-        input_names=names,
-        output_names=outputs,
-        torque_hold=torque_hold,
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(outputs, "acceleration"),
+        input_hold=torque_hold,
     )
 
 
@@ -135,7 +164,7 @@ def with_spring_factors(robot, stiffness=1.0, damping=1.0):
     """The robot with all its springs and dampers multiplied, by one factor or one each."""
     factors = np.broadcast_to(stiffness, len(robot.springs)), np.broadcast_to(damping, len(robot.springs))
     springs = tuple(
-        replace(spring, stiffness_nm_rad=spring.stiffness_nm_rad * k, damping_nms_rad=spring.damping_nms_rad * d)
+        replace(spring, stiffness=spring.stiffness * k, damping=spring.damping * d)
         for spring, k, d in zip(robot.springs, *factors, strict=True)
     )
     return replace(robot, springs=springs)

@@ -14,6 +14,7 @@ from robid.families.files import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import motion_matrices, nominal_parameters
+from robid.signals.quantities import INJECTED, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
 from robid.stages.estimate_frf import stated_law
@@ -74,15 +75,15 @@ def simulate_arm(robot, configurations, friction: Friction, realizations: int, s
     return Record(
         sampling_period_s=STEP,
         configurations=np.asarray(configurations),
-        torque=torque + TORQUE_NOISE_NM * generator.standard_normal(torque.shape),
-        position=position + ENCODER_NOISE_RAD * generator.standard_normal(position.shape),
+        inputs=torque + TORQUE_NOISE_NM * generator.standard_normal(torque.shape),
+        outputs=position + ENCODER_NOISE_RAD * generator.standard_normal(position.shape),
         reference=np.repeat(design.reference[None], len(configurations), axis=0),
-        reference_kind=design.kind,
+        reference_channels=motor_channels(NAMES, INJECTED[design.kind]),
         excited_lines=design.excited_lines,
         detection_lines=design.detection_lines,
-        input_names=NAMES,
-        output_names=NAMES,
-        position_offset_rad=np.zeros((len(configurations), len(NAMES))),
+        input_channels=motor_channels(NAMES, "torque"),
+        output_channels=motor_channels(NAMES, "angle"),
+        output_offset=np.zeros((len(configurations), len(NAMES))),
     )
 
 

@@ -14,6 +14,7 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.backends.map import make_map
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 from robid.stages.chain.estimate_frf import STAGE
 from robid.stages.stage import Job
@@ -38,9 +39,9 @@ def write_campaign(path, first: Record, n_conf: int) -> None:
     generator = np.random.default_rng(1)
     parts = Parts(path, RECORD, "0" * 16)
     for index in range(n_conf):
-        torque = first.torque + _TORQUE_NOISE_NM * generator.standard_normal(first.torque.shape)
-        position = first.position + _ENCODER_NOISE_RAD * generator.standard_normal(first.position.shape)
-        one = replace(first, torque=torque, position=position)
+        torque = first.inputs + _TORQUE_NOISE_NM * generator.standard_normal(first.inputs.shape)
+        position = first.outputs + _ENCODER_NOISE_RAD * generator.standard_normal(first.outputs.shape)
+        one = replace(first, inputs=torque, outputs=position)
         parts.write(index, record_to_artifact(one, Provenance("simulate-or-acquire")))
     parts.merge(n_conf, Provenance("simulate-or-acquire"))
 
@@ -53,15 +54,15 @@ def random_record(n_sample: int) -> Record:
     return Record(
         sampling_period_s=1e-3,
         configurations=np.zeros((1, 6)),
-        torque=generator.standard_normal(shape),
-        position=1e-2 * generator.standard_normal(shape),
+        inputs=generator.standard_normal(shape),
+        outputs=1e-2 * generator.standard_normal(shape),
         reference=generator.standard_normal((1, 4, 6, n_sample, 6)),
-        reference_kind="speed_reference",
+        reference_channels=motor_channels(names, "speed_reference"),
         excited_lines=np.arange(11, 131, 2),
         detection_lines=np.arange(0),
-        input_names=names,
-        output_names=names,
-        position_offset_rad=np.zeros((1, 6)),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(names, "angle"),
+        output_offset=np.zeros((1, 6)),
     )
 
 

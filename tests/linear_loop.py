@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 
 STEP_S, N_SAMPLE = 4e-3, 256
@@ -156,13 +157,13 @@ def loop_record(reference, torque, angle):
     return Record(
         sampling_period_s=STEP_S,
         configurations=np.zeros((1, MOTORS)),
-        torque=torque[None],
-        position=angle[None],
+        inputs=torque[None],
+        outputs=angle[None],
         reference=reference[None],
-        reference_kind="speed_reference",
+        reference_channels=motor_channels(names, "speed_reference"),
         excited_lines=LINES,
         detection_lines=np.zeros(0, int),
-        input_names=names,
-        output_names=names,
-        position_offset_rad=np.zeros((1, MOTORS)),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(names, "angle"),
+        output_offset=np.zeros((1, MOTORS)),
     )

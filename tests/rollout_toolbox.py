@@ -25,10 +25,10 @@ def windows_of(record, robot, configuration, delay_s):
 
     The true robot replays the recorded torque from rest, which gives its full state, exact but for rounding.
     """
-    model, n_motor = build_model(robot), record.torque.shape[-1]
+    model, n_motor = build_model(robot), record.inputs.shape[-1]
     rest = solve_statics(model, configuration[None])
-    played = record.torque[0, 0].reshape(record.torque.shape[2], -1, n_motor)
-    angle = record.position[0, 0].reshape(played.shape) + record.position_offset_rad[0]
+    played = record.inputs[0, 0].reshape(record.inputs.shape[2], -1, n_motor)
+    angle = record.outputs[0, 0].reshape(played.shape) + record.output_offset[0]
     late = round(delay_s / record.sampling_period_s)
     before = np.broadcast_to(rest.motor_torque[0], (len(played), late, n_motor))
     torque = np.concatenate([before, played], axis=1)[:, : played.shape[1]]
@@ -40,7 +40,7 @@ def windows_of(record, robot, configuration, delay_s):
     assert np.abs(states[:, :-1, 1 + model.motor] - angle[:, 1:]).max() < 1e-4, "the replay must be the record"
     states[:, :, 0] = 0.0
     n_sample = torque.shape[1]
-    begins = range(n_sample - record.torque.shape[4], n_sample - WINDOW, WINDOW)
+    begins = range(n_sample - record.inputs.shape[4], n_sample - WINDOW, WINDOW)
     each = [(row, slice(begin, begin + WINDOW + 1)) for row in range(len(torque)) for begin in begins]
     starts = [states[row, part.start - 1] for row, part in each]
     return starts, [torque[row, part] for row, part in each], [angle[row, part] for row, part in each]
@@ -69,7 +69,7 @@ def make_parameters(nominal):
     """Logarithms of factors on springs and dampers, which scale them alike."""
     parameters, reach = sysid.ParameterDict(), np.log(FACTOR)
     for spring in nominal.springs:
-        for kind, value in (("stiffness", spring.stiffness_nm_rad), ("damping", spring.damping_nms_rad)):
+        for kind, value in (("stiffness", spring.stiffness), ("damping", spring.damping)):
 
             def scale(spec, parameter, name=spring.name, kind=kind, value=value):
                 element = spec.tendon(name) or spec.joint(f"q_e_{name}")

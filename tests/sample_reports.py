@@ -22,6 +22,7 @@ from robid.report.experiment import (
     run_section,
 )
 from robid.report.parameters import Estimates, ParameterRow
+from robid.signals.quantities import motor_channels
 
 AXES = tuple(f"axis_{number}" for number in range(1, 7))
 
@@ -96,8 +97,8 @@ def synthetic_frf(response, frequency_hz, configurations, relative, inputs, outp
         coefficient_relative_std=np.zeros(0),
         removed_torque_rms=np.full((n_conf, n_in), 1.4),
         sampling_period_s=1e-3,
-        input_names=inputs,
-        output_names=outputs,
+        input_channels=motor_channels(inputs, "torque"),
+        output_channels=motor_channels(outputs, "acceleration"),
         notes=("Friction was subtracted with the robot file's coefficients.",),
         coherence=np.broadcast_to(1 - 1e-4 * np.geomspace(1, 9, n_freq)[:, None], (n_conf, n_freq, n_out)),
         silent_lines=np.arange(2 * n_freq),

@@ -32,7 +32,7 @@ class InertiaFit(FitSettings):
 def _torque_and_acceleration(record: Record):
     lines, n_motor = record.excited_lines, len(record.input_names)
     omega = 2 * np.pi * record.frequency_hz[:, None]
-    torque, angle = (np.fft.rfft(x[..., :n_motor], axis=4)[..., lines, :] for x in (record.torque, record.position))
+    torque, angle = (np.fft.rfft(x[..., :n_motor], axis=4)[..., lines, :] for x in (record.inputs, record.outputs))
     return torque.reshape(-1, n_motor), (-(omega**2) * angle).reshape(-1, n_motor)
 
 

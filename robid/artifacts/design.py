@@ -4,6 +4,7 @@ Schema history:
     1.0: first version.
     1.1: criterion, slopes, counts, gain, rounding loss; the gap is relative. Files of 1.0 lack them and are refused.
     1.2: `cost_s`, `stability`.
+    1.3: `joint_units`, where joints are prismatic.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import Column, from_datasets, position_units, to_datasets
 
 if TYPE_CHECKING:
     from robid.design.information import ConfigurationDesign
 
-DESIGN = Kind("design", "1.2", "robid design-configs")
+DESIGN = Kind("design", "1.3", "robid design-configs")
 
 _TABLE = {
     "weights": Column("1", ("candidate",), "Optimal weights: shares of the experiments, or of the cost"),
@@ -31,13 +32,14 @@ _TABLE = {
     "stability/kept": Column("1", ("trial",), "Share of the choice that other data or parameters choose too"),
     "stability/efficiency": Column("1", ("trial",), "Efficiency of that choice by what it did not use"),
     "stability/chosen_often": Column("1", ("candidate",), "Share of the trials that choose each candidate"),
-    "configurations": Column("rad", ("candidate", "joint"), "Arm-side joint angles of the candidates"),
+    "joint_units": Column("1", ("joint",), "Units of the joints' positions"),
 }
 
 
 def design_to_artifact(design: ConfigurationDesign, provenance: Provenance) -> Artifact:
     """Turns a design into an artifact."""
-    return Artifact(DESIGN, *to_datasets(design, _TABLE), provenance)
+    positions = Column(position_units(design.joint_units), ("candidate", "joint"), "The candidates' arm-side joints")
+    return Artifact(DESIGN, *to_datasets(design, _TABLE | {"configurations": positions}), provenance)
 
 
 def design_from_artifact(artifact: Artifact) -> ConfigurationDesign:

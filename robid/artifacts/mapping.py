@@ -1,7 +1,8 @@
 """The mapping between a frozen dataclass of plain values and the datasets and attributes of an artifact.
 
 Arrays and tuples become datasets, whose units and axes stand in a table; scalars become attributes, whose unit is part
-of their name; None is left out. A field that a file of an older minor version lacks gets its default.
+of their name; a tuple of dataclasses becomes one dataset for each of their fields; None is left out. A field that a
+file of an older minor version lacks gets its default.
 """
 
 from __future__ import annotations
@@ -33,14 +34,22 @@ class Column:
     compact: bool = False
 
 
+def position_units(joint_units: tuple[str, ...] | None) -> str:
+    """Unit of a dataset of joint positions."""
+    return "rad" if joint_units is None else "rad; m"
+
+
 def to_datasets(
-    value: DataclassInstance, table: Mapping[str, Column]
+    value: DataclassInstance, table: Mapping[str, Column], prefix: str = ""
 ) -> tuple[dict[str, Dataset], dict[str, Attribute]]:
     """Takes a dataclass apart.
 
     Args:
-        value: The dataclass; its fields are arrays, flat tuples, scalars, None, or dataclasses of these.
-        table: Units and axes of each field that is an array or a tuple; `field/inner` in a nested dataclass.
+        value: The dataclass; its fields are arrays, flat tuples, scalars, None, dataclasses of these, or tuples of
+            dataclasses of scalars.
+        table: Units and axes of each field that is an array or a tuple; `field/inner` in a nested dataclass. Of a tuple
+            of dataclasses one entry serves all fields.
+        prefix: What it lies below, such as `grade/`; the table's names begin with it.
 
     Raises:
         ValueError: If the table lacks a field or names one that is not there.
@@ -49,8 +58,10 @@ def to_datasets(
     datasets: dict[str, Dataset] = {}
     attributes: dict[str, Attribute] = {}
     absent: set[str] = set()
-    for name, content in _flat(value, ""):
-        if isinstance(content, np.ndarray | tuple):
+    for name, content in _flat(value, prefix):
+        if isinstance(content, _Rows):
+            datasets |= {f"{name}/{key}": _dataset(key, part, table[name]) for key, part in content.columns.items()}
+        elif isinstance(content, np.ndarray | tuple):
             if name not in table:
                 raise ValueError(f"The table lacks units and axes of `{type(value).__name__}.{name}`.")
             datasets[name] = _dataset(name, content, table[name])
@@ -60,7 +71,8 @@ def to_datasets(
             absent.add(name)
         else:
             raise TypeError(f"`{type(value).__name__}.{name}` is a {type(content).__name__}, which has no place here.")
-    unknown = [name for name in table if name not in datasets and absent.isdisjoint((name, name.partition("/")[0]))]
+    written = {*datasets, *(name.rpartition("/")[0] for name in datasets)}
+    unknown = [name for name in table if name not in written and absent.isdisjoint((name, name.partition("/")[0]))]
     if unknown:
         raise ValueError(f"The table names {unknown}, which are no arrays of {type(value).__name__}.")
     return datasets, attributes
@@ -82,10 +94,28 @@ def from_datasets(cls: type[Instance], artifact: Artifact, prefix: str = "") -> 
     return instance
 
 
+@dataclass(frozen=True)
+class _Rows:
+    """A tuple of dataclasses, one column for each of their fields."""
+
+    columns: dict[str, tuple[Any, ...]]
+
+
+def _row_type(hint: object) -> type[DataclassInstance] | None:
+    """The dataclass of which a field holds a tuple, if it does."""
+    inner = get_args(hint)[0] if get_origin(hint) is tuple and get_args(hint) else None
+    return inner if isinstance(inner, type) and dataclasses.is_dataclass(inner) else None
+
+
 def _flat(value: DataclassInstance, prefix: str) -> Iterator[tuple[str, object]]:
+    hints = get_type_hints(type(value))
     for field in dataclasses.fields(value):
         content = getattr(value, field.name)
-        if dataclasses.is_dataclass(content) and not isinstance(content, type):
+        row = _row_type(hints[field.name])
+        if row is not None:
+            names = [inner.name for inner in dataclasses.fields(row)]
+            yield prefix + field.name, _Rows({name: tuple(getattr(one, name) for one in content) for name in names})
+        elif dataclasses.is_dataclass(content) and not isinstance(content, type):
             yield from _flat(content, f"{prefix}{field.name}/")
         else:
             yield prefix + field.name, content
@@ -114,6 +144,13 @@ def _find(hint: Any, artifact: Artifact, path: str, missing: list[str]) -> objec
     if path in artifact.attributes:
         attribute = artifact.attributes[path]
         return float(attribute) if hint is float and isinstance(attribute, int) else attribute
+    row = _row_type(hint)
+    if row is not None:
+        names = [field.name for field in dataclasses.fields(row)]
+        if any(f"{path}/{name}" not in artifact.datasets for name in names):
+            return None
+        columns = (artifact.datasets[f"{path}/{name}"].values.tolist() for name in names)
+        return tuple(row(**dict(zip(names, values, strict=True))) for values in zip(*columns, strict=True))
     if not (isinstance(hint, type) and dataclasses.is_dataclass(hint)):
         return None
     inside = any(name.startswith(f"{path}/") for name in (*artifact.datasets, *artifact.attributes))

@@ -12,7 +12,6 @@ Schema history:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
@@ -93,26 +92,16 @@ _RESONANCES = {
 }
 
 
-@dataclass(frozen=True)
-class _Graded:
-    grade: Grade
-
-
-@dataclass(frozen=True)
-class _Resonant:
-    resonances: ResonanceTable
-
-
 def model_to_artifact(
     solution: Solution, provenance: Provenance, grade: Grade | None = None, resonances: ResonanceTable | None = None
 ) -> Artifact:
     """Turns a fit's solution, what it is worth by itself, and its resonances into an artifact."""
     datasets, attributes = to_datasets(solution, _TABLE)
     if grade is not None:
-        more = to_datasets(_Graded(grade), GRADE_COLUMNS)
+        more = to_datasets(grade, GRADE_COLUMNS, "grade/")
         datasets, attributes = {**datasets, **more[0]}, {**attributes, **more[1]}
     if resonances is not None:
-        datasets |= to_datasets(_Resonant(resonances), _RESONANCES)[0]
+        datasets |= to_datasets(resonances, _RESONANCES, "resonances/")[0]
     return Artifact(MODEL, datasets, attributes, provenance)
 
 

@@ -53,6 +53,7 @@ from robid.errors import ArtifactError
 _FORMAT = "2"
 _HEADER = ("kind", "schema_version", "content_sha256", "provenance")
 _ATTRIBUTES = "attributes"
+_FEW_TEXTS = 64
 _MISMATCH = "its content does not match its hash"
 
 Result = TypeVar("Result")
@@ -168,7 +169,7 @@ def visit(path: Path, kind: Kind, read: Callable[[h5py.File], Result]) -> Result
 
 
 def inspect_artifact(path: Path) -> dict[str, Any]:
-    """Describes any artifact in plain values, without loading its arrays; see `read_artifact` for errors."""
+    """Describes any artifact in plain values; of its arrays, short lists of texts. See `read_artifact` for errors."""
     header, (attributes, datasets) = _read(path, None, _description)
     return {
         "kind": header.kind,
@@ -276,7 +277,9 @@ def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict
         dtype = "str" if label.dtype == "str" else str(np.dtype(label.dtype))
         row = {"shape": list(label.shape), "dtype": dtype, "stored_bytes": dataset.id.get_storage_size()}
         row |= {"units": label.units, "axes": list(label.axes)}
-        rows[name] = row | ({"description": label.description} if label.description else {})
+        row |= {"description": label.description} if label.description else {}
+        few = dtype == "str" and dataset.size <= _FEW_TEXTS
+        rows[name] = row | ({"values": read_values(dataset, label, None).tolist()} if few else {})
     return get_attributes(file[_ATTRIBUTES]), rows
 
 

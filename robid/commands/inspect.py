@@ -6,7 +6,7 @@ from pathlib import Path
 
 from robid.artifacts.store import inspect_artifact
 from robid.commands.output import print_json
-from robid.stages.terminal import dataset_table, make_console
+from robid.stages.terminal import channel_lines, dataset_table, make_console
 
 
 def describe_artifact(artifact: Path, *, as_json: bool) -> int:
@@ -21,6 +21,7 @@ def describe_artifact(artifact: Path, *, as_json: bool) -> int:
         f"made by {made['stage']} at {made['finished_utc']} with robid {made['versions'].get('robid', 'unknown')}",
         *(f"from {name} {digest}" for name, digest in made["inputs"].items()),
         *(f"{name} = {value}" for name, value in found["attributes"].items()),
+        *channel_lines(found["datasets"]),
     ]
     for line in lines:
         out.print(line, markup=False, highlight=False, soft_wrap=True)

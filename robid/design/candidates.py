@@ -8,14 +8,15 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.design.options import ALONG
-from robid.design.wanted import choose_parameters, eliminated
+from robid.design.wanted import choose_parameters, eliminated, natural_scales
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
+from robid.robot.parameters import OF_SPRINGS, RESPONSE_NUISANCE
 from robid.robot.response import ElasticParameters, nominal_parameters, response
 
-KINDS = ("stiffness", "damping", "viscous", "delay")
+KINDS = (*OF_SPRINGS, *RESPONSE_NUISANCE)
 """Kinds of parameters that an excitation is shaped for; the last two are nuisance."""
 
 
@@ -27,7 +28,7 @@ def candidate_information(
     delay_s: float,
     relative_error: float,
     *,
-    kinds: Sequence[str] = KINDS[:2],
+    kinds: Sequence[str] = OF_SPRINGS,
     nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
     weights: FloatArray | None = None,
@@ -74,6 +75,4 @@ def candidate_information(
 
 def log_slopes(nominal: ElasticParameters, sampling_period_s: float) -> FloatArray:
     """Scale (n_param,) of each parameter of `KINDS`: its value, or for the nuisance what is natural to it."""
-    return np.concatenate(
-        [nominal.stiffness, nominal.damping, 2 * np.pi * nominal.motor_inertia, np.array([sampling_period_s])]
-    )
+    return natural_scales(nominal, sampling_period_s, KINDS)

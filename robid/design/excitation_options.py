@@ -47,6 +47,7 @@ class SignalOptions:
     max_excursion_deg: float = field(
         default=5.0, metadata={"description": "Limit of each joint's excursion on the arm side [deg].", "gt": 0}
     )
+    max_excursion_m: float = field(default=0.05, metadata={"description": "The same of prismatic joints [m].", "gt": 0})
     assumed_angle_noise_rad: float = field(
         default=3e-5,
         metadata={

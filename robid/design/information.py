@@ -41,9 +41,10 @@ class ConfigurationDesign:
         predicted_relative_std (n_param,): Relative standard deviations that what is known beforehand and the chosen
             numbers promise together.
         parameter_names: Names of the parameters.
-        configurations (n_conf, n_joint): The candidates' arm-side joint angles [rad].
+        configurations (n_conf, n_joint): The candidates' arm-side joint positions [rad, or m].
         cost_s (n_conf,): Cost of one experiment in each candidate [s]; None where they cost the same.
         stability: Whether the choice would come out the same; None without other information to choose by.
+        joint_units: Unit of each joint's position; None where all are angles.
     """
 
     weights: FloatArray
@@ -62,6 +63,7 @@ class ConfigurationDesign:
     configurations: FloatArray
     cost_s: FloatArray | None = None
     stability: Stability | None = None
+    joint_units: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from robid.design.fitted import FittedInformation
 from robid.design.options import ALONG
 from robid.design.wanted import choose_parameters, eliminated
 from robid.errors import DataError
+from robid.frf.channels import require
 from robid.frf.frf import Frf
 from robid.frf.residual import LOGARITHM, Residual
 from robid.robot.collocated import motor_rows
@@ -20,7 +21,9 @@ from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import ElasticModel, build_model
+from robid.robot.parameters import OF_SPRINGS
 from robid.robot.response import nominal_parameters, response
+from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE
 
 _ALIKE = 1 - 1e-12
 """Correlation of what the model lacks in both couplings of two motors; below 1 so that an inverse is there."""
@@ -130,7 +133,7 @@ def measured_information(
     frf: Frf,
     delay_s: float,
     *,
-    kinds: Sequence[str] = ("stiffness", "damping"),
+    kinds: Sequence[str] = OF_SPRINGS,
     nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
     weights: FloatArray | None = None,
@@ -190,7 +193,7 @@ def fitted_information(
     *,
     whitening: ComplexArray | None = None,
     residual: Residual = LOGARITHM,
-    kinds: Sequence[str] = ("stiffness", "damping"),
+    kinds: Sequence[str] = OF_SPRINGS,
     nuisance: Sequence[str] = ALONG,
     fixed: Sequence[str] = (),
     model_error: float = 0.0,
@@ -280,6 +283,7 @@ def _importance(frf: Frf, weights: FloatArray | None) -> FloatArray:
 
 
 def _check_inputs(robot: Robot, frf: Frf) -> None:
+    require(frf, MOTOR_TORQUE, ACCELERATION, "The elastic model's information")
     motors = tuple(joint.name for joint in robot.joints)
     if frf.input_names != motors:
         message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"

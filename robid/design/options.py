@@ -6,15 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
-"""Kinds whose log-parameters a design can be about."""
-NUISANCE = ("viscous", "delay")
-"""Kinds that may only be estimated along."""
-ALONG = ("viscous", "motor_inertia", "delay")
+from robid.robot.parameters import FREE, OF_SPRINGS, LogarithmicKind, ResponseNuisance
+
+ALONG = tuple(kind for kind in FREE if kind not in OF_SPRINGS)
 """Kinds that are estimated along unless something else is said."""
 
-WantedKind = Literal["stiffness", "damping", "motor_inertia", "link_inertia"]
-NuisanceKind = Literal["stiffness", "damping", "motor_inertia", "link_inertia", "viscous", "delay"]
+NuisanceKind = Literal[LogarithmicKind, ResponseNuisance]
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ class InformationOptions:
         default=0.0,
         metadata={"description": "Relative model error that measured information allows for, besides.", "ge": 0},
     )
-    free: tuple[WantedKind, ...] = field(
+    free: tuple[LogarithmicKind, ...] = field(
         default=("stiffness", "damping"), metadata={"description": "Kinds of parameters that are wanted."}
     )
     nuisance: tuple[NuisanceKind, ...] | None = field(

@@ -48,7 +48,7 @@ def predict(
     axes = {"n_freq": len(excitation.excited_lines), "n_motor": n_motor}
     check_shape("response", loop.response, "n_conf n_freq n_motor n_motor", **axes)
     check_shape("static_torque", loop.static_torque, "n_conf n_motor", n_conf=n_conf, n_motor=n_motor)
-    limits = _limits(loop.robot, options.max_excursion_deg)
+    limits = _limits(loop.robot, options)
     played = excitation.played_lines
     moving = loop if np.array_equal(played, excitation.excited_lines) else loop.at(played / excitation.period_s)
     found = [_reach(excitation, moving, index) for index in range(n_conf)]
@@ -85,14 +85,14 @@ def predict(
     return replace(excitation, plan=plan)
 
 
-def _limits(robot: Robot, max_excursion_deg: float) -> FloatArray:
+def _limits(robot: Robot, options: ExcitationOptions) -> FloatArray:
     """Limits (3, n_motor) of speed, torque and excursion."""
     motors = [joint.motor for joint in robot.joints]
     return np.array(
         [
             [motor.max_speed_rad_s for motor in motors],
             [motor.max_torque_nm for motor in motors],
-            np.full(len(motors), np.radians(max_excursion_deg)),
+            np.where(robot.prismatic, options.max_excursion_m, np.radians(options.max_excursion_deg)),
         ]
     )
 
@@ -170,8 +170,10 @@ def _check_limits(
     """Collects every limit that a motor exceeds, at its worst configuration."""
     problems = []
     quantities = (("speed", "rad/s", 1.0), ("torque", "N m", 1.0), ("arm excursion", "deg", 180 / np.pi))
-    for index, (quantity, unit, factor) in enumerate(quantities):
+    for index, (quantity, of_angles, factor_of_angles) in enumerate(quantities):
         for motor, joint in enumerate(robot.joints):
+            slides = quantity == "arm excursion" and joint.type == "prismatic"
+            unit, factor = ("m", 1.0) if slides else (of_angles, factor_of_angles)
             over = np.flatnonzero(peak[index, :, motor] > _ROUNDING * limits[index, motor])
             if not len(over):
                 continue

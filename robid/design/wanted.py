@@ -8,10 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.design.options import LOGARITHMIC, NUISANCE
 from robid.errors import SettingsError
 from robid.robot.description import Robot
-from robid.robot.names import element_names
+from robid.robot.parameters import (
+    LOGARITHMIC,
+    RESPONSE_NUISANCE,
+    element_names,
+    viscous_scale,
+)
 from robid.robot.response import ElasticParameters
 
 
@@ -34,9 +38,13 @@ class Wanted:
 
     def scales(self, nominal: ElasticParameters, period_s: float) -> FloatArray:
         """Scale (n_estimated,) of each: its value, or of a linear nuisance what is natural to it."""
-        natural = {"viscous": 2 * np.pi * nominal.motor_inertia, "delay": np.array([period_s])}
-        every = [natural[kind] if kind in natural else getattr(nominal, kind) for kind in self.kinds]
-        return np.asarray(np.concatenate(every)[self.columns])
+        return natural_scales(nominal, period_s, self.kinds)[self.columns]
+
+
+def natural_scales(nominal: ElasticParameters, period_s: float, kinds: Sequence[str]) -> FloatArray:
+    """Scale (n_all,) of each parameter of some kinds: its value, or of a linear nuisance what is natural to it."""
+    natural = {"viscous": viscous_scale(nominal.motor_inertia), "delay": np.array([period_s])}
+    return np.concatenate([natural[kind] if kind in natural else getattr(nominal, kind) for kind in kinds])
 
 
 def choose_parameters(
@@ -51,7 +59,7 @@ def choose_parameters(
     Args:
         robot: Nominal robot.
         kinds: Kinds of parameters that the design is about, of `LOGARITHMIC`.
-        nuisance: Kinds that are estimated along, of `LOGARITHMIC` and `NUISANCE`.
+        nuisance: Kinds that are estimated along, of `LOGARITHMIC` and `RESPONSE_NUISANCE`.
         fixed: Names of single parameters that are known.
         prior_decades: Standard deviation of what the robot file knows of springs, dampers and link inertias that are
             estimated along [decades]; that of motor inertias is the file's own.
@@ -60,10 +68,12 @@ def choose_parameters(
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
     """
     wrong = [kind for kind in kinds if kind not in LOGARITHMIC]
-    wrong += [kind for kind in nuisance if kind not in (*LOGARITHMIC, *NUISANCE)]
+    wrong += [kind for kind in nuisance if kind not in (*LOGARITHMIC, *RESPONSE_NUISANCE)]
     if wrong:
         message = f"configurations cannot be designed for {', '.join(wrong)}"
-        raise SettingsError(message, where="design", remedy=f"choose among {', '.join((*LOGARITHMIC, *NUISANCE))}")
+        raise SettingsError(
+            message, where="design", remedy=f"choose among {', '.join((*LOGARITHMIC, *RESPONSE_NUISANCE))}"
+        )
     if twice := set(kinds) & set(nuisance):
         message = f"{', '.join(sorted(twice))} cannot be both wanted and a nuisance"
         raise SettingsError(message, where="design", remedy="name each kind once")

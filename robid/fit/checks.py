@@ -8,18 +8,21 @@ from robid.arrays import BoolArray
 from robid.errors import DataError
 from robid.fit.options import ElasticOptions
 from robid.fit.problem import Problem
+from robid.frf.channels import require
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
+from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE
 
 _NO_INFLUENCE = 1e-14  # of the largest: rounding
 
 
 def check_inputs(robot: Robot, frf: Frf) -> None:
-    """Refuses a response whose inputs are not the robot's motors.
+    """Refuses a response that is not one from motor torques to accelerations, or not of the robot's motors.
 
     Raises:
         DataError: If it is so.
     """
+    require(frf, MOTOR_TORQUE, ACCELERATION, "An elastic model")
     motors = tuple(joint.name for joint in robot.joints)
     if frf.input_names != motors:
         message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"

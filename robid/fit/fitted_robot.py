@@ -9,8 +9,10 @@ import numpy as np
 
 from robid.fit.solution import Solution
 from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
+from robid.robot.parameters import PARAMETER_KINDS
 
 _LEAST_FACTOR = 0.01
+_SPRING_VALUES = [kind for kind, about in PARAMETER_KINDS.items() if about.owner in ("spring", "transmission")]
 
 
 def fitted_robot(robot: Robot, solution: Solution) -> Robot:
@@ -50,9 +52,7 @@ def _spring(spring: Spring, found: Mapping[str, float]) -> Spring:
     moved = any(value is not None for value in point)
     return replace(
         spring,
-        stiffness_nm_rad=found.get(f"{spring.name}.stiffness", spring.stiffness_nm_rad),
-        damping_nms_rad=found.get(f"{spring.name}.damping", spring.damping_nms_rad),
-        cubic_nm_rad3=found.get(f"{spring.name}.cubic", spring.cubic_nm_rad3),
+        **{kind: found.get(f"{spring.name}.{kind}", getattr(spring, kind)) for kind in _SPRING_VALUES},
         point_m=np.where([value is None for value in point], spring.point_m, np.array(point, float))
         if moved
         else spring.point_m,
@@ -62,9 +62,12 @@ def _spring(spring: Spring, found: Mapping[str, float]) -> Spring:
 def _joint(joint: Joint, found: Mapping[str, float], nominal: Mapping[str, float]) -> Joint:
     name, link = f"{joint.name}.link_inertia", joint.link
     if name in found:
-        # The fit counts a link's own inertia about its joint axis, whatever else the last link carries.
-        more = np.diag([0.0, 0.0, found[name] - nominal[name]])
-        link = Inertial(link.mass_kg, link.com_m, link.inertia_kgm2 + more)
+        # The fit counts a link's own inertia about its joint axis, or its mass, whatever else the last link carries.
+        more = found[name] - nominal[name]
+        if joint.type == "prismatic":
+            link = Inertial(link.mass_kg + more, link.com_m, link.inertia_kgm2)
+        else:
+            link = Inertial(link.mass_kg, link.com_m, link.inertia_kgm2 + np.diag([0.0, 0.0, more]))
     return replace(joint, link=link, motor=_motor(joint.name, joint.motor, found))
 
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robid.errors import SettingsError
-from robid.fit.options import ElasticOptions, ParameterKind
+from robid.fit.options import ElasticOptions
+from robid.robot.parameters import LOGARITHMIC, PARAMETER_KINDS, ElasticKind, kind_of_name
 
 if TYPE_CHECKING:
     from robid.robot.response import ElasticParameters
-
-LOGARITHMIC = ("stiffness", "damping", "motor_inertia", "link_inertia")
 
 
 def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], nominal: ElasticParameters) -> None:
@@ -37,7 +36,7 @@ def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], 
         problems += [
             f"`{name}` starts at {value:g}, but must be positive to be estimated"
             for name, value in zip(every.get(kind, []), values, strict=False)
-            if value <= 0 and name in free
+            if value <= PARAMETER_KINDS[kind].lower and name in free
         ]
     if problems:
         remedy = "correct `fixed`, `tied`, `bounds` or the robot file's values"
@@ -70,12 +69,11 @@ def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[tupl
     return problems
 
 
-def restricted(options: ElasticOptions, kinds: tuple[ParameterKind, ...]) -> ElasticOptions:
+def restricted(options: ElasticOptions, kinds: tuple[ElasticKind, ...]) -> ElasticOptions:
     """Returns options under which only some of the free kinds are estimated, with what is said of these."""
 
     def kept(name: str) -> bool:
-        suffix = name.rpartition(".")[2]
-        return ("location" if suffix.startswith("location_") else suffix) in kinds
+        return kind_of_name(name) in kinds
 
     return replace(
         options,

@@ -10,7 +10,8 @@ from scipy.linalg.blas import dsyrk
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.levenberg import Normal
 from robid.frf.friction import FrictionMove
-from robid.robot.collocated import KINDS, Collocated, is_collocated
+from robid.robot.collocated import Collocated, has_plain_inertias, is_collocated
+from robid.robot.parameters import DIRECT
 
 if TYPE_CHECKING:
     from robid.fit.problem import Problem
@@ -53,8 +54,10 @@ class SymmetricNormal:
     @staticmethod
     def serves(problem: Problem) -> bool:
         """Whether the problem has the symmetry and the parameters that this needs."""
-        constant = problem.model.rest.moves is None and not problem.parameters.nominal.cubic.any()
-        return constant and is_collocated(problem.model) and set(problem.parameters.kinds) <= set(KINDS)
+        model, kinds = problem.model, set(problem.parameters.kinds)
+        constant = model.rest.moves is None and not problem.parameters.nominal.cubic.any()
+        plain = "link_inertia" not in kinds or has_plain_inertias(model)
+        return constant and plain and is_collocated(model) and kinds <= set(DIRECT)
 
     def _pairs(self, values: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
         """Elements (2, n_pair, n_line) of (n_line, n_out, n_in): upper triangle, and what mirrors it."""

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from robid.frf.residual import RESIDUALS, EstimatorKind, Residual
+from robid.robot.parameters import FREE, ElasticKind
 
 WeightsKind = Literal["user", "optimal", "optimal_full", "inflated", "estimated"]
-ParameterKind = Literal[
-    "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"
-]
 Optimizer = Literal["levenberg", "scipy", "nlopt", "nlopt_global"]
 
 
@@ -46,9 +44,8 @@ class ElasticOptions:
         metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."},
     )
     weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
-    free: tuple[ParameterKind, ...] = field(
-        default=("stiffness", "damping", "viscous", "motor_inertia", "delay"),
-        metadata={"description": "Kinds of parameters that are estimated."},
+    free: tuple[ElasticKind, ...] = field(
+        default=FREE, metadata={"description": "Kinds of parameters that are estimated."}
     )
     fixed: tuple[str, ...] = field(
         default=(), metadata={"description": "Names of single parameters that stay at the robot file's value."}

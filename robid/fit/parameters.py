@@ -9,24 +9,20 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
-from robid.fit.names import LOGARITHMIC, check_names
+from robid.fit.names import check_names
 from robid.fit.options import ElasticOptions
 from robid.robot.description import Robot
-from robid.robot.names import element_names
+from robid.robot.parameters import (
+    LOGARITHMIC,
+    NUISANCE,
+    PARAMETER_KINDS,
+    coefficient_unit,
+    element_names,
+    element_units,
+    viscous_scale,
+)
 from robid.robot.response import ElasticParameters, with_values
 
-_UNITS = {
-    "stiffness": "N m/rad",
-    "damping": "N m s/rad",
-    "viscous": "N m s/rad",
-    "motor_inertia": "kg m^2",
-    "link_inertia": "kg m^2",
-    "delay": "s",
-    "cubic": "N m/rad^3",
-    "location": "m",
-    "friction": "1",
-}
-_VISCOUS_SCALE_HZ = 1.0
 _LOCATION_SCALE_M = 0.1
 _MOST_DECADES = 30.0
 
@@ -48,6 +44,7 @@ class ParameterMap:
         element_scale (n_element,): Its scale where it is linear, 1 for the others.
         names: Name of each internal parameter.
         kind_of: Kind of each internal parameter.
+        units: Unit of each.
         logarithmic (n_param,): Which internal parameters are logarithmic.
         prior_std (n_param,): Standard deviation known beforehand; infinite where nothing is known.
         lower (n_param,): Lower bounds, minus infinity where there is none.
@@ -63,6 +60,7 @@ class ParameterMap:
     element_scale: FloatArray
     names: tuple[str, ...]
     kind_of: tuple[str, ...]
+    units: tuple[str, ...]
     logarithmic: BoolArray
     prior_std: FloatArray
     lower: FloatArray
@@ -72,7 +70,7 @@ class ParameterMap:
     @property
     def n_friction(self) -> int:
         """Number of friction scales."""
-        return self.kind_of.count("friction")
+        return self.kind_of.count(NUISANCE)
 
     @property
     def leaders(self) -> IntArray:
@@ -89,12 +87,6 @@ class ParameterMap:
     def scale(self) -> FloatArray:
         """Scale (n_param,) of each linear internal parameter, 1 for the others."""
         return np.concatenate([self.element_scale[self.leaders], np.ones(self.n_friction)])
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each parameter."""
-        named = zip(self.names, self.kind_of, strict=True)
-        return tuple("samples" if name.endswith(".lag") else _UNITS[kind] for name, kind in named)
 
     def nominal_values(self) -> FloatArray:
         """Nominal value (n_param,) of each parameter in its own unit."""
@@ -181,6 +173,7 @@ def map_parameters(
     names = [name for name in elements if name not in options.tied]
     member = [names.index(options.tied.get(name, name)) for name in elements]
     kind_of = [free[name] for name in names]
+    unit_of = {n: unit for kind in kinds for n, unit in zip(every[kind], element_units(robot, kind), strict=True)}
     scales = _scales(robot, nominal)
     n_friction = len(friction_names)
     decades = options.prior_decades
@@ -200,8 +193,9 @@ def map_parameters(
             ]
         ),
         names=(*names, *friction_names),
-        kind_of=(*kind_of, *["friction"] * n_friction),
-        logarithmic=np.array([kind in LOGARITHMIC for kind in kind_of] + [False] * n_friction, bool),
+        kind_of=(*kind_of, *[NUISANCE] * n_friction),
+        units=(*(unit_of[name] for name in names), *map(coefficient_unit, friction_names)),
+        logarithmic=np.array([PARAMETER_KINDS[kind].logarithmic for kind in kind_of] + [False] * n_friction, bool),
         prior_std=np.concatenate(
             [
                 [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kind_of, strict=True)],
@@ -220,7 +214,7 @@ def _scales(robot: Robot, nominal: ElasticParameters) -> dict[str, FloatArray]:
     limit = np.array([robot.joints[s.joint].motor.max_torque_nm for s in robot.springs])
     ratio = np.array([robot.joints[s.joint].motor.gear_ratio for s in robot.springs])
     return {
-        "viscous": 2 * np.pi * _VISCOUS_SCALE_HZ * nominal.motor_inertia,
+        "viscous": viscous_scale(nominal.motor_inertia),
         "delay": np.array([1e-3]),
         "cubic": nominal.stiffness**3 / (limit * ratio) ** 2,
         "location": np.full(nominal.location.size, _LOCATION_SCALE_M),

@@ -17,7 +17,7 @@ from robid.robot.description import Robot
 from robid.robot.expand import expand, with_springs_at
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.names import element_names
+from robid.robot.parameters import element_names
 from robid.robot.response import ElasticParameters, hold_factor, motion_matrices, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
 
@@ -92,7 +92,7 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
         DataError: If the response lacks its torque, or a motor's angle is not among its outputs.
     """
     missing = [name for name in frf.input_names if name not in frf.output_names]
-    if frf.torque_amplitude is None or missing:
+    if frf.input_amplitude is None or missing:
         lack = f"the angle of motor {', '.join(missing)}" if missing else "the torques of its experiments"
         message = f"cubic stiffness needs {lack}, which the response lacks"
         remedy = "estimate the response again, all motors among its outputs, or leave `cubic` out of `free`"
@@ -102,7 +102,7 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
     rows = [frf.output_names.index(name) for name in frf.input_names]
     held = hold_factor(omega, values.delay[0], frf.hold_period_s)
     left = held[:, None, None] * np.eye(len(robot.joints)) - spent[:, :, None] * frf.response[:, :, rows]
-    through = np.linalg.inv(robot.arm_per_motor.T) @ left @ frf.torque_amplitude
+    through = np.linalg.inv(robot.arm_per_motor.T) @ left @ frf.input_amplitude
     gears = [index for index, spring in enumerate(robot.springs) if spring.place == "transmission"]
     through = through[:, :, [robot.springs[index].joint for index in gears]]
     power = np.zeros((*through.shape[:2], len(robot.springs)))
@@ -163,8 +163,8 @@ def _shapes(
 
 def _nominal_springs(robot: Robot) -> SpringValues:
     return SpringValues(
-        stiffness=np.array([spring.stiffness_nm_rad for spring in robot.springs]),
-        cubic=np.array([spring.cubic_nm_rad3 for spring in robot.springs]),
-        damping=np.array([spring.damping_nms_rad for spring in robot.springs]),
-        location=np.concatenate([spring.point_m for spring in robot.springs]),
+        stiffness=np.array([spring.stiffness for spring in robot.springs]),
+        cubic=np.array([spring.cubic for spring in robot.springs]),
+        damping=np.array([spring.damping for spring in robot.springs]),
+        location=robot.spring_points_m,
     )

@@ -8,13 +8,13 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.levenberg import Minimum, Normal, minimise
-from robid.fit.names import LOGARITHMIC, restricted
+from robid.fit.names import restricted
 from robid.fit.optimizers import optimise
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.parameters import map_parameters
 from robid.fit.problem import Problem, make_problem
-from robid.robot.collocated import KINDS
 from robid.robot.description import Robot
+from robid.robot.parameters import DIRECT, LOGARITHMIC
 
 _COARSE_CONFIGURATIONS = 8
 _COARSE_LINES = 30
@@ -90,7 +90,7 @@ class Strategy:
 
 def make_strategy(problem: Problem, robot: Robot, options: ElasticOptions) -> Strategy:
     """Sets up the strategy that the options name."""
-    kinds = tuple(kind for kind in options.free if kind in KINDS)
+    kinds = tuple(kind for kind in options.free if kind in DIRECT)
     if options.strategy == "plain" or not set(kinds) & set(LOGARITHMIC):
         return Strategy(problem, None, options)
     coarse_options = replace(options, weights=_COARSE_WEIGHTS, estimator=options.residual.from_afar)

@@ -32,8 +32,8 @@ class BlockEstimate:
 
 def arithmetic(blocks: Blocks) -> BlockEstimate:
     """Mean of the blocks' responses `Y U^-1`."""
-    inverse = np.linalg.inv(blocks.torque)
-    return BlockEstimate((blocks.acceleration @ inverse).mean(axis=0), inverse / len(inverse))
+    inverse = np.linalg.inv(blocks.inputs)
+    return BlockEstimate((blocks.outputs @ inverse).mean(axis=0), inverse / len(inverse))
 
 
 def logarithmic(blocks: Blocks) -> BlockEstimate:
@@ -42,8 +42,8 @@ def logarithmic(blocks: Blocks) -> BlockEstimate:
     Source:
         METHODS sec. 4; Wernholt and Moberg, LiTH-ISY-R-2827.
     """
-    inverse = np.linalg.inv(blocks.torque)
-    return BlockEstimate(logarithmic_mean(blocks.acceleration @ inverse), inverse / len(inverse))
+    inverse = np.linalg.inv(blocks.inputs)
+    return BlockEstimate(logarithmic_mean(blocks.outputs @ inverse), inverse / len(inverse))
 
 
 def joint(blocks: Blocks) -> BlockEstimate:
@@ -64,7 +64,7 @@ def h1(blocks: Blocks) -> BlockEstimate:
     In closed loop it is biased towards minus the controller's inverse by noise that the loop feeds back to U.
     With one block it is `Y U^-1`.
     """
-    return _projected(blocks, blocks.torque)
+    return _projected(blocks, blocks.inputs)
 
 
 def indirect(blocks: Blocks) -> BlockEstimate:
@@ -102,8 +102,8 @@ def logarithmic_mean(per_block: ComplexArray) -> ComplexArray:
 def _projected(blocks: Blocks, instrument: ComplexArray) -> BlockEstimate:
     """`(sum Y Z^H) (sum U Z^H)^-1` of instruments Z (n_real, n_freq, n_in, n_exp)."""
     adjoint = np.swapaxes(instrument, -1, -2).conj()
-    weights = adjoint @ np.linalg.inv((blocks.torque @ adjoint).sum(axis=0))
-    return BlockEstimate((blocks.acceleration @ weights).sum(axis=0), weights)
+    weights = adjoint @ np.linalg.inv((blocks.inputs @ adjoint).sum(axis=0))
+    return BlockEstimate((blocks.outputs @ weights).sum(axis=0), weights)
 
 
 def _reference(blocks: Blocks) -> ComplexArray:

@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
+from robid.signals.positions import shown
 from robid.signals.record import Record
 
 JITTER_LIMIT = 0.1
@@ -18,7 +19,7 @@ JITTER_SIGMAS = 5.0
 """Standard deviations by which jitter must stand out to be believed."""
 
 SATURATED_SHARE = 0.005
-"""Share of samples at a torque's extreme value above which it is told."""
+"""Share of samples at an input's extreme value above which it is told."""
 
 STILL_SHARE = 0.25
 """Share of the time in which a motor stands still above which it is told."""
@@ -49,7 +50,7 @@ class Finding:
 
 
 def check_record(record: Record, *, periodic: bool = True) -> list[Finding]:
-    """Looks for a wrong period, dropped samples, jitter, saturated torques and motors that stood still.
+    """Looks for a wrong period, dropped samples, jitter, saturated inputs and motors that stood still.
 
     Args:
         record: Finite record of a single configuration, simulated or measured.
@@ -85,7 +86,8 @@ def is_finding(note: str) -> bool:
 
 
 def _where(record: Record) -> str:
-    return f"{_WHERE} {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
+    configuration = record.require_periods("A check of the time base")[0]
+    return f"{_WHERE} {shown(configuration, record.joint_units)}"
 
 
 def _timing(record: Record) -> list[Finding]:
@@ -108,7 +110,7 @@ def _timing(record: Record) -> list[Finding]:
 
 
 def _wrong_period(record: Record, longer: int) -> Finding:
-    stated = record.torque.shape[4]
+    stated = record.inputs.shape[4]
     real = stated + longer
     what = f"the signals repeat every {real} samples, not every {stated}: the period is off by {abs(longer)}"
     period_s = real * record.sampling_period_s
@@ -126,14 +128,14 @@ def _dropped(record: Record, shifts: list[Shift]) -> Finding:
 def _place(record: Record, shift: Shift) -> str:
     count = abs(shift.lost)
     noun = f"{count} sample{'s' if count > 1 else ''} {'missing' if shift.lost > 0 else 'too many'}"
-    n_sample = record.torque.shape[4]
+    n_sample = record.inputs.shape[4]
     if shift.whole:
         place = f"between periods {shift.period} and {shift.period + 1}"
     elif shift.sample < 0:
         place = f"in period {shift.period} near sample {n_sample + shift.sample + 1}"
     else:
         place = f"in period {shift.period + 1} near sample {shift.sample + 1}"
-    names = [f"{name} torque" for name in record.input_names] + list(record.output_names)
+    names = [f"{one.name} {one.title}" for one in record.input_channels] + list(record.output_names)
     everywhere = len(shift.channels) > len(names) / 2
     channels = "all channels" if everywhere else ", ".join(names[index] for index in shift.channels)
     return f"realization {shift.realization + 1}, experiment {shift.experiment + 1}: {noun} {place} ({channels})"
@@ -143,21 +145,22 @@ def _saturation(record: Record) -> list[Finding]:
     chosen = sparse_samples(record)
     if not chosen.count:
         return []
-    worst = _saturated_share(record.torque[0][..., chosen.here, :])
+    worst = _saturated_share(record.inputs[0][..., chosen.here, :])
     findings = []
     for motor in np.flatnonzero(worst.max(axis=(0, 1)) > SATURATED_SHARE):
         share = worst[..., motor]
         place = _worst_place(share)
-        what = f"{record.input_names[motor]}: torque saturates for {100 * share.max():.2g} % of the time ({place})"
+        saturated = f"{record.input_names[motor]}: {record.input_channels[motor].title} saturates"
+        what = f"{saturated} for {100 * share.max():.2g} % of the time ({place})"
         findings.append(Finding("saturation", what, "lower the excitation of this motor", False))
     return findings
 
 
-def _saturated_share(torque: FloatArray) -> FloatArray:
+def _saturated_share(inputs: FloatArray) -> FloatArray:
     """Share of samples (n_real, n_exp, n_motor) at the highest or lowest value."""
-    share = np.zeros((*torque.shape[:2], torque.shape[-1]))
+    share = np.zeros((*inputs.shape[:2], inputs.shape[-1]))
     for sign in (1, -1):
-        signal = sign * torque
+        signal = sign * inputs
         top = signal.max(axis=(2, 3), keepdims=True)
         span = top - signal.min(axis=(2, 3), keepdims=True)
         at_top = signal >= top - 1e-6 * span
@@ -179,15 +182,17 @@ def _share_at_top(signal: FloatArray, at_top: BoolArray) -> float:
 
 
 def _still(record: Record) -> list[Finding]:
-    motors = [name for name in record.input_names if name in record.output_names]
-    columns = [record.output_names.index(name) for name in motors]
-    moved = [column for column in columns if record.output_names[column] not in record.accelerations]
+    moved = [
+        record.output_names.index(name)
+        for name in record.input_names
+        if name in record.output_names and _shows_motion(record, name)
+    ]
     if not moved:
         return []
     chosen = sparse_samples(record)
     if not chosen.count:
         return []
-    step = (record.position[0][..., chosen.after, :] - record.position[0][..., chosen.before, :])[..., moved]
+    step = (record.outputs[0][..., chosen.after, :] - record.outputs[0][..., chosen.before, :])[..., moved]
     mean = step.mean(axis=2)
     usual = np.sqrt((mean**2).mean(axis=(0, 1, 2)))
     noise = _noise(step)
@@ -204,6 +209,10 @@ def _still(record: Record) -> list[Finding]:
             remedy = "raise the excitation of this motor, or keep it moving slowly against friction"
             findings.append(Finding("still", what, remedy, False))
     return findings
+
+
+def _shows_motion(record: Record, name: str) -> bool:
+    return record.output_channels[record.output_names.index(name)].quantity in ("angle", "position")
 
 
 def _noise(step: FloatArray) -> FloatArray:

@@ -8,10 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
 from robid.frf.spectra import line_amplitudes, mean_without_drift
 from robid.signals.friction import KINDS, VALUES, TorqueLaw, friction_torque, periodic_speed
+from robid.signals.quantities import MOTOR_TORQUE, Channel, Wanted, channel_names, describe
 from robid.signals.record import Record
 
+_MOTOR_ANGLE = Wanted(("angle",), ("motor",))
 _NOISE_CUT = 2.5  # times the highest excited line
 _SHAPE_STEP = 0.05
 
@@ -58,6 +61,13 @@ class Disturbance:
         return Disturbance(self.torque[:, :count], self.derivative[:, :, :count])
 
 
+def shows_friction(inputs: Sequence[Channel], outputs: Sequence[Channel]) -> bool:
+    """Whether the inputs are motor torques, and the same motors' angles come first among the outputs."""
+    first = outputs[: len(inputs)]
+    collocated = channel_names(first) == channel_names(inputs)
+    return collocated and MOTOR_TORQUE.accepts(inputs) and _MOTOR_ANGLE.accepts(first)
+
+
 def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling: int = 2) -> Motion:
     """Prepares the evaluation of torque laws.
 
@@ -66,13 +76,17 @@ def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling:
         lines (n_freq,): DFT lines of one period.
         delay_s: Delay from recorded to applied torque, hold excluded [s].
         oversampling: Grid points of the speed per sample.
+
+    Raises:
+        DataError: If the inputs are no torques, or the first outputs not their motors' angles.
     """
+    _check_motors(record)
     n_in, period_s = len(record.input_names), record.sampling_period_s
-    angle = mean_without_drift(record.position[0, ..., :n_in]) + record.position_offset_rad[0, :n_in]
+    angle = mean_without_drift(record.outputs[0, ..., :n_in]) + record.output_offset[0, :n_in]
     angle = np.ascontiguousarray(np.moveaxis(angle, 2, 0))
     speed = periodic_speed(angle, period_s, _NOISE_CUT * record.frequency_hz[-1], oversampling)
     omega = 2 * np.pi * lines / record.period_s
-    half = 0.5 * omega * period_s * (record.torque_hold == "zoh")
+    half = 0.5 * omega * period_s * (record.input_hold == "zoh")
     return Motion(
         angle=angle,
         speed=speed.astype(np.float32),
@@ -82,6 +96,18 @@ def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling:
         omega=omega,
         hold=np.sinc(half / np.pi) * np.exp(-1j * (half + omega * delay_s)),
     )
+
+
+def _check_motors(record: Record) -> None:
+    """Refuses channels along which no friction can be computed."""
+    if shows_friction(record.input_channels, record.output_channels):
+        return
+    what = (
+        "friction is subtracted from motor torques along the angles of the same motors, which come first among the"
+        f" outputs; here the inputs are {describe(record.input_channels)},"
+        f" the outputs {describe(record.output_channels)}"
+    )
+    raise DataError(what, remedy="use `compensation: none`, or import the motors' angles in the order of the torques")
 
 
 def friction_spectrum(motion: Motion, laws: Sequence[TorqueLaw]) -> ComplexArray:
@@ -118,7 +144,7 @@ def disturbance(motion: Motion, laws: Sequence[TorqueLaw]) -> Disturbance:
 
 def no_disturbance(record: Record, lines: IntArray) -> Disturbance:
     """A disturbance of zero without coefficients, at some DFT lines."""
-    n_real, n_exp = record.torque.shape[1:3]
+    n_real, n_exp = record.inputs.shape[1:3]
     torque = np.zeros((n_real, len(lines), len(record.input_names), n_exp), complex)
     return Disturbance(torque, torque[None][:0])
 

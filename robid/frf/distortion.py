@@ -37,7 +37,7 @@ def silent_levels(silent: Blocks, lines: IntArray, response: ComplexArray) -> Si
     """Residual at silent lines, corrected for feedback.
 
     What appears at a silent line was made by the robot (nonlinearity, noise) and fed back by the controller as
-    torque; `Y - G U` takes out the linear robot's answer to that torque. Real and imaginary part of G's elements
+    input; `Y - G U` takes out the linear robot's answer to that input. Real and imaginary part of G's elements
     are interpolated over the logarithm of frequency by cubics that do not overshoot. That is wrong where a
     resonance is narrower than the lines' distance: `doubt` tells how much.
 
@@ -50,13 +50,13 @@ def silent_levels(silent: Blocks, lines: IntArray, response: ComplexArray) -> Si
         The levels; all empty without silent lines.
     """
     between = interpolate_response(lines, response, silent.lines)
-    level = _rms(silent.acceleration - between @ silent.torque)
+    level = _rms(silent.outputs - between @ silent.inputs)
     noise = None
     if silent.scatter_freedom:
-        scatter = silent.acceleration_scatter - between @ silent.torque_scatter
+        scatter = silent.output_scatter - between @ silent.input_scatter
         noise = np.sqrt((np.abs(scatter) ** 2).sum(axis=1).mean(axis=(0, -1)) / silent.scatter_freedom)
     error = _interpolation_error(lines, response, silent.lines)
-    power = (np.abs(silent.torque) ** 2).mean(axis=(0, -1))
+    power = (np.abs(silent.inputs) ** 2).mean(axis=(0, -1))
     doubt = np.sqrt(np.einsum("foi,fi->fo", error**2, power))
     return SilentLevels(level, None if noise is None else np.asarray(noise), np.asarray(doubt))
 
@@ -70,18 +70,18 @@ def interpolate_response(lines: IntArray, response: ComplexArray, wanted: IntArr
     return np.asarray(parts[..., 0] + 1j * parts[..., 1])
 
 
-def multiple_coherence(acceleration: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
+def multiple_coherence(outputs: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
     """Share of each output's power that the response explains, over experiments and realizations.
 
     Args:
-        acceleration (n_real, n_freq, n_out, n_exp): Output spectra.
+        outputs (n_real, n_freq, n_out, n_exp): Output spectra.
         covariance (n_freq, n_out, n_out): Covariance of the output residual `Y - G U`, corrected for the freedom
             that the estimate took: total, or of the noise where a single realization leaves no residual; or None.
 
     Returns:
         (n_freq, n_out), within 0 and 1; NaN without a covariance.
     """
-    power = (np.abs(acceleration) ** 2).mean(axis=(0, -1))
+    power = (np.abs(outputs) ** 2).mean(axis=(0, -1))
     if covariance is None:
         return np.full(power.shape, np.nan)
     lost = np.real(np.diagonal(covariance, axis1=-2, axis2=-1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, NEEDS_SQUARE_BLOCKS, BlockEstimate
+from robid.frf.channels import response_channels, to_accelerations
 from robid.frf.checks import check_record, finding_notes, refuse_faults
 from robid.frf.compensation import (
     Disturbance,
@@ -27,6 +29,7 @@ from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
 from robid.frf.transient import robust_blocks
 from robid.signals.friction import TorqueLaw
+from robid.signals.positions import shown
 from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
@@ -88,6 +91,7 @@ def estimate_frf(
     Source:
         Wernholt and Moberg (2008), eq. 2; METHODS sec. 4.
     """
+    configurations = record.require_periods("A frequency response")
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
     spectra = _spectra(record, options, laws, delay_s)
@@ -97,7 +101,7 @@ def estimate_frf(
     found = _by_blocks(record, spectra, options) if windows is None else _by_windows(spectra, windows, options)
     response = found.estimate.response
     blocks = spectra.blocks if windows is None else spectra.blocks.select(windows.lines)
-    scatter = blocks.acceleration_scatter - response @ blocks.torque_scatter
+    scatter = blocks.output_scatter - response @ blocks.input_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     levels = silent_levels(spectra.silent, blocks.lines, response)
     return Frf(
@@ -105,7 +109,7 @@ def estimate_frf(
         **_at_rest(record),
         frequency_hz=record.frequency_hz,
         lines=record.excited_lines,
-        configurations=record.configurations,
+        configurations=configurations,
         response=response[None],
         input_factor=found.estimate.input_factor[None],
         element_scale=found.element_scale[None],
@@ -117,17 +121,18 @@ def estimate_frf(
         removed_torque_rms=_rms(spectra.removed_torque)[None],
         uncompensated_response=None if laws is None else _uncompensated(spectra, options)[None],
         sampling_period_s=record.sampling_period_s,
-        input_names=record.input_names,
-        output_names=record.output_names,
-        torque_unit=record.torque_unit,
-        torque_hold=record.torque_hold,
+        input_channels=record.input_channels,
+        output_channels=response_channels(record, options),
+        measured_channels=record.output_channels,
+        input_hold=record.input_hold,
+        joint_units=record.joint_units,
         notes=(*record.notes, *_notes(found.total, record.excited_lines), *finding_notes(record, findings)),
-        coherence=multiple_coherence(blocks.acceleration, noise if found.total is None else found.total)[None],
+        coherence=multiple_coherence(blocks.outputs, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_doubt=levels.doubt[None],
-        torque_amplitude=np.concatenate(list(blocks.torque), axis=-1)[None],
+        input_amplitude=np.concatenate(list(blocks.inputs), axis=-1)[None],
         compensation=_used(laws),
         freedom_share=np.array([found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],
@@ -145,23 +150,24 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
     """Transforms the record at the lines that the estimator reads and at the silent ones."""
     n_freq = len(record.excited_lines)
     lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
-    with_reference = options.estimator in READS_REFERENCE
-    blocks = record_blocks(record, lines, with_reference=with_reference)
+    accelerations = to_accelerations(record, options)
+    transform = partial(record_blocks, with_reference=options.estimator in READS_REFERENCE, accelerations=accelerations)
+    blocks = transform(record, lines)
     removed = _removed(record, lines, laws, delay_s)
     silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
     blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.first(n_freq), None
     if options.estimator == "robust_local":
-        blocks = robust_blocks(record, record.excited_lines, options)
+        blocks = robust_blocks(record, record.excited_lines, options, accelerations=accelerations)
     if options.estimator in LOCAL:
         n_in, n_out = len(record.input_names), len(record.output_names)
-        half = half_width(options, record.torque.shape[1] * record.torque.shape[2], n_in, n_out)
+        half = half_width(options, record.inputs.shape[1] * record.inputs.shape[2], n_in, n_out)
         windows = line_windows(record.excited_lines, half)
         if options.estimator == "local":
             source = record.as_one_period()
-            lines, windows = bin_windows(source.excited_lines, half, source.torque.shape[4] // 2)
-            blocks = record_blocks(source, lines, with_reference=with_reference)
+            lines, windows = bin_windows(source.excited_lines, half, source.inputs.shape[4] // 2)
+            blocks = transform(source, lines)
             removed = _removed(source, lines, laws, delay_s)
-    if not (np.isfinite(blocks.torque).all() and np.isfinite(blocks.acceleration).all()):
+    if not (np.isfinite(blocks.inputs).all() and np.isfinite(blocks.outputs).all()):
         message = "the record holds NaN or infinite samples"
         raise DataError(message, where=_where(record), remedy="acquire the record again")
     return _Spectra(_without(blocks, removed), removed, silent, windows)
@@ -173,7 +179,7 @@ def _removed(record: Record, lines: IntArray, laws: tuple[TorqueLaw, ...] | None
 
 
 def _without(blocks: Blocks, removed: Disturbance) -> Blocks:
-    return replace(blocks, torque=blocks.torque - removed.torque)
+    return replace(blocks, inputs=blocks.inputs - removed.torque)
 
 
 def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _Found:
@@ -181,8 +187,8 @@ def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _
     blocks = spectra.blocks
     _check_blocks(record, blocks, options.estimator)
     estimate = ESTIMATORS[options.estimator](blocks)
-    residual = blocks.acceleration - estimate.response @ blocks.torque
-    total, freedom = total_covariance(residual, blocks.torque.shape[2], options.pooled_lines)
+    residual = blocks.outputs - estimate.response @ blocks.inputs
+    total, freedom = total_covariance(residual, blocks.inputs.shape[2], options.pooled_lines)
     errors = residual @ estimate.weights
     scale = element_scale(errors, estimate.input_factor, total, residual.shape[-1])
     each = None if total is None else errors
@@ -200,24 +206,25 @@ def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -
 
 def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
     """The response (n_freq, n_out, n_in) of the torque as recorded."""
-    measured = replace(spectra.blocks, torque=spectra.blocks.torque + spectra.removed.torque)
+    measured = replace(spectra.blocks, inputs=spectra.blocks.inputs + spectra.removed.torque)
     if spectra.windows is None:
         return ESTIMATORS[options.estimator](measured).response
     return local_fit(measured, spectra.windows, options).response
 
 
 def _where(record: Record) -> str:
-    return f"configuration at {np.array2string(np.rad2deg(record.configurations[0]), precision=1)} deg"
+    configuration = record.require_periods("A frequency response")[0]
+    return f"configuration at {shown(configuration, record.joint_units)}"
 
 
 def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:
-    n_real, _, n_in, n_exp = blocks.torque.shape
+    n_real, _, n_in, n_exp = blocks.inputs.shape
     square = estimator in NEEDS_SQUARE_BLOCKS
     if n_exp != n_in if square else n_real * n_exp < n_in:
         message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
         remedy = "record as many experiments per realization as there are motors, or use the estimator `local_periodic`"
         raise DataError(message, where=_where(record), remedy=remedy)
-    condition = _condition(blocks.torque, square=square)
+    condition = _condition(blocks.inputs, square=square)
     worst = int(np.argmax(condition))
     if condition[worst] > _CONDITION_LIMIT:
         frequency = record.frequency_hz[worst]
@@ -265,7 +272,7 @@ def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
 def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Found) -> dict[str, Any]:
     """What a fit may move of the removed torque, and the torques' scales last; the removed laws themselves."""
     response = found.estimate.response
-    scale = np.zeros(record.torque.shape[-1]) if record.torque_relative_std is None else record.torque_relative_std
+    scale = np.zeros(len(record.input_channels)) if record.input_relative_std is None else record.input_relative_std
     names = tuple(f"{name}.torque_scale" for name in record.input_names)
     deviation, offset = scale, np.zeros_like(scale)
     table: tuple[tuple[str, ...], FloatArray, FloatArray] = ((), np.zeros(0), np.zeros(0))
@@ -288,14 +295,14 @@ def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Fo
 
 
 def _at_rest(record: Record) -> dict[str, Any]:
-    """Mean torques and outputs of the only configuration, and how far the outputs move about them."""
-    n_sample, offset = record.position[0, ..., 0].size, record.position_offset_rad
-    mean = record.position.mean(axis=(1, 2, 3, 4))
+    """Mean inputs and outputs of the only configuration, and how far the outputs move about them."""
+    n_sample, offset = record.outputs[0, ..., 0].size, record.output_offset
+    mean = record.outputs.mean(axis=(1, 2, 3, 4))
     # Without a copy of the samples, of which there may be many.
-    square = np.einsum("crepno,crepno->co", record.position, record.position) / n_sample
+    square = np.einsum("crepno,crepno->co", record.outputs, record.outputs) / n_sample
     return {
-        "mean_torque": record.torque.mean(axis=(1, 2, 3, 4)),
-        "mean_position": mean + offset,
+        "mean_input": record.inputs.mean(axis=(1, 2, 3, 4)),
+        "mean_output": mean + offset,
         "motion_rms": np.sqrt(np.maximum(square - mean**2, 0.0)),
     }
 

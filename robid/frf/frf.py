@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.signals.quantities import Channel, channel_names, response_unit, units_text
 
 Level = Literal["odd", "even", "noise"]
 LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
@@ -31,9 +32,9 @@ CONFIGURATION_WISE = (
     "silent_noise",
     "silent_doubt",
     "uncompensated_response",
-    "torque_amplitude",
-    "mean_torque",
-    "mean_position",
+    "input_amplitude",
+    "mean_input",
+    "mean_output",
     "motion_rms",
     "line_correlation",
     "freedom_share",
@@ -43,7 +44,7 @@ CONFIGURATION_WISE = (
 
 @dataclass(frozen=True)
 class Frf:
-    """Frequency responses from motor torque to acceleration, one per configuration.
+    """Frequency responses from some channels to others, one per configuration.
 
     The covariance is structured: `cov(vec G) = S (input_factor (x) C_v) S`, with `vec` stacking columns, `C_v`
     the covariance of the output residual, `input_factor` the mean of `(U U^H)^-T` over realizations divided by
@@ -54,14 +55,14 @@ class Frf:
         frequency_hz (n_freq,): Excited frequencies [Hz].
         lines (n_freq,): Their DFT lines.
         configurations (n_conf, n_joint): Arm-side joint angles [rad].
-        response (n_conf, n_freq, n_out, n_in): Frequency response [rad/(s^2 N m)].
-        input_factor (n_conf, n_freq, n_in, n_in): See above [1/(N m)^2].
+        response (n_conf, n_freq, n_out, n_in): Frequency response [unit of the output over that of the input].
+        input_factor (n_conf, n_freq, n_in, n_in): See above [inverse square of the inputs' unit].
         element_scale (n_conf, n_out, n_in): Total variance of each element over that of the product, mean over
             the lines; 1 where there is only one realization.
         total_covariance (n_conf, n_freq, n_out, n_out): `C_v` from realizations, or None when there is
-            only one [rad^2/s^4].
+            only one [square of the outputs' unit].
         noise_covariance (n_conf, n_freq, n_out, n_out): `C_v` from periods, or None when there is only
-            one [rad^2/s^4].
+            one [square of the outputs' unit].
         realization_error (n_conf, n_real, n_freq, n_out, n_in): What each realization's output residual adds to
             the response; they sum to nearly zero. None with one realization, or where an estimator has none of its own.
         total_degrees_of_freedom: Complex degrees of freedom behind `total_covariance` (0 if None).
@@ -78,30 +79,30 @@ class Frf:
         law_values (n_law,): The values, in the units of `robid.signals.friction.VALUES`.
         law_std (n_law,): Their standard deviations.
         sampling_period_s: Sampling period of the experiment [s].
-        input_names: Name of each input.
-        output_names: Name of each output.
-        torque_unit: Unit that stands for N m.
-        torque_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
+        input_channels: What each input is: name, quantity, unit and side.
+        output_channels: What each output is; motions have become accelerations where that was asked for.
+        measured_channels: What each output was measured as; the same as `output_channels` where empty.
+        input_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
         notes: What the estimator wants the reader to know.
         coherence (n_conf, n_freq, n_out): Share of each output's power that the response explains.
         silent_lines (n_silent,): Lines of the band that were not excited.
         silent_level (n_conf, n_silent, n_out): RMS amplitude of `Y - G U` there, see `robid.frf.distortion`
-            [rad/s^2].
+            [unit of the output].
         silent_noise (n_conf, n_silent, n_out): The part of it that is noise, or None with a single period.
         silent_doubt (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
             a level that does not exceed it says nothing.
-        torque_amplitude (n_conf, n_freq, n_in, n_block): Half the complex amplitude of every torque in every
+        input_amplitude (n_conf, n_freq, n_in, n_block): Half the complex amplitude of every input in every
             experiment of all realizations, compensation subtracted; its power is twice its square. NaN for an
-            experiment that there is not; None in files of older versions [N m].
-        mean_torque (n_conf, n_in): Mean torque as recorded, without compensation [N m]. This and the next two are
-            over all samples, and None in files of older versions.
-        mean_position (n_conf, n_out): Mean output as recorded: motor angles, and what else was measured [rad].
-        motion_rms (n_conf, n_out): RMS of the output about its mean [rad].
-        compensation: Which laws were subtracted: `none`, `nominal` or `silent_lines`; "" in files of older versions.
+            experiment that there is not; None where it was not kept [unit of the input].
+        mean_input (n_conf, n_in): Mean input as recorded, without compensation [unit of the input]. This and the next
+            two are over all samples, and None where they are unknown.
+        mean_output (n_conf, n_out): Mean output as it was measured, in that unit.
+        motion_rms (n_conf, n_out): RMS of the output as it was measured about its mean, in that unit.
+        compensation: Which laws were subtracted: `none`, `nominal` or `silent_lines`; "" where it is unknown.
         line_correlation (n_conf, n_freq, n_next): Correlation of each line's error with those of the next lines, of
             estimators whose windows overlap; None where lines are independent.
         freedom_share (n_conf,): Share of `total_degrees_of_freedom` left where experiments repeat each other's
-            residual; None in files of older versions.
+            residual; None where it is unknown.
     """
 
     frequency_hz: FloatArray
@@ -119,15 +120,15 @@ class Frf:
     coefficient_relative_std: FloatArray
     removed_torque_rms: FloatArray
     sampling_period_s: float
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
+    input_channels: tuple[Channel, ...]
+    output_channels: tuple[Channel, ...]
     coefficient_offset: FloatArray | None = None
     uncompensated_response: ComplexArray | None = None
     law_names: tuple[str, ...] = ()
     law_values: FloatArray = field(default_factory=lambda: np.zeros(0))
     law_std: FloatArray = field(default_factory=lambda: np.zeros(0))
-    torque_unit: str = "N m"
-    torque_hold: Literal["zoh", "band_limited"] = "zoh"
+    measured_channels: tuple[Channel, ...] = ()
+    input_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: tuple[str, ...] = field(default=())
     coherence: FloatArray | None = None
     silent_lines: IntArray = field(default_factory=lambda: np.zeros(0, int))
@@ -135,13 +136,34 @@ class Frf:
     silent_noise: FloatArray | None = None
     silent_doubt: FloatArray | None = None
     realization_error: ComplexArray | None = None
-    torque_amplitude: ComplexArray | None = None
-    mean_torque: FloatArray | None = None
-    mean_position: FloatArray | None = None
+    input_amplitude: ComplexArray | None = None
+    mean_input: FloatArray | None = None
+    mean_output: FloatArray | None = None
     motion_rms: FloatArray | None = None
     compensation: str = ""
     line_correlation: FloatArray | None = None
     freedom_share: FloatArray | None = None
+    joint_units: tuple[str, ...] | None = None
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Name of each input."""
+        return channel_names(self.input_channels)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Name of each output."""
+        return channel_names(self.output_channels)
+
+    @property
+    def input_unit(self) -> str:
+        """Unit of the inputs: N m, or what stands for it where a torque constant is unknown."""
+        return units_text(self.input_channels)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the response; that of the first output where they differ."""
+        return response_unit(units_text(self.output_channels[:1]), self.input_unit)
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
@@ -152,8 +174,8 @@ class Frf:
 
     @property
     def hold_period_s(self) -> float | None:
-        """Period for which the torque is held [s]; None where it is not."""
-        return self.sampling_period_s if self.torque_hold == "zoh" else None
+        """Period for which the inputs are held [s]; None where they are not."""
+        return self.sampling_period_s if self.input_hold == "zoh" else None
 
     @property
     def covariance(self) -> ComplexArray:
@@ -216,7 +238,8 @@ class Frf:
                 ones at even lines. Or noise alone, of both.
 
         Returns:
-            Amplitude of the output residual (n_conf, n_freq, n_out) [rad/s^2]; None where there are no such lines.
+            Amplitude of the output residual (n_conf, n_freq, n_out) [unit of the output]; None where there are no such
+            lines.
         """
         chosen = (self.silent_lines % 2 == (kind == "odd")) | (kind == "noise")
         amplitude = self.silent_noise if kind == "noise" else self.silent_level

@@ -12,7 +12,7 @@ from robid.errors import DataError
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.friction import with_friction_moved
 
-_SAME = ("input_names", "output_names", "torque_unit", "torque_hold", "sampling_period_s", "coefficient_names")
+_SAME = ("input_channels", "output_channels", "input_hold", "sampling_period_s", "coefficient_names")
 
 
 def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
@@ -39,7 +39,7 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
                 "give both campaigns the same lines (`period_s`, `low_hz`, `high_hz`, `count`, `seed`) and channels"
             )
             raise DataError(message, where=name, remedy=remedy)
-    blocks = max((frf.torque_amplitude.shape[-1] for frf in frfs if frf.torque_amplitude is not None), default=0)
+    blocks = max((frf.input_amplitude.shape[-1] for frf in frfs if frf.input_amplitude is not None), default=0)
     aligned = [_aligned(frf, first, blocks) for frf in frfs]
     whole: dict[str, Any] = {}
     for key in CONFIGURATION_WISE:
@@ -59,9 +59,9 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
 
 def _aligned(frf: Frf, first: Frf, blocks: int) -> Frf:
     """The response with the first one's torque coefficients subtracted, and as many experiments as all have."""
-    if frf.torque_amplitude is not None:
-        missing = [(0, 0)] * 3 + [(0, blocks - frf.torque_amplitude.shape[-1])]
-        frf = replace(frf, torque_amplitude=np.pad(frf.torque_amplitude, missing, constant_values=np.nan))
+    if frf.input_amplitude is not None:
+        missing = [(0, 0)] * 3 + [(0, blocks - frf.input_amplitude.shape[-1])]
+        frf = replace(frf, input_amplitude=np.pad(frf.input_amplitude, missing, constant_values=np.nan))
     if frf.coefficient_offset is None or first.coefficient_offset is None or not frf.coefficient_names:
         return frf
     return with_friction_moved(frf, first.coefficient_offset - frf.coefficient_offset)

@@ -137,7 +137,7 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
 
     N is a matrix polynomial in the frequency, D a polynomial common to all outputs (1 without
     `local_denominator`), T the transient of each experiment (`local` only). Where the reference was recorded,
-    torque and acceleration are both fitted to it and the response is their ratio, as the loop is closed. The
+    inputs and outputs are both fitted to it and the response is their ratio, as the loop is closed. The
     covariance is of first order in the noise: the denominator's is underestimated where noise is large.
 
     Args:
@@ -152,11 +152,11 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         Pintelon and Schoukens (2012), System Identification, 2nd ed., ch. 7; McKelvey and Guerin (2012), IFAC
         SYSID (rational); METHODS sec. 4.
     """
-    n_in, n_power = blocks.torque.shape[2], options.local_order + 1
-    torque, acceleration = windows.rows(blocks.torque), windows.rows(blocks.acceleration)
+    n_in, n_power = blocks.inputs.shape[2], options.local_order + 1
+    inputs, outputs = windows.rows(blocks.inputs), windows.rows(blocks.outputs)
     indirect = blocks.reference is not None
-    regressor = torque if blocks.reference is None else windows.rows(blocks.reference)
-    explained = np.concatenate([torque, acceleration], axis=-1) if indirect else acceleration
+    regressor = inputs if blocks.reference is None else windows.rows(blocks.reference)
+    explained = np.concatenate([inputs, outputs], axis=-1) if indirect else outputs
     powers = windows.offset[:, :, None] ** np.arange(n_power)
     silence = _transient_projection(powers) if options.estimator == "local" else None
     fit = _Fit(_flat(_products(powers, regressor), silence), n_in)
@@ -169,7 +169,7 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         products = _flat(_products(windows.offset[:, :, None] ** degrees, explained), silence)
         denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.size, -1))
         observed = observed + denominator.change
-    n_real = blocks.torque.shape[0]
+    n_real = blocks.inputs.shape[0]
     return _estimate(fit, observed, denominator, freedom, n_in, n_real, windows, indirect=indirect)
 
 
@@ -184,7 +184,7 @@ def _estimate(
     *,
     indirect: bool,
 ) -> LocalEstimate:
-    """Reads the response off a fit; of an indirect one the first observations are the torques."""
+    """Reads the response off a fit; of an indirect one the first observations are the inputs."""
     centre, output = fit.centre(observed, n_in), fit.residual(observed)
     turn = np.eye(n_in)[None].astype(complex)
     response = np.swapaxes(centre, 1, 2)

@@ -25,6 +25,13 @@ class EstimateOptions:
             " bins of any signal; `local_periodic` to neighbouring excited lines, for fewer experiments than motors."
         },
     )
+    outputs: Literal["auto", "acceleration", "measured"] = field(
+        default="auto",
+        metadata={
+            "description": "What angles, positions and speeds become: accelerations, or as they were measured; `auto`:"
+            " accelerations where the inputs are torques, currents or forces, as measured for any other."
+        },
+    )
     local_order: int = field(
         default=2, metadata={"description": "Order of the local polynomials of response and transient.", "ge": 0}
     )

@@ -46,7 +46,7 @@ class _Silent:
     def inverse_at_silent(self, removed: ComplexArray) -> ComplexArray:
         """G^-1 (n_silent, n_in, n_in), interpolated over the logarithm of frequency."""
         at_excited = self.blocks.select(np.flatnonzero(self.excited))
-        corrected = replace(at_excited, torque=at_excited.torque - removed[:, self.excited])
+        corrected = replace(at_excited, inputs=at_excited.inputs - removed[:, self.excited])
         n_in = removed.shape[2]
         inverse = np.linalg.inv(logarithmic(corrected).response[:, :n_in])
         lines = np.log(self.blocks.lines)
@@ -142,10 +142,10 @@ def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampl
 
 def _check_blocks(blocks: Blocks, excited: IntArray) -> None:
     """Refuses experiments from which no response can be inverted."""
-    n_in, n_exp = blocks.torque.shape[2:]
+    n_in, n_exp = blocks.inputs.shape[2:]
     problem = "" if n_exp == n_in else f"{n_exp} experiments are no full block of {n_in} motors"
-    moved = blocks.acceleration[:, excited, :n_in]
-    for kind, spectra in (("torque", blocks.torque[:, excited]), ("motion", moved)):
+    moved = blocks.outputs[:, excited, :n_in]
+    for kind, spectra in (("torque", blocks.inputs[:, excited]), ("motion", moved)):
         # NaN has no condition either.
         if not problem and not (np.isfinite(spectra).all() and np.linalg.cond(spectra).max() < _CONDITION_LIMIT):
             problem = f"the experiments do not tell the motors' {kind} apart"
@@ -159,7 +159,7 @@ def _check_blocks(blocks: Blocks, excited: IntArray) -> None:
 
 def _torque_peak(record: Record) -> FloatArray:
     """Largest torque (n_in,) of all periods, the mean of each experiment taken off."""
-    torque = record.torque[0]
+    torque = record.inputs[0]
     return np.asarray(np.abs(torque - torque.mean(axis=(2, 3), keepdims=True)).max(axis=(0, 1, 2, 3)))
 
 
@@ -173,8 +173,8 @@ def _torque_error(silent: _Silent, removed: ComplexArray) -> ComplexArray:
     """`G^-1 Y - (U - F)` (n_real, n_silent, n_in, n_exp) at the silent lines."""
     quiet = ~silent.excited
     n_in = removed.shape[2]
-    motion = silent.inverse_at_silent(removed) @ silent.blocks.acceleration[:, quiet, :n_in]
-    return np.asarray(motion - silent.blocks.torque[:, quiet] + removed[:, quiet])
+    motion = silent.inverse_at_silent(removed) @ silent.blocks.outputs[:, quiet, :n_in]
+    return np.asarray(motion - silent.blocks.inputs[:, quiet] + removed[:, quiet])
 
 
 def _linearise(silent: _Silent, values: FloatArray, bristle: BoolArray) -> tuple[ComplexArray, ComplexArray]:
@@ -265,8 +265,8 @@ def _powers(silent: _Silent, error: ComplexArray, removed: ComplexArray) -> tupl
     blocks = silent.blocks
     if blocks.scatter_freedom:
         n_in = removed.shape[2]
-        motion = silent.inverse_at_silent(removed) @ blocks.acceleration_scatter[:, :, quiet, :n_in]
-        deviation = motion - blocks.torque_scatter[:, :, quiet]
+        motion = silent.inverse_at_silent(removed) @ blocks.output_scatter[:, :, quiet, :n_in]
+        deviation = motion - blocks.input_scatter[:, :, quiet]
         noise = np.mean(np.sum(np.abs(deviation) ** 2, axis=1), axis=(0, 3)) / blocks.scatter_freedom
     weight = 1 / (after + _FLOOR * np.median(after, axis=0))
     weight *= _telling(blocks.lines, silent.excited)[quiet, None]

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.fft import rfft
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.signals.quantities import QUANTITIES
 from robid.signals.record import Record
 
 _FEW_LINES = 16
@@ -23,21 +24,21 @@ class Blocks:
 
     Attributes:
         lines (n_freq,): DFT lines of one period.
-        torque (n_real, n_freq, n_in, n_exp): Torque [N m].
-        acceleration (n_real, n_freq, n_out, n_exp): Acceleration [rad/s^2 or m/s^2].
+        inputs (n_real, n_freq, n_in, n_exp): Inputs [their units].
+        outputs (n_real, n_freq, n_out, n_exp): Outputs, or their accelerations [their units].
         reference (n_real, n_freq, n_in, n_exp): What was injected, or None where it was not recorded.
-        torque_scatter (n_real, n_scatter, n_freq, n_in, n_exp): Deviations whose summed outer products over
-            `scatter_freedom` estimate the noise covariance of `torque`.
-        acceleration_scatter (n_real, n_scatter, n_freq, n_out, n_exp): The same of `acceleration`.
+        input_scatter (n_real, n_scatter, n_freq, n_in, n_exp): Deviations whose summed outer products over
+            `scatter_freedom` estimate the noise covariance of `inputs`.
+        output_scatter (n_real, n_scatter, n_freq, n_out, n_exp): The same of `outputs`.
         scatter_freedom: Complex degrees of freedom of the scatter in each experiment; 0 with a single period.
     """
 
     lines: IntArray
-    torque: ComplexArray
-    acceleration: ComplexArray
+    inputs: ComplexArray
+    outputs: ComplexArray
     reference: ComplexArray | None
-    torque_scatter: ComplexArray
-    acceleration_scatter: ComplexArray
+    input_scatter: ComplexArray
+    output_scatter: ComplexArray
     scatter_freedom: int
 
     def select(self, chosen: IntArray) -> Blocks:
@@ -45,39 +46,42 @@ class Blocks:
         return replace(
             self,
             lines=self.lines[chosen],
-            torque=self.torque[:, chosen],
-            acceleration=self.acceleration[:, chosen],
+            inputs=self.inputs[:, chosen],
+            outputs=self.outputs[:, chosen],
             reference=None if self.reference is None else self.reference[:, chosen],
-            torque_scatter=self.torque_scatter[:, :, chosen],
-            acceleration_scatter=self.acceleration_scatter[:, :, chosen],
+            input_scatter=self.input_scatter[:, :, chosen],
+            output_scatter=self.output_scatter[:, :, chosen],
         )
 
 
-def record_blocks(record: Record, lines: IntArray, *, with_reference: bool = False) -> Blocks:
-    """Transforms one configuration's record, drift of the angles removed.
+def record_blocks(
+    record: Record, lines: IntArray, *, with_reference: bool = False, accelerations: bool = True
+) -> Blocks:
+    """Transforms one configuration's record, drift of the outputs removed.
 
     Args:
         record: Record of a single configuration.
         lines (n_freq,): DFT lines of one period.
         with_reference: Whether what was injected is transformed too, if it was recorded.
+        accelerations: Whether motions are brought to accelerations; else they stay as they were measured.
 
     Returns:
         The spectra, averaged over the periods.
     """
-    factor = acceleration_factor(record, lines)
+    factor = output_factor(record, lines, accelerations=accelerations)
     beside = np.isin(lines - 1, record.excited_lines) | np.isin(lines + 1, record.excited_lines)
-    torque, torque_scatter = _mean_and_scatter(record.torque[0], lines, beside)
-    acceleration, acceleration_scatter = _mean_and_scatter(record.position[0], lines, beside, factor)
+    inputs, input_scatter = _mean_and_scatter(record.inputs[0], lines, beside)
+    outputs, output_scatter = _mean_and_scatter(record.outputs[0], lines, beside, factor)
     injected = record.reference if with_reference else None
     reference = None if injected is None else line_amplitudes(injected[0], lines)
     return Blocks(
         lines=lines,
-        torque=torque,
-        acceleration=acceleration,
+        inputs=inputs,
+        outputs=outputs,
         reference=None if reference is None else _experiments_last(reference),
-        torque_scatter=torque_scatter,
-        acceleration_scatter=acceleration_scatter,
-        scatter_freedom=record.torque.shape[3] - 1,
+        input_scatter=input_scatter,
+        output_scatter=output_scatter,
+        scatter_freedom=record.inputs.shape[3] - 1,
     )
 
 
@@ -99,11 +103,20 @@ def _dft_rows(n_sample: int, lines: bytes, dtype: str) -> FloatArray:
     return np.concatenate([np.cos(2 * np.pi * turns), -np.sin(2 * np.pi * turns)]) / n_sample
 
 
-def acceleration_factor(record: Record, lines: IntArray) -> FloatArray:
-    """What turns each output's spectrum into an acceleration's (n_lines, n_out)."""
-    omega = 2 * np.pi * lines / record.period_s
-    is_acceleration = np.array([name in record.accelerations for name in record.output_names])
-    return np.asarray(np.where(is_acceleration, 1.0, -(omega**2)[:, None]))
+def output_factor(record: Record, lines: IntArray, *, accelerations: bool = True) -> FloatArray | ComplexArray:
+    """What turns each output's spectrum into that of the response's output (n_lines, n_out).
+
+    Args:
+        record: The record.
+        lines (n_lines,): DFT lines of one period.
+        accelerations: Whether motions are brought to accelerations.
+    """
+    order = np.array([QUANTITIES[channel.quantity].derivatives or 0 for channel in record.output_channels])
+    if not accelerations:
+        order = np.zeros_like(order)
+    omega = (2 * np.pi * lines / record.period_s)[:, None]
+    real = np.where(order == 2, -(omega**2), 1.0)
+    return np.asarray(np.where(order == 1, 1j * omega, real) if np.any(order == 1) else real)
 
 
 def mean_without_drift(angle: FloatArray) -> FloatArray:
@@ -130,7 +143,7 @@ def _experiments_last(spectrum: ComplexArray) -> ComplexArray:
 
 
 def _mean_and_scatter(
-    samples: FloatArray, lines: IntArray, beside: BoolArray, factor: FloatArray | None = None
+    samples: FloatArray, lines: IntArray, beside: BoolArray, factor: FloatArray | ComplexArray | None = None
 ) -> tuple[ComplexArray, ComplexArray]:
     """Mean over the periods and deviations that stand for its noise, see `Blocks`.
 
@@ -143,7 +156,8 @@ def _mean_and_scatter(
         samples (n_real, n_exp, n_period, n_sample, n_channel): Signals.
         lines (n_freq,): DFT lines of one period.
         beside (n_freq,): Whether a line has an excited neighbour.
-        factor (n_freq, n_channel): What turns angles, whose drift is removed, into accelerations; None for torques.
+        factor (n_freq, n_channel): What turns outputs, whose drift is removed, into those of the response; None
+            for inputs.
 
     Returns:
         Mean (n_real, n_freq, n_channel, n_exp) and scatter (n_real, 2 n_period, n_freq, n_channel, n_exp).

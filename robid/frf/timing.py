@@ -38,7 +38,7 @@ class Shift:
         sample: Sample of that period (of the one before, if negative: counted back from its end) where it begins.
         whole: Whether the whole period is shifted, so that the fault lies between the two.
         unusual: Whether the periods differ there far more than periods usually do.
-        channels: Channels that it explains: torques first, then outputs.
+        channels: Channels that it explains: inputs first, then outputs.
     """
 
     realization: int
@@ -89,7 +89,7 @@ class Samples:
 
 def sparse_samples(record: Record) -> Samples:
     """Chooses samples so far apart that the work is small beside a Fourier transform."""
-    n_sample = record.torque.shape[4]
+    n_sample = record.inputs.shape[4]
     reach = max(int(n_sample / (8 * record.excited_lines.max())), 1)
     step = max(n_sample // _POINTS, 1)
     count = max((n_sample - 2 * reach) // step // _WINDOWS * _WINDOWS, 0)
@@ -99,12 +99,12 @@ def sparse_samples(record: Record) -> Samples:
 
 def period_differences(record: Record) -> Differences | None:
     """Compares successive periods of one configuration at some of their samples; None with a single period."""
-    n_period = record.torque.shape[3]
+    n_period = record.inputs.shape[3]
     chosen = sparse_samples(record)
     if n_period < 2 or not chosen.count:
         return None
     parts, slopes, powers = [], [], []
-    for signal in (record.torque[0], record.position[0]):
+    for signal in (record.inputs[0], record.outputs[0]):
         early, late = signal[:, :, :-1], signal[:, :, 1:]
         difference = late[..., chosen.here, :] - early[..., chosen.here, :]
         parts.append(difference - difference.mean(axis=3, keepdims=True))
@@ -170,7 +170,7 @@ class _Guess:
 
 def _locate(record: Record, scale: FloatArray, realization: int, experiment: int, pair: int) -> Shift | None:
     """Shift of one period against the one before, if one explains their difference."""
-    signals = (one[0, realization, experiment] for one in (record.torque, record.position))
+    signals = (one[0, realization, experiment] for one in (record.inputs, record.outputs))
     periods = np.concatenate(list(signals), axis=-1) / scale
     early, late = periods[pair] - periods.mean(axis=(0, 1)), periods[pair + 1] - periods.mean(axis=(0, 1))
     power = ((late - early) ** 2).mean(axis=0)

@@ -7,11 +7,11 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.options import EstimateOptions
-from robid.frf.spectra import Blocks, acceleration_factor, line_amplitudes
+from robid.frf.spectra import Blocks, line_amplitudes, output_factor
 from robid.signals.record import Record
 
 
-def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions) -> Blocks:
+def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions, *, accelerations: bool = True) -> Blocks:
     """Transforms one configuration's record with its transient removed, noise from the bins between the lines.
 
     In the spectrum over all P periods the excitation and what it causes lies at every P-th bin; between them are
@@ -22,6 +22,7 @@ def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions) -> 
         record: Record of a single configuration.
         lines (n_freq,): DFT lines of one period.
         options: `local_order` and `local_half_width_lines`, here bins without excitation on each side of a line.
+        accelerations: As in `robid.frf.spectra.record_blocks`.
 
     Returns:
         The spectra; their scatter is the noise of the line and of the transient's estimate.
@@ -33,25 +34,26 @@ def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions) -> 
         Pintelon, Schoukens, Vandersteen and Barbe (2010), Mechanical Systems and Signal Processing 24(3) (robust
         method).
     """
-    periods, n_sample = record.torque.shape[3:5]
+    periods, n_sample = record.inputs.shape[3:5]
     half_width = options.local_order + 1 if options.local_half_width_lines is None else options.local_half_width_lines
     _check(periods, n_sample, half_width, options.local_order)
     long, bins = record.as_one_period(), lines * periods
     window = _silent_bins(bins, periods, half_width, periods * n_sample // 2)
     smooth = _Smooth((window - bins[:, None]) / (half_width * periods), options.local_order)
     both = np.concatenate([bins[:, None], window], axis=1)
-    torque, torque_scatter = smooth.split(line_amplitudes(long.torque[0, :, :, 0], both.ravel()))
+    inputs, input_scatter = smooth.split(line_amplitudes(long.inputs[0, :, :, 0], both.ravel()))
     # Angles turn into accelerations before the fit: a ramp's spectrum is then a polynomial.
-    angle = line_amplitudes(long.position[0, :, :, 0], both.ravel())
-    acceleration, acceleration_scatter = smooth.split(angle * acceleration_factor(long, both.ravel()))
+    motion = line_amplitudes(long.outputs[0, :, :, 0], both.ravel())
+    factor = output_factor(long, both.ravel(), accelerations=accelerations)
+    outputs, output_scatter = smooth.split(motion * factor)
     reference = None if record.reference is None else line_amplitudes(record.reference[0], lines)
     return Blocks(
         lines=lines,
-        torque=torque,
-        acceleration=acceleration,
+        inputs=inputs,
+        outputs=outputs,
         reference=None if reference is None else np.moveaxis(reference, 1, -1),
-        torque_scatter=torque_scatter,
-        acceleration_scatter=acceleration_scatter,
+        input_scatter=input_scatter,
+        output_scatter=output_scatter,
         scatter_freedom=2 * half_width - options.local_order - 1,
     )
 

@@ -6,8 +6,10 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError, SettingsError
-from robid.logs.mapping import INPUT_UNITS, OUTPUT_UNITS, REFERENCE_UNITS, LogMapping
+from robid.logs.mapping import LogMapping
 from robid.logs.period import Repetition, find_silent_lines, measure_repetition, measure_share
+from robid.signals.log_channels import LogChannel, input_problems
+from robid.signals.quantities import INJECTED, units_of
 
 _SHOWN = 8
 """How many names or runs of lines a message lists."""
@@ -28,44 +30,48 @@ def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray,
     Raises:
         SettingsError: With every contradiction.
     """
-    problems = []
-    if not mapping.outputs:
-        problems.append("there is no output channel")
-    references = REFERENCE_UNITS.get(kind, {})
-    known = [(c, INPUT_UNITS) for c in mapping.inputs] + [(c, OUTPUT_UNITS) for c in mapping.outputs]
-    for channel, units in [*known, *((c, references) for c in mapping.references)]:
-        if channel.unit not in units:
-            problems.append(f"{channel.name}: unknown unit `{channel.unit}` (known: {', '.join(units)})")
-        if channel.sign not in (-1, 1):
-            problems.append(f"{channel.name}: sign {channel.sign} is neither 1 nor -1")
-    problems += _inputs(mapping)
-    for channels in (mapping.inputs, mapping.outputs, mapping.references):
-        names = [channel.name for channel in channels]
-        problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    problems = _channels(mapping)
+    known = units_of(INJECTED[kind], rotation=True) if kind else ()
+    for channel in mapping.references:
+        if kind and channel.unit not in known:
+            problems.append(f"{channel.name}: {channel.unit} is no unit of a {kind} (known: {', '.join(known)})")
     names = [channel.name for channel in mapping.inputs]
     if mapping.references and [channel.name for channel in mapping.references] != names:
         problems.append(f"the references must be those of the inputs, in their order: {', '.join(names)}")
     if not len(lines) or lines.min() < 1 or 2 * lines.max() >= samples_per_period:
         problems.append(f"the excited lines are not all within 1 to {(samples_per_period - 1) // 2}, below Nyquist")
+    _refuse(mapping, problems)
+
+
+def check_shot(mapping: LogMapping) -> None:
+    """Checks units, signs and torque constants of a log of one shot before the file is read.
+
+    Raises:
+        SettingsError: With every contradiction.
+    """
+    _refuse(mapping, _channels(mapping))
+
+
+def _refuse(mapping: LogMapping, problems: list[str]) -> None:
     if problems:
         raise SettingsError(
             "; ".join(problems), where=f"log mapping of {mapping.file}", remedy="Correct the acquire section."
         )
 
 
-def _inputs(mapping: LogMapping) -> list[str]:
-    """What contradicts itself among the input channels."""
-    problems = [] if mapping.inputs else ["there is no input channel"]
-    for channel in mapping.inputs:
-        if channel.normalised and (not channel.is_current or channel.torque_constant_nm_a != 1):
-            problems.append(f"{channel.name}: `normalised` needs a current and a torque constant of 1")
-        if not channel.is_current and channel.torque_constant_nm_a != 1:
-            problems.append(f"{channel.name}: a torque constant needs a current, not {channel.unit}")
-    units = dict.fromkeys(channel.stands_in for channel in mapping.inputs)
-    if len(units) > 1:
-        problems.append(f"the inputs come out in different units: {', '.join(units)}")
-    if len({channel.hold for channel in mapping.inputs}) > 1:
-        problems.append("the inputs have different holds")
+def _channels(mapping: LogMapping) -> list[str]:
+    """What contradicts itself among the channels, whatever was played."""
+    problems = []
+    if not mapping.outputs:
+        problems.append("there is no output channel")
+    if not mapping.inputs:
+        problems.append("there is no input channel")
+    channels: list[LogChannel] = [*mapping.inputs, *mapping.outputs, *mapping.references]
+    problems += [f"{channel.name}: {problem}" for channel in channels for problem in channel.problems()]
+    problems += input_problems(mapping.inputs)
+    for group in (mapping.inputs, mapping.outputs, mapping.references):
+        names = [channel.name for channel in group]
+        problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     return problems
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import check_count, check_mapping, check_period, check_time
+from robid.logs.checks import check_count, check_mapping, check_period, check_shot, check_time
 from robid.logs.columns import check_lengths, read_columns
 from robid.logs.files import load_variables
-from robid.logs.mapping import REFERENCE_UNITS, LogMapping
+from robid.logs.mapping import LogMapping
 from robid.logs.match import Played, check_size, explain_mismatch, find_periods
+from robid.signals.log_channels import LogChannel
+from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
 
 
@@ -32,7 +34,7 @@ def import_log(
 ) -> Record:
     """Imports one realization of one experiment in one configuration.
 
-    Angles stay as they were measured, less the first sample that is used; drift is left to the estimate. Where
+    Outputs stay as they were measured, less the first sample that is used; drift is left to the estimate. Where
     references were logged, the periods begin where they match the excitation.
 
     Args:
@@ -50,12 +52,7 @@ def import_log(
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
-    columns, problems = read_columns(mapping, load_variables(mapping.file, mapping.format))
-    problems += check_lengths(mapping, columns)
-    if mapping.time is not None and mapping.time.variable in columns:
-        stamps = columns[mapping.time.variable]
-        if np.all(np.isfinite(stamps)):
-            problems += check_time(mapping, mapping.time.variable, stamps, mapping.time.to_seconds)
+    columns, problems = _read(mapping)
     n_sample = min((len(columns[name]) for name in mapping.variables if name in columns), default=0)
     if played is not None and mapping.references:
         start, found, notes = _match(mapping, columns, played, periods, excited_lines)
@@ -63,31 +60,56 @@ def import_log(
         start, found, notes = _place(mapping, columns, n_sample, samples_per_period, periods, excited_lines)
     _raise(mapping.file, problems + found)
     used = slice(start, start + periods * samples_per_period)
-    shape = (1, 1, 1, periods, samples_per_period, -1)
-
-    def signal(channels: tuple[Any, ...]) -> FloatArray:
-        scaled = [channel.factor * columns[channel.variable][used].astype(float) for channel in channels]
-        return np.stack(scaled, axis=-1).reshape(shape)
-
-    angle = signal(mapping.outputs)
-    offset = angle[:, 0, 0, 0, 0]
-    return Record(
-        sampling_period_s=mapping.sampling_period_s,
+    return replace(
+        _sampled(mapping, columns, used, periods),
         configurations=configurations,
-        torque=signal(mapping.inputs),
-        position=angle - offset,
         reference=None if played is None else played.expected[None, None, None],
-        reference_kind="" if played is None else played.kind,
+        reference_channels=() if played is None else _played_channels(mapping, played),
         excited_lines=np.asarray(excited_lines),
         detection_lines=np.zeros(0, int) if detection_lines is None else np.asarray(detection_lines),
-        input_names=tuple(channel.name for channel in mapping.inputs),
-        output_names=tuple(channel.name for channel in mapping.outputs),
-        position_offset_rad=offset,
-        torque_unit=mapping.inputs[0].stands_in,
-        torque_hold=mapping.inputs[0].hold,
-        torque_relative_std=np.array([channel.torque_constant_relative_std for channel in mapping.inputs]),
         notes=(*_notes(mapping), *notes),
     )
+
+
+def import_shot(mapping: LogMapping) -> Record:
+    """Imports a log that does not repeat, all of its samples, whatever was played.
+
+    The record has no excited lines and no configuration to rest in; the references are those of the log.
+
+    Args:
+        mapping: File, channels, units and sampling period.
+
+    Raises:
+        SettingsError: If the mapping contradicts itself or names an unknown unit.
+        DataError: If the log is missing, unreadable or not what was said; every problem at once.
+    """
+    check_shot(mapping)
+    columns, problems = _read(mapping)
+    _raise(mapping.file, problems)
+    record = _sampled(mapping, columns, slice(None), 1)
+    if mapping.references:
+        reference = _signal(mapping.references, columns, slice(None))[None, None, None]
+        channels = tuple(channel.channel for channel in mapping.references)
+        record = replace(record, reference=reference, reference_channels=channels)
+    return replace(record, notes=tuple(_notes(mapping)))
+
+
+def join_shots(records: list[Record]) -> Record:
+    """Joins repeated shots as realizations, cut to the shortest, which is noted."""
+    lengths = {record.inputs.shape[4] for record in records}
+    shortest = min(lengths)
+    cut = [
+        replace(
+            record,
+            inputs=record.inputs[..., :shortest, :],
+            outputs=record.outputs[..., :shortest, :],
+            reference=None if record.reference is None else record.reference[..., :shortest, :],
+        )
+        for record in records
+    ]
+    joined = join_experiments(cut, 1)
+    told = f"The shots have {shortest} to {max(lengths)} samples; all were cut to the shortest."
+    return joined if len(lengths) == 1 else replace(joined, notes=(*joined.notes, told))
 
 
 def join_experiments(records: list[Record], n_experiment: int) -> Record:
@@ -107,15 +129,47 @@ def join_experiments(records: list[Record], n_experiment: int) -> Record:
     def joined(parts: list[FloatArray]) -> FloatArray:
         return np.stack(parts).reshape(1, -1, n_experiment, *parts[0].shape[3:])
 
-    offset = first.position_offset_rad
+    offset = first.output_offset
     return replace(
         first,
-        torque=joined([record.torque for record in records]),
-        position=joined([record.position + (record.position_offset_rad - offset) for record in records]),
+        inputs=joined([record.inputs for record in records]),
+        outputs=joined([record.outputs + (record.output_offset - offset) for record in records]),
         reference=None
         if first.reference is None
         else joined([r.reference for r in records if r.reference is not None]),
         notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
+    )
+
+
+def _read(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
+    """Reads the columns of a log and checks each for itself, their lengths, and the time."""
+    columns, problems = read_columns(mapping, load_variables(mapping.file, mapping.format))
+    problems += check_lengths(mapping, columns)
+    if mapping.time is not None and mapping.time.variable in columns:
+        stamps = columns[mapping.time.variable]
+        if np.all(np.isfinite(stamps)):
+            problems += check_time(mapping, mapping.time.variable, stamps, mapping.time.to_seconds)
+    return columns, problems
+
+
+def _signal(channels: Sequence[LogChannel], columns: Mapping[str, NDArray[Any]], used: slice) -> FloatArray:
+    """Samples (n_sample, n_channel) in the channels' units."""
+    scaled = [channel.factor * columns[channel.variable][used].astype(float) for channel in channels]
+    return np.stack(scaled, axis=-1)
+
+
+def _sampled(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int) -> Record:
+    """The record of some samples of a log, without what was played."""
+    inputs, outputs = (_signal(channels, columns, used) for channels in (mapping.inputs, mapping.outputs))
+    return Record(
+        sampling_period_s=mapping.sampling_period_s,
+        inputs=inputs.reshape(1, 1, 1, periods, -1, inputs.shape[-1]),
+        outputs=(outputs - outputs[0]).reshape(1, 1, 1, periods, -1, outputs.shape[-1]),
+        output_offset=outputs[:1],
+        input_channels=tuple(channel.channel for channel in mapping.inputs),
+        output_channels=tuple(channel.channel for channel in mapping.outputs),
+        input_hold=mapping.inputs[0].hold,
+        input_relative_std=np.array([channel.torque_constant_relative_std for channel in mapping.inputs]),
     )
 
 
@@ -156,9 +210,7 @@ def _match(
     kept = [column for column in found if column is not None and np.all(np.isfinite(column))]
     if len(kept) < len(names) or len({len(column) for column in kept}) > 1:
         return 0, [], []
-    factors = REFERENCE_UNITS[played.kind]
-    scales = [channel.sign * channel.scale * factors[channel.unit] for channel in mapping.references]
-    logged = np.stack(kept, axis=-1).astype(float) * scales
+    logged = np.stack(kept, axis=-1).astype(float) * [channel.factor for channel in mapping.references]
     n_sample = len(played.expected)
     wanted = mapping.drop_periods + periods
     if len(logged) < wanted * n_sample:
@@ -199,6 +251,11 @@ def _unmatched(
     )
     remedy = f"Look for lost samples after sample {stop}, or set periods to {match.count - mapping.drop_periods}."
     return [DataError(what, where=where, remedy=remedy)]
+
+
+def _played_channels(mapping: LogMapping, played: Played) -> tuple[Channel, ...]:
+    """What the columns of the matched excitation are, in the order of the inputs."""
+    return motor_channels((channel.name for channel in mapping.inputs), INJECTED[played.kind])
 
 
 def _notes(mapping: LogMapping) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, check_shape
 from robid.frf.frf import Frf
 from robid.report.numbers import MINUS, fixed, number_of, percent, pretty_unit, rounded
+from robid.signals.positions import readable, readable_units
 
 _SMALLEST = 1e-30
 
@@ -86,7 +87,7 @@ def bode_data(figure: BodeMatrix) -> dict[str, Any]:
         "input_quantity": figure.input_quantity,
         "output_quantity": figure.output_quantity,
         "responses": [
-            _response_data(response, figure.level, figure.unit.format(response.frf.torque_unit))
+            _response_data(response, figure.level, figure.unit.format(response.frf.input_unit))
             for response in figure.responses
         ],
     }
@@ -94,8 +95,12 @@ def bode_data(figure: BodeMatrix) -> dict[str, Any]:
 
 def configuration_label(frf: Frf, index: int) -> str:
     """Names a configuration by its number and joint angles, as in `3: 0, 20, 30°`."""
-    angles = np.round(np.rad2deg(frf.configurations[index])).astype(int)
-    written = ", ".join(str(angle).replace("-", MINUS) for angle in angles)
+    values = readable(frf.configurations[index], frf.joint_units)
+    if frf.joint_units is not None:
+        pairs = zip(values.tolist(), readable_units(frf.joint_units, len(values)), strict=True)
+        texts = [f"{value:.2f} m" if unit == "m" else f"{value:.0f}°" for value, unit in pairs]
+        return f"{number_of(index)}: {', '.join(texts).replace('-', MINUS)}"
+    written = ", ".join(str(angle).replace("-", MINUS) for angle in np.round(values).astype(int))
     return f"{number_of(index)}: {written}°" if written else number_of(index)
 
 

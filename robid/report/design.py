@@ -9,8 +9,9 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.design.information import ConfigurationDesign, Stability
 from robid.report.design_figures import information_figure, skeleton_figure, weight_figure
-from robid.report.numbers import MINUS, duration, number_of, percent, significant
+from robid.report.numbers import duration, joint_text, number_of, percent, significant
 from robid.report.section import Section, Table
+from robid.signals.positions import readable, readable_units
 
 _CRITERIA = {"d": "volume (D)", "a": "mean variance (A)", "e": "worst combination (E)"}
 _OTHER = {"realizations": "half of the realizations", "draws": "single draws of the parameters"}
@@ -33,7 +34,7 @@ def next_best(design: ConfigurationDesign) -> list[int]:
 
 
 def design_numbers(design: ConfigurationDesign) -> dict[str, Any]:
-    """Returns a choice as values that JSON knows, angles in degrees."""
+    """Returns a choice as values that JSON knows, angles in degrees, positions of prismatic joints in metres."""
     stability = design.stability
     return {
         "criterion": design.criterion,
@@ -44,7 +45,7 @@ def design_numbers(design: ConfigurationDesign) -> dict[str, Any]:
         "chosen": [
             {
                 "candidate": int(index),
-                "angles_deg": np.rad2deg(design.configurations[index]).tolist(),
+                **_positions(design, int(index)),
                 "visits": int(design.counts[index]),
                 "weight": float(design.weights[index]),
                 "cost_s": None if design.cost_s is None else float(design.cost_s[index]),
@@ -110,13 +111,11 @@ def _chosen(design: ConfigurationDesign) -> Table:
     for index in design.chosen.tolist():
         cost = (duration(float(design.cost_s[index])),) if design.cost_s is not None else ()
         weight = _weight(float(design.weights[index]))
-        rows.append(
-            (number_of(index), *_degrees(design.configurations[index]), str(design.counts[index]), weight, *cost)
-        )
+        rows.append((number_of(index), *_written(design, int(index)), str(design.counts[index]), weight, *cost))
     return Table(
         columns,
         tuple(rows),
-        title="Chosen configurations [deg]",
+        title=f"Chosen configurations [{_unit(design)}]",
         caption="\u03bb is the weight in the relaxed optimum over all candidates, which needs no whole numbers: a"
         " candidate may be chosen without weight where few configurations must do.",
     )
@@ -159,7 +158,7 @@ def _next(design: ConfigurationDesign) -> Table:
         tuple(
             (
                 number_of(index),
-                *_degrees(design.configurations[index]),
+                *_written(design, int(index)),
                 significant(float(design.gain[index])),
                 "yes" if index in design.chosen else "no",
             )
@@ -173,9 +172,22 @@ def _joints(design: ConfigurationDesign) -> tuple[str, ...]:
     return tuple(f"q{number_of(index)}" for index in range(design.configurations.shape[1]))
 
 
-def _degrees(configuration: FloatArray) -> tuple[str, ...]:
-    written = (f"{angle:.1f}" for angle in np.rad2deg(configuration))
-    return tuple("0.0" if float(each) == 0 else each.replace("-", MINUS) for each in written)
+def _positions(design: ConfigurationDesign, index: int) -> dict[str, Any]:
+    values = readable(design.configurations[index], design.joint_units).tolist()
+    return {"angles_deg": values} if design.joint_units is None else {"positions": values, "units": _units(design)}
+
+
+def _units(design: ConfigurationDesign) -> tuple[str, ...]:
+    return readable_units(design.joint_units, design.configurations.shape[1])
+
+
+def _unit(design: ConfigurationDesign) -> str:
+    return ", ".join(dict.fromkeys(_units(design)))
+
+
+def _written(design: ConfigurationDesign, index: int) -> tuple[str, ...]:
+    values = readable(design.configurations[index], design.joint_units).tolist()
+    return tuple(joint_text(value, unit) for value, unit in zip(values, _units(design), strict=True))
 
 
 def _weight(weight: float) -> str:

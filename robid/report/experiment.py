@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.report.numbers import MINUS, MISSING, duration, number_of, percent, pretty_unit, significant
+from robid.report.numbers import MISSING, duration, joint_text, number_of, percent, pretty_unit, significant
 from robid.report.section import Cell, ColumnStyle, Notes, Part, Section, Table
+from robid.signals.positions import readable, readable_units
 
 
 @dataclass(frozen=True)
@@ -17,12 +18,14 @@ class ConfigurationRow:
     Attributes:
         campaign: Name of the campaign.
         index: Index in the campaign.
-        angles_rad: Arm-side joint angles [rad].
+        positions: Arm-side joint positions [rad, or m].
+        joint_units: Unit of each; None where all are angles.
     """
 
     campaign: str
     index: int
-    angles_rad: tuple[float, ...]
+    positions: tuple[float, ...]
+    joint_units: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -207,10 +210,12 @@ def _torque_table(rows: tuple[TorqueRow, ...]) -> Table:
 
 def _configuration_table(joint_names: tuple[str, ...], rows: tuple[ConfigurationRow, ...]) -> Table:
     angles: tuple[ColumnStyle, ...] = tuple("number" for _ in joint_names)
-    heads = ("Campaign", "Configuration", *(f"{name} [°]" for name in joint_names))
+    units = readable_units(rows[0].joint_units, len(joint_names))
+    named = zip(joint_names, units, strict=True)
+    heads = ("Campaign", "Configuration", *(f"{name} [{unit.replace('deg', '°')}]" for name, unit in named))
     return Table(
         heads,
-        tuple((row.campaign, number_of(row.index), *map(_degrees, row.angles_rad)) for row in rows),
+        tuple((row.campaign, number_of(row.index), *_written(row, units)) for row in rows),
         title="Configurations",
         styles=("text", "name", *angles),
         fit="compact tall",
@@ -228,6 +233,6 @@ def rms_text(row: ExcitationRow) -> str:
     return f"{significant(values[0], 3)} … {significant(values[-1], 3)} {unit}"
 
 
-def _degrees(angle_rad: float) -> str:
-    written = f"{np.rad2deg(angle_rad):.1f}"
-    return "0.0" if float(written) == 0 else written.replace("-", MINUS)
+def _written(row: ConfigurationRow, units: tuple[str, ...]) -> tuple[str, ...]:
+    values: list[float] = readable(np.array(row.positions), row.joint_units).tolist()
+    return tuple(joint_text(value, unit) for value, unit in zip(values, units, strict=True))

@@ -76,6 +76,12 @@ def engineering(value: float | None, unit: str = "", half_width: float | None = 
     return f"{scale.text(value)} {scale.unit}".strip()
 
 
+def joint_text(value: float, unit: str) -> str:
+    """Writes a joint's position in degrees to a tenth, in metres to a millimetre."""
+    written = f"{value:.3f}" if unit == "m" else f"{value:.1f}"
+    return written.lstrip("-") if float(written) == 0 else written.replace("-", MINUS)
+
+
 def significant(value: float | None, digits: int = 3) -> str:
     """Writes a number without a prefix to so many significant digits."""
     if value is None or math.isnan(value):

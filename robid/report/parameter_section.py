@@ -17,12 +17,9 @@ from robid.report.parameters import (
     rule_sentence,
 )
 from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Ratio, RatioChart, Row, Section, Table
+from robid.robot.parameters import PARAMETER_KINDS
 
-RATIO_PANELS = (
-    ("Springs", ("stiffness",)),
-    ("Dampers", ("damping",)),
-    ("Inertias", ("motor_inertia", "link_inertia")),
-)
+RATIO_PANELS = tuple(dict.fromkeys(kind.panel for kind in PARAMETER_KINDS.values() if kind.panel))
 _NUISANCE = (
     "Estimated with the springs so that their error does not end up there. Level and shape of the friction and the"
     " torque scale: deviation from the robot file in percentage points. Ripple: its sine and cosine part in per cent of"
@@ -61,10 +58,14 @@ def _with_truth(estimates: Estimates) -> bool:
 def _ratios(estimates: Estimates) -> tuple[RatioChart, ...]:
     panels = [
         (title, tuple(_ratio(row) for row in rows))
-        for title, kinds in RATIO_PANELS
-        if (rows := [row for row in estimates.rows if row.kind in kinds and row.nominal > 0 and row.estimate > 0])
+        for title in RATIO_PANELS
+        if (rows := [row for row in estimates.rows if _is_on(title, row) and row.nominal > 0 and row.estimate > 0])
     ]
     return (RatioChart("", tuple(panels), f"{percent(estimates.level)} interval"),) if panels else ()
+
+
+def _is_on(panel: str, row: ParameterRow) -> bool:
+    return row.kind in PARAMETER_KINDS and PARAMETER_KINDS[row.kind].panel == panel
 
 
 def _ratio(row: ParameterRow) -> Ratio:

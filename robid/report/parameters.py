@@ -8,27 +8,7 @@ from itertools import groupby
 from statistics import median
 
 from robid.report.numbers import MISSING, Scale, percent, scale_for, significant
-
-KIND_TITLES = {
-    "stiffness": "Springs",
-    "damping": "Dampers",
-    "viscous": "Equivalent viscous friction",
-    "motor_inertia": "Motor inertias",
-    "link_inertia": "Link inertias",
-    "cubic": "Cubic stiffness",
-    "location": "Locations of springs",
-    "delay": "Delay",
-    "friction": "Torque nonlinearities (nuisance)",
-}
-NUISANCE = "friction"
-_SYMBOLS = {
-    "stiffness": "k",
-    "cubic": "k3",
-    "damping": "d",
-    "viscous": "d",
-    "motor_inertia": "J1",
-    "link_inertia": "J2",
-}
+from robid.robot.parameters import NUISANCE, PARAMETER_KINDS
 
 
 @dataclass(frozen=True)
@@ -127,8 +107,10 @@ class ParameterLine:
 
 def kind_title(kind: str, torque_unit: str = "N m") -> str:
     """Names a kind of parameters, as a ratio where the torque constant is unknown: `Springs, k/K_t`."""
-    title = KIND_TITLES.get(kind, kind)
-    return f"{title}, {_SYMBOLS[kind]}/K_t" if torque_unit != "N m" and kind in _SYMBOLS else title
+    about = PARAMETER_KINDS.get(kind)
+    if about is None:
+        return kind
+    return f"{about.title}, {about.symbol}/K_t" if torque_unit != "N m" and about.symbol else about.title
 
 
 def ratio_sentence(torque_unit: str) -> str:

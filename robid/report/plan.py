@@ -10,14 +10,16 @@ from rich.text import Text
 from robid.arrays import FloatArray
 from robid.design.excitation import UNITS, Excitation
 from robid.report.numbers import duration, significant
+from robid.signals.positions import readable, readable_units
 
 
-def plan_table(excitation: Excitation, names: tuple[str, ...]) -> Group | None:
+def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str, ...] | None = None) -> Group | None:
     """Lays out what an excitation is predicted to do to each motor, each figure at its worst configuration.
 
     Args:
         excitation: The excitation.
         names: Names of the motors.
+        units: Unit of each joint's position; None where all are angles.
 
     Returns:
         A row per motor, the duration and the weakest pair of motors; None without a plan.
@@ -33,8 +35,10 @@ def plan_table(excitation: Excitation, names: tuple[str, ...]) -> Group | None:
         ("speed\n[rad/s]", _reached(plan.speed_rms, plan.speed_peak, plan.speed_limit)),
         ("torque\n[N m]", _reached(plan.torque_rms, plan.torque_peak, plan.torque_limit)),
         (
-            "excursion\n[deg]",
-            _reached(*(np.degrees(each) for each in (plan.excursion_rms, plan.excursion_peak, plan.excursion_limit))),
+            f"excursion\n[{', '.join(dict.fromkeys(readable_units(units, len(names))))}]",
+            _reached(
+                *(readable(each, units) for each in (plan.excursion_rms, plan.excursion_peak, plan.excursion_limit))
+            ),
         ),
     ]
     if plan.speed_crest is not None:

@@ -1,4 +1,4 @@
-"""The serial chain of hinges of a rigid robot file as plain description data."""
+"""The serial chain of hinges and slides of a rigid robot file as plain description data."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from robid.robot.inertia import combine
 
 @dataclass(frozen=True)
 class ForeignJoint:
-    """A hinge of a foreign robot, turned so that its axis is z, and the link that it moves.
+    """A hinge or slide of a foreign robot, turned so that its axis is z, and the link that it moves.
 
     Attributes:
         name: Name of the joint.
         position_m (3,): Origin of the joint frame in the previous joint's frame [m].
         rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero angle.
         link: Mass properties of all that it moves up to the next joint, in the joint frame.
-        range_rad: Lower and upper limit [rad]; None where the file has none.
+        range: Lower and upper limit [rad, or m]; None where the file has none.
+        slides: Whether it is a slide.
         body_position_m (3,): Origin of the file's own body frame in the joint frame [m].
         body_rotation (3, 3): Orientation of the file's own body frame in the joint frame.
     """
@@ -32,13 +33,14 @@ class ForeignJoint:
     position_m: FloatArray
     rotation: FloatArray
     link: Inertial
-    range_rad: tuple[float, float] | None
+    range: tuple[float, float] | None
+    slides: bool
     body_position_m: FloatArray
     body_rotation: FloatArray
 
 
 def order_of(model: ForeignModel, joints: Sequence[str]) -> list[str]:
-    """Says why hinges are not one serial chain in the order given, a sentence each; empty if they are."""
+    """Says why joints are not one serial chain in the order given, a sentence each; empty if they are."""
     compiled = model.compiled
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]
     found = []
@@ -54,18 +56,18 @@ def order_of(model: ForeignModel, joints: Sequence[str]) -> list[str]:
     return found
 
 
-def extract_chain(model: ForeignModel, joints: Sequence[str], locked_rad: Mapping[str, float]) -> list[ForeignJoint]:
-    """Extracts a serial chain of hinges; everything else moves with the link that carries it.
+def extract_chain(model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float]) -> list[ForeignJoint]:
+    """Extracts a serial chain of hinges and slides; everything else moves with the link that carries it.
 
     Args:
         model: The model; `order_of` finds nothing wrong with `joints`.
-        joints: Names of the hinges, base to flange.
-        locked_rad: Angles of other hinges, which do not move [rad].
+        joints: Names of the joints, base to flange.
+        locked: Positions of other joints, which do not move [rad, or m].
 
     Returns:
-        The joints at zero angles of the file's own.
+        The joints at zero positions of the file's own.
     """
-    compiled, data = model.compiled, _at_zero(model.compiled, locked_rad)
+    compiled, data = model.compiled, _at_zero(model.compiled, locked)
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]
     chain: list[ForeignJoint] = []
     position, rotation = np.zeros(3), np.eye(3)
@@ -83,7 +85,8 @@ def extract_chain(model: ForeignModel, joints: Sequence[str], locked_rad: Mappin
                 position_m=rotation.T @ (origin - position),
                 rotation=rotation.T @ oriented,
                 link=_merged(compiled, data, carried, origin, oriented),
-                range_rad=limits,
+                range=limits,
+                slides=compiled.jnt_type[joint.id] == mujoco.mjtJoint.mjJNT_SLIDE,
                 body_position_m=oriented.T @ (data.xpos[body] - origin),
                 body_rotation=turned.T,
             )
@@ -93,20 +96,20 @@ def extract_chain(model: ForeignModel, joints: Sequence[str], locked_rad: Mappin
 
 
 def frame_on_last(
-    model: ForeignModel, joints: Sequence[str], locked_rad: Mapping[str, float], frame: str
+    model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], frame: str
 ) -> tuple[FloatArray, FloatArray] | None:
     """Returns where a body or site sits on the last link.
 
     Args:
         model: The model.
-        joints: Names of the chain's hinges.
-        locked_rad: Angles of other hinges [rad].
+        joints: Names of the chain's joints.
+        locked: Positions of other joints [rad, or m].
         frame: Name of the body or site.
 
     Returns:
         Position (3,) [m] and orientation (3, 3) in the last joint's own body frame; None if it is not there.
     """
-    compiled, data = model.compiled, _at_zero(model.compiled, locked_rad)
+    compiled, data = model.compiled, _at_zero(model.compiled, locked)
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]
     site = mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_SITE, frame)
     body = mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_BODY, frame)
@@ -120,10 +123,10 @@ def frame_on_last(
     return last.T @ (position - data.xpos[bodies[-1]]), last.T @ matrix.reshape(3, 3)
 
 
-def _at_zero(compiled: mujoco.MjModel, locked_rad: Mapping[str, float]) -> mujoco.MjData:
+def _at_zero(compiled: mujoco.MjModel, locked: Mapping[str, float]) -> mujoco.MjData:
     data = mujoco.MjData(compiled)
     data.qpos[:] = 0.0
-    for name, angle in locked_rad.items():
+    for name, angle in locked.items():
         data.qpos[compiled.joint(name).qposadr[0]] = angle
     mujoco.mj_kinematics(compiled, data)
     return data

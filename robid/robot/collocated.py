@@ -10,7 +10,7 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, alias_factor, fast_limit, hold_factor, mass_matrix
 
-KINDS = ("stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay")
+_ROUNDING = 1e-12
 
 
 def is_collocated(model: LinearModel) -> bool:
@@ -18,6 +18,13 @@ def is_collocated(model: LinearModel) -> bool:
     n_motor = model.n_motor
     same = model.output.shape[1] == n_motor and (model.output == np.eye(n_motor, model.mass.shape[-1])).all()
     return bool(same) and not model.tilt.any()
+
+
+def has_plain_inertias(model: LinearModel) -> bool:
+    """Whether each link's inertia acts along one direction, as turns do and slides within one line."""
+    products = model.link_inertia
+    traces = np.trace(products, axis1=-2, axis2=-1) ** 2
+    return bool((traces - (products**2).sum(axis=(-2, -1)) <= _ROUNDING * traces).all())
 
 
 def motor_rows(model: LinearModel) -> dict[int, int]:

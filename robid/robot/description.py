@@ -8,8 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
+from robid.signals.positions import METRES, RADIANS, shown
 
+JointType = Literal["revolute", "prismatic"]
 SpringPlace = Literal["transmission", "bearing", "split", "base", "payload"]
 LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")
 """Places of springs whose location matters."""
@@ -57,7 +59,8 @@ class Motor:
 
     Attributes:
         inertia_kgm2: Rotor inertia [kg m^2].
-        gear_ratio: Motor turns per arm turn, negative where the two turn opposite ways.
+        gear_ratio: Motor turns per arm turn, of a prismatic joint motor radians per metre; negative where the two
+            go opposite ways.
         max_speed_rad_s: Speed limit, infinite where it is unknown [rad/s].
         max_torque_nm: Torque limit, infinite where it is unknown [N m].
         friction: Nominal friction.
@@ -80,32 +83,34 @@ class Motor:
 
 @dataclass(frozen=True)
 class Joint:
-    """A revolute joint about the z axis of its frame, the link it moves and the motor that moves it.
+    """A joint about or along the z axis of its frame, the link it moves and the motor that moves it.
 
     Attributes:
         name: Name of the joint.
         position_m (3,): Origin of the joint frame in the previous joint's frame [m].
-        rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero angle.
+        rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero position.
         link: Mass properties of the link in the joint frame.
-        lower_rad: Lower joint limit [rad].
-        upper_rad: Upper joint limit [rad].
+        lower: Lower joint limit [rad; m of a prismatic joint].
+        upper: Upper joint limit [rad; m of a prismatic joint].
         motor: The motor.
-        couplings: Arm turns of this joint per turn of another joint's motor, by that joint's name.
+        couplings: Arm motion of this joint per radian of another joint's motor, by that joint's name [rad or m].
+        type: Whether the arm turns about the axis or slides along it.
     """
 
     name: str
     position_m: FloatArray
     rotation: FloatArray
     link: Inertial
-    lower_rad: float
-    upper_rad: float
+    lower: float
+    upper: float
     motor: Motor
     couplings: Mapping[str, float] = field(default_factory=dict)
+    type: JointType = "revolute"
 
 
 @dataclass(frozen=True)
 class Spring:
-    """A torsional spring-damper pair; arm side.
+    """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint.
 
     Attributes:
         name: Name of the spring.
@@ -115,9 +120,9 @@ class Spring:
             the last link and the payload.
         axis (3,): Unit axis: bearing, in the parent's frame turned by the joint's fixed rotation;
             split and payload, in the joint frame; base, in the world frame.
-        stiffness_nm_rad: Stiffness [N m/rad].
-        damping_nms_rad: Damping [N m s/rad].
-        cubic_nm_rad3: Cubic coefficient of a symmetrically stiffening spring [N m/rad^3].
+        stiffness: Stiffness [N m/rad, or N/m].
+        damping: Damping [N m s/rad, or N s/m].
+        cubic: Cubic coefficient of a symmetrically stiffening spring [N m/rad^3, or N/m^3].
         point_m (3,): Where the link is split or the payload hinged, in the joint frame; where the base is
             hinged, in the world frame [m].
         outboard: Split only: mass properties of the part beyond the split, in the joint frame.
@@ -127,9 +132,9 @@ class Spring:
     joint: int
     place: SpringPlace
     axis: FloatArray
-    stiffness_nm_rad: float
-    damping_nms_rad: float
-    cubic_nm_rad3: float = 0.0
+    stiffness: float
+    damping: float
+    cubic: float = 0.0
     point_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     outboard: Inertial | None = None
 
@@ -162,7 +167,7 @@ class Robot:
         name: Name of the robot.
         gravity_m_s2 (3,): Gravity in the base frame [m/s^2].
         joints: The joints, base to flange.
-        springs: The spring-damper pairs; every joint has exactly one transmission.
+        springs: The spring-damper pairs; a joint without a transmission is rigid: its arm follows its motor.
         payload: Mass properties of the payload in the last joint's frame.
         rotor: `spong` neglects the rotors' motion with the links, `on_link` does not.
         assumed: Dotted names of the values that no source gives.
@@ -184,7 +189,7 @@ class Robot:
 
     @property
     def gear_ratio(self) -> FloatArray:
-        """Gear ratios (n_joint,), motor turns per arm turn."""
+        """Gear ratios (n_joint,), motor turns per arm turn, or motor radians per metre."""
         return np.array([joint.motor.gear_ratio for joint in self.joints])
 
     @property
@@ -195,7 +200,7 @@ class Robot:
 
     @property
     def arm_per_motor(self) -> FloatArray:
-        """Arm turns (n_joint, n_joint) per motor turn: inverse gear ratios, and couplings off the diagonal."""
+        """Arm motion (n_joint, n_joint) per motor angle: inverse gear ratios, and couplings off the diagonal."""
         names = [joint.name for joint in self.joints]
         turns = np.diag(1 / self.gear_ratio)
         for row, joint in enumerate(self.joints):
@@ -205,7 +210,7 @@ class Robot:
 
     @property
     def motor_per_arm(self) -> FloatArray:
-        """Motor turns (n_joint, n_joint) per arm turn."""
+        """Motor angles (n_joint, n_joint) per arm motion."""
         return np.asarray(np.linalg.inv(self.arm_per_motor))
 
     @property
@@ -214,11 +219,42 @@ class Robot:
         return np.array([joint.motor.inertia_kgm2 for joint in self.joints])
 
     @property
-    def lower_rad(self) -> FloatArray:
-        """Lower joint limits (n_joint,) [rad]."""
-        return np.array([joint.lower_rad for joint in self.joints])
+    def lower(self) -> FloatArray:
+        """Lower joint limits (n_joint,) [rad, or m]."""
+        return np.array([joint.lower for joint in self.joints])
 
     @property
-    def upper_rad(self) -> FloatArray:
-        """Upper joint limits (n_joint,) [rad]."""
-        return np.array([joint.upper_rad for joint in self.joints])
+    def upper(self) -> FloatArray:
+        """Upper joint limits (n_joint,) [rad, or m]."""
+        return np.array([joint.upper for joint in self.joints])
+
+    @property
+    def joint_units(self) -> tuple[str, ...] | None:
+        """Unit of each joint's position; None where all are angles."""
+        if not self.prismatic.any():
+            return None
+        return tuple(METRES if slides else RADIANS for slides in self.prismatic.tolist())
+
+    def shown(self, configuration: FloatArray) -> str:
+        """Writes joint positions (n_joint,): angles in degrees, lengths in metres."""
+        return shown(configuration, self.joint_units)
+
+    @property
+    def prismatic(self) -> BoolArray:
+        """Which joints (n_joint,) slide."""
+        return np.array([joint.type == "prismatic" for joint in self.joints])
+
+    @property
+    def rigid(self) -> BoolArray:
+        """Which joints (n_joint,) have no transmission spring, so that motor and arm are one coordinate."""
+        elastic = {spring.joint for spring in self.springs if spring.place == "transmission"}
+        return np.array([index not in elastic for index in range(len(self.joints))])
+
+    @property
+    def spring_points_m(self) -> FloatArray:
+        """Points (3 n_spring,) of the springs, one after the other [m]."""
+        return np.array([spring.point_m for spring in self.springs]).reshape(-1)
+
+    def is_linear(self, spring: Spring) -> bool:
+        """Whether a spring works along a line: N, m, N s instead of N m, rad, N m s."""
+        return spring.place == "transmission" and self.joints[spring.joint].type == "prismatic"

@@ -37,7 +37,7 @@ def expand(
     """
     chosen = np.zeros(0, int) if located is None else located
     n_motor = len(model.motor)
-    to_rest = np.linalg.inv(np.vstack([np.eye(model.mujoco.nv)[model.motor], model.deflection]))[:, n_motor:]
+    to_rest = model.to_spring[:, n_motor:]
     pairs = []
     for index in range(to_rest.shape[1]):
         sides = [

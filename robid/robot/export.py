@@ -38,7 +38,7 @@ def to_mjcf(model: ElasticModel, equilibrium: Equilibrium, keyframes: tuple[str,
     _write_tendons(root, spec, compiled)
     for element in root.iter("general"):
         actuator = compiled.actuator(element.get("name"))
-        _write(element, dynprm=actuator.dynprm, gainprm=actuator.gainprm, biasprm=actuator.biasprm)
+        _write(element, gear=actuator.gear, dynprm=actuator.dynprm, gainprm=actuator.gainprm, biasprm=actuator.biasprm)
     for element in root.iter("key"):
         key = compiled.key(element.get("name"))
         _write(element, qpos=key.qpos, ctrl=key.ctrl)
@@ -58,7 +58,8 @@ def _write_bodies(root: ElementTree.Element, spec: mujoco.MjSpec, compiled: mujo
         for hinge in element.findall("joint"):
             name = hinge.get("name")
             joint = spec.joint(name)
-            _write(hinge, axis=compiled.joint(name).axis, stiffness=joint.stiffness, damping=joint.damping)
+            exact = {"stiffness": joint.stiffness, "damping": joint.damping, "armature": joint.armature}
+            _write(hinge, axis=compiled.joint(name).axis, **exact)
 
 
 def _write_tendons(root: ElementTree.Element, spec: mujoco.MjSpec, compiled: mujoco.MjModel) -> None:

@@ -27,6 +27,7 @@ _REMOVED = (
 _ASSETS = ("meshes", "hfields", "materials", "textures")
 _PASSIVE = ("damping", "frictionloss", "armature", "stiffness")
 _STAND_IN_KG = 1e-3
+_DRIVEN = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 _SPEED_OF_LIGHT = 3e8
 
 
@@ -38,23 +39,30 @@ class ForeignModel:
         name: Name of the file.
         compiled: The kinematic tree with its masses.
         hinges: Names of its hinge joints, base to tips.
+        slides: Names of its slide joints.
         fixed: Names of its joints that do not move.
-        others: Names of its joints that neither turn nor are fixed.
+        others: Names of its joints that are none of these.
         massless: Joints whose link has no inertial, with the link's name.
-        speed_rad_s: Arm-side speed limits that it states, by joint [rad/s].
-        torque_nm: Arm-side torque limits that it states, by joint [N m].
+        speed: Arm-side speed limits that it states, by joint [rad/s, or m/s].
+        torque: Arm-side torque or force limits that it states, by joint [N m, or N].
         notes: What was left out.
     """
 
     name: str
     compiled: mujoco.MjModel
     hinges: tuple[str, ...]
+    slides: tuple[str, ...]
     fixed: tuple[str, ...]
     others: tuple[str, ...]
     massless: Mapping[str, str]
-    speed_rad_s: Mapping[str, float]
-    torque_nm: Mapping[str, float]
+    speed: Mapping[str, float]
+    torque: Mapping[str, float]
     notes: tuple[str, ...]
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of the joints that a motor can drive: hinges and slides."""
+        return (*self.hinges, *self.slides)
 
     def frames(self) -> tuple[str, ...]:
         """Names of its bodies and sites."""
@@ -85,14 +93,19 @@ def read_model(path: Path) -> ForeignModel:
     except (ET.ParseError, ValueError) as error:
         what = f"is not a robot that MuJoCo can read: {' '.join(str(error).split())}"
         raise DataError(what, where=str(path), remedy="correct the file") from error
-    names: dict[bool, list[str]] = {True: [], False: []}
+    names: dict[int, list[str]] = {int(kind): [] for kind in mujoco.mjtJoint.__members__.values()}
     for index in range(compiled.njnt):
-        names[compiled.jnt_type[index] == mujoco.mjtJoint.mjJNT_HINGE].append(compiled.joint(index).name)
+        names[int(compiled.jnt_type[index])].append(compiled.joint(index).name)
+    hinges, slides = (tuple(names.pop(int(kind))) for kind in _DRIVEN)
     fixed = tuple(joint.get("name", "") for joint in root.findall("joint") if joint.get("type") == "fixed")
     return ForeignModel(
-        path.name, compiled, tuple(names[True]), fixed if is_urdf else (), tuple(names[False]), massless, speeds,
-        torques, tuple(f"{path.name}: {note}" for note in notes),
+        path.name, compiled, hinges, slides, fixed if is_urdf else (), _joined(names),
+        massless, speeds, torques, tuple(f"{path.name}: {note}" for note in notes),
     )  # fmt: skip
+
+
+def _joined(names: Mapping[int, list[str]]) -> tuple[str, ...]:
+    return tuple(name for each in names.values() for name in each)
 
 
 def _urdf_speeds(root: ET.Element) -> dict[str, float]:
@@ -189,13 +202,13 @@ def _listed(names: list[str]) -> str:
 class Shapes:
     """Shapes of a robot's own file without meshes, to tell where it touches itself."""
 
-    def __init__(self, path: Path, joints: Sequence[str], locked_rad: Mapping[str, float]) -> None:
+    def __init__(self, path: Path, joints: Sequence[str], locked: Mapping[str, float]) -> None:
         """Reads them.
 
         Args:
             path: The MJCF or URDF file.
-            joints: Names of the hinges, base to flange.
-            locked_rad: Angles of other hinges [rad].
+            joints: Names of the driven joints, base to flange.
+            locked: Positions of other joints [rad, or m].
         """
         spec = mujoco.MjSpec.from_file(str(path))
         for geom in list(spec.geoms):
@@ -205,12 +218,12 @@ class Shapes:
             spec.delete(mesh)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        for name, angle in locked_rad.items():
+        for name, angle in locked.items():
             self._data.joint(name).qpos = angle
         self._hinges = [int(self._model.joint(name).qposadr[0]) for name in joints]
 
     def touching(self, angles: FloatArray) -> str:
-        """Names two bodies that are in contact at joint angles (n_joint,) [rad]; empty if there are none."""
+        """Names two bodies that are in contact at joint positions (n_joint,) [rad, or m]; empty if there are none."""
         self._data.qpos[self._hinges] = angles
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)

@@ -42,20 +42,32 @@ def _steiner(offset: FloatArray) -> FloatArray:
     return np.asarray(offset @ offset * np.eye(3) - np.outer(offset, offset))
 
 
-def stretched_inertia(offsets: Sequence[FloatArray], links: Sequence[Inertial]) -> FloatArray:
-    """Returns the largest inertia (n_joint,) that each joint can meet in what it moves [kg m^2].
+def stretched_inertia(
+    offsets: Sequence[FloatArray],
+    links: Sequence[Inertial],
+    slides: Sequence[bool] | None = None,
+    travels_m: Sequence[float] | None = None,
+) -> FloatArray:
+    """Returns the largest inertia (n_joint,) that each joint can meet in what it moves, or its mass [kg m^2, or kg].
 
     Every offset is taken at its full length away from the axis, and every link about its largest principal axis.
 
     Args:
         offsets: Origin (3,) of each joint frame in the previous one [m].
         links: Mass properties of each link in its joint frame.
+        slides: Which joints are prismatic; none by default.
+        travels_m: How far each of these goes [m].
     """
     largest = np.zeros(len(links))
+    prismatic = [False] * len(links) if slides is None else slides
+    travel = [0.0] * len(links) if travels_m is None else travels_m
     for first in range(len(links)):
+        if prismatic[first]:
+            largest[first] = sum(link.mass_kg for link in links[first:])
+            continue
         reach = 0.0
         for index in range(first, len(links)):
-            reach += float(np.linalg.norm(offsets[index])) if index > first else 0.0
+            reach += float(np.linalg.norm(offsets[index])) + travel[index] if index > first else 0.0
             distance = reach + float(np.linalg.norm(links[index].com_m))
             largest[first] += np.linalg.eigvalsh(links[index].inertia_kgm2)[-1] + links[index].mass_kg * distance**2
     return largest

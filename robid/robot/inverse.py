@@ -66,7 +66,7 @@ def inverse_motion(
     coarse = np.unique(np.append(np.arange(0, n_time, stride), n_time - 1))
     busy = np.flatnonzero(motion[1:, coarse].any(axis=(0, 2)))
     # Nothing changes before the move, nor after it once the dampers have let go.
-    lag = max(spring.damping_nms_rad / spring.stiffness_nm_rad for spring in model.robot.springs)
+    lag = max((spring.damping / spring.stiffness for spring in model.robot.springs), default=0.0)
     late = busy[-1] + 2 + round(_SETTLED * lag / (stride * period_s))
     held = np.clip(np.arange(coarse.size), max(busy[0] - 1, 0), min(late, coarse.size - 1))
     moving, held = coarse[held[0] : held[-1] + 1], held - held[0]
@@ -84,8 +84,11 @@ def inverse_motion(
         turned = make_interp_spline(time, gear - gear[0], k=_SMOOTH)
         before, motor = motor, (arm + np.array([turned(time, nu=order) for order in range(3)])) @ to_motor.T
     viscous = np.array([joint.motor.friction.viscous_nms_rad for joint in model.robot.joints])
-    drive = torque[:, :n_joint] + model.robot.motor_inertia_kgm2 * (motor[2] - before[2]) + viscous * motor[1]
-    angle = rest.position[0, model.motor] + motor[0]
+    # What the rigid-body torques lack: the rotors' later motion, and all of rotors that are part of their arms.
+    further = np.where(model.robot.rigid, motor[2], motor[2] - before[2])
+    drive = np.where(model.robot.rigid, 0.0, torque[:, :n_joint])
+    drive = drive + model.robot.motor_inertia_kgm2 * further + viscous * motor[1]
+    angle = model.motor_angles(rest.position[0]) + motor[0]
     return MotorMotion(angle, np.asarray(drive + torque[:, n_joint:] @ model.robot.arm_per_motor))
 
 
@@ -98,14 +101,15 @@ class _Dynamics:
         self._elastic = np.setdiff1d(model.passive, model.arm)
         rows = [int(np.flatnonzero(model.deflection[:, index])[0]) for index in self._elastic]
         springs = [model.robot.springs[row] for row in rows]
-        self._linear = np.array([spring.stiffness_nm_rad for spring in springs])
-        self._cubic = np.array([spring.cubic_nm_rad3 for spring in springs])
+        self._linear = np.array([spring.stiffness for spring in springs])
+        self._cubic = np.array([spring.cubic for spring in springs])
         self._name = model.robot.name
 
     def whole(self, arm: FloatArray, motor: FloatArray, elastic: FloatArray | None = None) -> FloatArray:
         """Puts coordinates, rates and accelerations (3, n_time, n_dof) together; positions count from rest."""
         result = np.zeros((*arm.shape[:2], self._rest.size))
-        result[..., self._arm], result[..., self._motor] = arm, motor
+        result[..., self._motor] = motor
+        result[..., self._arm] = arm
         if elastic is not None:
             result[..., self._elastic] = elastic
         result[0] += self._rest
@@ -160,11 +164,12 @@ def _tool_effect(model: ElasticModel, rest: Equilibrium) -> FloatArray:
 
 def _gear_deflection(model: ElasticModel, torque: FloatArray, period_s: float) -> FloatArray:
     """Deflections (n_time, n_joint) of the transmissions under a torque that begins at rest, dampers included."""
-    gears = {spring.joint: spring for spring in model.robot.springs if spring.place == "transmission"}
-    ordered = [gears[joint] for joint in range(len(model.arm))]
-    linear = np.array([spring.stiffness_nm_rad for spring in ordered])
-    cubic = np.array([spring.cubic_nm_rad3 for spring in ordered])
-    rate = np.array([spring.damping_nms_rad for spring in ordered]) / (2 * period_s)
+    gears = [spring for spring in model.robot.springs if spring.place == "transmission"]
+    linear = np.array([spring.stiffness for spring in gears])
+    cubic = np.array([spring.cubic for spring in gears])
+    rate = np.array([spring.damping for spring in gears]) / (2 * period_s)
+    whole, joints = np.zeros_like(torque), [spring.joint for spring in gears]
+    torque = torque[:, joints]
     found = np.empty_like(torque)
     before = last = _bend(torque[0], linear, cubic, torque[0] / linear)
     for sample, wanted in enumerate(torque):
@@ -172,7 +177,8 @@ def _gear_deflection(model: ElasticModel, torque: FloatArray, period_s: float) -
         load = wanted + rate * (4 * last - before)
         before, last = last, _bend(load, linear + 3 * rate, cubic, last)
         found[sample] = last
-    return found
+    whole[:, joints] = found
+    return whole
 
 
 def _bend(torque: FloatArray, linear: FloatArray, cubic: FloatArray, start: FloatArray) -> FloatArray:

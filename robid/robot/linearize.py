@@ -23,10 +23,10 @@ class Equilibrium:
     """Rest positions with the encoders held at their configurations.
 
     Attributes:
-        position (n_conf, n_dof): All coordinates [rad].
+        position (n_conf, n_dof): All coordinates [rad, or m].
         motor_torque (n_conf, n_joint): Torque that holds the motors [N m].
-        deflection (n_conf, n_spring): Spring deflections [rad].
-        spring_torque (n_conf, n_spring): What gravity does to each deflection, minus the spring's torque [N m].
+        deflection (n_conf, n_spring): Spring deflections [rad, or m].
+        spring_torque (n_conf, n_spring): What gravity does to each deflection, minus the spring's torque [N m, or N].
     """
 
     position: FloatArray
@@ -44,13 +44,13 @@ class LinearModel:
 
     Attributes:
         mass (n_conf, n, n): Inertia matrix without the rotors' and the links' own axial inertia.
-        gravity_stiffness (n_conf, n, n): Symmetrised gradient of gravity [N m/rad].
+        gravity_stiffness (n_conf, n, n): Symmetrised gradient of gravity [N m/rad; N/m and N along lines].
         link_inertia (n_conf, n_joint, n, n): Derivative of the inertia matrix with respect to each link's
-            own inertia about its joint axis direction.
+            own inertia about its joint axis direction, or mass where its joint slides.
         output (n_conf, n_out, n): Angles and positions in these coordinates; of an accelerometer, its position.
         tilt (n_conf, n_out, n): How gravity enters an accelerometer as it turns [m/s^2]; zero for the others.
         rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
-        axial (n_joint,): Links' own inertia about the joint axis direction, payload included [kg m^2].
+        axial (n_joint,): Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg].
         rest: Where the springs rest.
     """
 
@@ -80,7 +80,7 @@ def solve_statics(
 
     Args:
         model: The elastic model.
-        configurations (n_conf, n_joint): Arm-side angles that the encoders show [rad].
+        configurations (n_conf, n_joint): Arm-side positions that the encoders show [rad, or m].
         stiffness (n_spring,): Linear stiffness to use instead of the robot's own [N m/rad].
         cubic (n_spring,): Cubic coefficients to use instead of the robot's own [N m/rad^3].
         variance (n_conf, n_spring): Mean square deflections of swinging springs, whose cubic part then carries more
@@ -93,8 +93,8 @@ def solve_statics(
         DataError: If a configuration has no equilibrium within reach.
     """
     springs = model.robot.springs
-    linear = np.array([s.stiffness_nm_rad for s in springs]) if stiffness is None else stiffness
-    third = np.array([s.cubic_nm_rad3 for s in springs]) if cubic is None else cubic
+    linear = np.array([s.stiffness for s in springs]) if stiffness is None else stiffness
+    third = np.array([s.cubic for s in springs]) if cubic is None else cubic
     swing = np.zeros((len(configurations), len(springs))) if variance is None else variance
     slope = linear + 3 * third * swing
     data = mujoco.MjData(model.mujoco)
@@ -102,7 +102,9 @@ def solve_statics(
     position = np.array([_settle(model, data, own, third, configuration) for configuration, own in pairs])
     deflection = position @ model.deflection.T
     torque = slope * deflection + third * deflection**3
-    return Equilibrium(position, (torque @ model.deflection)[:, model.motor], deflection, -torque)
+    load = torque @ model.deflection
+    load[:, model.arm] += np.where(model.robot.rigid, gravity_torque(model, position)[:, model.arm], 0.0)
+    return Equilibrium(position, load[:, model.motor] / model.turns, deflection, -torque)
 
 
 def linearize(
@@ -123,16 +125,16 @@ def linearize(
         Wernholt and Moberg (2008), sec. 5; METHODS sec. 1.
     """
     data = mujoco.MjData(model.mujoco)
-    to_spring = np.linalg.inv(np.vstack([np.eye(model.mujoco.nv)[model.motor], model.deflection]))
+    to_spring = model.to_spring
     axial = axial_inertia(model)
     masses, gravities, links, outputs = [], [], [], []
     names = output_names or tuple(joint.name for joint in model.robot.joints)
     for position in equilibrium.position:
         gravities.append(to_spring.T @ _gravity_gradient(model, data, position) @ to_spring)
-        mass, turns = _inertia(model, data, position)
-        turns = turns @ to_spring
-        links.append(turns[:, :, None] * turns[:, None, :])
-        outputs.append(_outputs(model, data, names) @ to_spring)
+        mass, moves = _inertia(model, data, position)
+        moves = moves @ to_spring
+        links.append((moves[..., :, None] * moves[..., None, :]).sum(axis=1))
+        outputs.append(_in_springs(model, names, _outputs(model, data, names), to_spring))
         masses.append(to_spring.T @ mass @ to_spring - np.einsum("l,lij->ij", axial, links[-1]))
     n_motor = len(model.motor)
     gravity = np.array(gravities)
@@ -148,7 +150,7 @@ def linearize(
             deflection=equilibrium.deflection,
             torque=equilibrium.spring_torque,
             gradient=gravity[:, n_motor:, n_motor:],
-            location=np.concatenate([spring.point_m for spring in model.robot.springs]),
+            location=model.robot.spring_points_m,
             power=np.zeros((len(gravity), 0, len(model.robot.springs))),
             omega=np.zeros(0),
             shape=np.ones((len(gravity), len(model.robot.springs))),
@@ -166,7 +168,7 @@ def _settle(
     model: ElasticModel, data: mujoco.MjData, linear: FloatArray, cubic: FloatArray, configuration: FloatArray
 ) -> FloatArray:
     position = np.zeros(model.mujoco.nv)
-    position[model.motor] = model.robot.motor_per_arm @ configuration
+    position[model.motor] = model.robot.motor_per_arm @ configuration / model.turns
     position[model.arm] = configuration
     free = model.passive
     for _ in range(_NEWTON_STEPS):
@@ -178,10 +180,10 @@ def _settle(
         jacobian = (hessian + _gravity_gradient(model, data, position))[np.ix_(free, free)]
         step = np.linalg.solve(jacobian, residual)
         position[free] -= step
-        if np.abs(step).max() < _NEWTON_TOLERANCE_RAD:
+        if np.abs(step).max(initial=0.0) < _NEWTON_TOLERANCE_RAD:
             return position
-    shown = np.array2string(np.rad2deg(configuration), precision=1)
-    message = f"no equilibrium under gravity in configuration {shown} deg; the springs give way"
+    shown = model.robot.shown(configuration)
+    message = f"no equilibrium under gravity in configuration {shown}; the springs give way"
     raise DataError(message, where=model.robot.name, remedy="check stiffness values and payload of the robot file")
 
 
@@ -197,7 +199,7 @@ def _gravity(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
 
 def _gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> FloatArray:
     gradient = np.zeros((position.size, position.size))
-    for index in model.passive:
+    for index in np.union1d(model.passive, model.arm):
         step = np.zeros_like(position)
         step[index] = _GRADIENT_STEP_RAD
         difference = _gravity(model, data, position + step) - _gravity(model, data, position - step)
@@ -206,19 +208,27 @@ def _gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatA
 
 
 def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Inertia matrix without rotors, and each link's rotation rate about its joint axis per coordinate rate."""
+    """Inertia matrix without rotors, and the rates (n_joint, 3, n_dof) whose squares each link's inertia multiplies.
+
+    These are its rotation rate about its joint axis, and two zeros; where it slides, the speed of its centre of mass.
+    """
     data.qpos[:] = position
     mujoco.mj_forward(model.mujoco, data)
     mass = np.zeros((position.size, position.size))
     mujoco.mj_fullM(model.mujoco, data, mass)
-    mass[model.motor, model.motor] -= model.robot.motor_inertia_kgm2
-    turns = np.zeros((len(model.robot.joints), position.size))
+    mass[model.motor, model.motor] -= model.turns**2 * model.robot.motor_inertia_kgm2
+    rates = np.zeros((len(model.robot.joints), 3, position.size))
     rotation = np.zeros((3, position.size))
     for row, joint in enumerate(model.robot.joints):
         body = model.mujoco.body(joint.name).id
+        frame = data.xmat[body].reshape(3, 3)
+        if joint.type == "prismatic":
+            centre = data.xpos[body] + frame @ joint.link.com_m
+            mujoco.mj_jac(model.mujoco, data, rates[row], None, centre, body)
+            continue
         mujoco.mj_jacBody(model.mujoco, data, None, rotation, body)
-        turns[row] = data.xmat[body].reshape(3, 3)[:, 2] @ rotation
-    return mass, turns
+        rates[row, 0] = frame[:, 2] @ rotation
+    return mass, rates
 
 
 def axial_inertia(model: ElasticModel) -> FloatArray:
@@ -226,6 +236,9 @@ def axial_inertia(model: ElasticModel) -> FloatArray:
     axial = []
     for joint in model.robot.joints:
         body = model.mujoco.body(joint.name)
+        if joint.type == "prismatic":
+            axial.append(float(body.mass[0]))
+            continue
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, body.iquat)
         axial.append(float(rotation.reshape(3, 3)[2] ** 2 @ body.inertia))
@@ -245,10 +258,22 @@ def _outputs(model: ElasticModel, data: mujoco.MjData, names: tuple[str, ...]) -
             raise DataError(message, where=model.robot.name, remedy=remedy)
         joint, _, side = name.partition(".")
         if joint in joints:
-            rows[0, row] = identity[(model.arm if side else model.motor)[joints.index(joint)]]
+            index = joints.index(joint)
+            rows[0, row] = identity[model.arm[index]] if side else model.motor_rows[index]
         else:
             rows[:, row] = _sensed(model, data, next(s for s in model.robot.sensors if s.name == name))
     return rows
+
+
+def _in_springs(model: ElasticModel, names: tuple[str, ...], rows: FloatArray, to_spring: FloatArray) -> FloatArray:
+    """Outputs in spring coordinates; a motor's own angle is a coordinate, whatever rounding says."""
+    found = np.asarray(rows @ to_spring)
+    joints = [joint.name for joint in model.robot.joints]
+    for row, name in enumerate(names):
+        if name in joints:
+            found[:, row] = 0.0
+            found[0, row, joints.index(name)] = 1.0
+    return found
 
 
 def _sensed(model: ElasticModel, data: mujoco.MjData, sensor: Sensor) -> FloatArray:

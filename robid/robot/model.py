@@ -8,9 +8,10 @@ import mujoco
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring
+from robid.robot.actuators import add_static_friction, add_torque, motor_drives, set_passive
+from robid.robot.description import Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.inertia import combine, remove
-from robid.robot.static_friction import StaticLaw, friction_ramps
+from robid.robot.static_friction import StaticLaw
 
 _MASSLESS_KG = 1e-6
 _ACROSS = 0.5 + 1e-9  # a thin disc's, and so much more that printing it leaves an inertia that a body can have
@@ -20,15 +21,17 @@ _HYSTERESIS_SHARE = 0.1  # bristle stiffness over transmission stiffness
 
 @dataclass(frozen=True)
 class ElasticModel:
-    """A compiled elastic robot; all joints are hinges, so positions and velocities share indices.
+    """A compiled elastic robot; all joints are hinges and slides, so positions and velocities share indices.
 
     Attributes:
         robot: What it was built from.
         mujoco: The compiled model.
         spec: What was compiled.
-        motor (n_joint,): Indices of the motor angles `q_m`.
-        arm (n_joint,): Indices of the arm angles `q_a`.
-        passive (n_passive,): Indices of arm angles and elastic angles `q_e`: all that gravity deflects.
+        motor (n_joint,): Indices of the coordinates that motors drive: motor angles `q_m`, arm angles of rigid joints.
+        turns (n_joint,): Motor angle per unit of these: 1, or the gear ratio of a rigid joint.
+        arm (n_joint,): Indices of the arm positions `q_a`.
+        passive (n_passive,): Indices of elastic joints' arm positions and of elastic angles `q_e`: all that gravity
+            deflects.
         deflection (n_spring, n_dof): Spring deflection per coordinate: `delta = deflection @ q`.
     """
 
@@ -36,9 +39,24 @@ class ElasticModel:
     mujoco: mujoco.MjModel
     spec: mujoco.MjSpec
     motor: IntArray
+    turns: FloatArray
     arm: IntArray
     passive: IntArray
     deflection: FloatArray
+
+    @property
+    def motor_rows(self) -> FloatArray:
+        """Motor angles per coordinate (n_joint, n_dof)."""
+        return np.asarray(self.turns[:, None] * np.eye(self.mujoco.nv)[self.motor])
+
+    @property
+    def to_spring(self) -> FloatArray:
+        """Coordinates (n_dof, n_dof) per motor angle and spring deflection."""
+        return np.asarray(np.linalg.inv(np.vstack([self.motor_rows, self.deflection])))
+
+    def motor_angles(self, position: FloatArray) -> FloatArray:
+        """Returns the motor angles (..., n_joint) in some positions (..., n_dof) [rad]."""
+        return np.asarray(position[..., self.motor] * self.turns)
 
 
 def build_model(
@@ -47,8 +65,8 @@ def build_model(
     friction: bool = False,
     static_law: StaticLaw | None = None,
     ripple: bool = False,
-    backlash_rad: float = 0.0,
-    hysteresis_nm: float = 0.0,
+    backlash: tuple[float, float] = (0.0, 0.0),
+    hysteresis: tuple[float, float] = (0.0, 0.0),
     timestep_s: float = 1e-3,
     sensors: bool = False,
 ) -> ElasticModel:
@@ -60,17 +78,21 @@ def build_model(
         static_law: Adds friction without memory to the motors, as polygons; their actuators come after the motors',
             with controls that stay zero.
         ripple: Adds torque ripple to the motors inside the integrator.
-        backlash_rad: Dead band of the transmissions, arm side [rad].
-        hysteresis_nm: Bristle torque parallel to the transmissions, arm side [N m].
+        backlash: Dead band of the transmissions, arm side: of revolute [rad] and of prismatic joints [m].
+        hysteresis: Bristle load parallel to the transmissions, arm side: the same two [N m, N].
         timestep_s: Integration step [s].
         sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
 
     Returns:
         The compiled model; its controls are the motor torques [N m].
 
+    Raises:
+        ValueError: If rotors ride on the links and a joint is rigid, or other motors move a rigid joint.
+
     Source:
         Zimmermann et al. (2023), eq. 1; Wernholt and Moberg (2008), sec. 3.
     """
+    _check_rigid(robot)
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
@@ -81,22 +103,34 @@ def build_model(
     for index, joint in enumerate(robot.joints):
         is_last = index == len(robot.joints) - 1
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
-        _add_motor(carrier, joint, offset, robot.rotor)
+        if not robot.rigid[index]:
+            _add_motor(carrier, joint, offset, robot.rotor)
         parent, offset = _add_link(parent, joint, index, offset, robot, is_last=is_last)
         _add_sites(parent, robot, index, offset)
     parent, offset = _add_payload(parent, robot, offset)
     _add_sites(parent, robot, None, offset)
     for spring in robot.springs:
         if spring.place == "transmission":
-            _add_transmission(spec, robot, spring, backlash_rad, hysteresis_nm)
-    for joint in robot.joints:
-        _add_torque(spec, joint, friction=friction, ripple=ripple)
-    for joint in robot.joints if static_law else ():
-        _add_static_friction(spec, joint, static_law or "tanh")
+            linear = robot.is_linear(spring)
+            _add_transmission(spec, robot, spring, backlash[linear], hysteresis[linear])
+    for joint, drive in zip(robot.joints, motor_drives(robot), strict=True):
+        add_torque(spec, joint, drive, friction=friction, ripple=ripple)
+    for joint, drive in zip(robot.joints, motor_drives(robot), strict=True) if static_law else ():
+        add_static_friction(spec, joint, drive, static_law or "tanh")
     for sensor in robot.sensors if sensors else ():
         kind = mujoco.mjtSensor.mjSENS_FRAMEPOS if sensor.kind == "tracker" else mujoco.mjtSensor.mjSENS_ACCELEROMETER
         spec.add_sensor(name=sensor.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site_name(sensor))
     return _compile(spec, robot)
+
+
+def _check_rigid(robot: Robot) -> None:
+    rigid = [joint for joint, is_rigid in zip(robot.joints, robot.rigid, strict=True) if is_rigid]
+    if rigid and robot.rotor == "on_link":
+        message = "rotors of rigid joints cannot ride on the links: `rotor` must be `spong`"
+        raise ValueError(message)
+    if any(joint.couplings for joint in rigid):
+        message = "a rigid joint cannot be moved by other motors"
+        raise ValueError(message)
 
 
 def _add_base(world: mujoco.MjsBody, robot: Robot) -> tuple[mujoco.MjsBody, FloatArray]:
@@ -163,10 +197,13 @@ def _add_link(
 ) -> tuple[mujoco.MjsBody, FloatArray]:
     body = parent.add_body(name=joint.name, pos=joint.position_m - offset, quat=_quaternion(joint.rotation))
     springs = [spring for spring in robot.springs if spring.joint == index]
-    for spring in springs:
-        if spring.place == "bearing":
-            _add_elastic_hinge(body, spring)
-    body.add_joint(name=f"q_a_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    bearings = [spring for spring in springs if spring.place == "bearing"]
+    # Bearings stay where a joint turns, and ride on what slides.
+    for spring in bearings if joint.type == "revolute" else ():
+        _add_elastic_hinge(body, spring)
+    _add_arm(body, joint, rigid=bool(robot.rigid[index]))
+    for spring in bearings if joint.type == "prismatic" else ():
+        _add_elastic_hinge(body, spring)
     whole = joint.link
     origin: FloatArray = np.zeros(3)
     for spring in springs:
@@ -182,10 +219,19 @@ def _add_link(
     return body, origin
 
 
+def _add_arm(body: mujoco.MjsBody, joint: Joint, *, rigid: bool) -> None:
+    kind = mujoco.mjtJoint.mjJNT_SLIDE if joint.type == "prismatic" else mujoco.mjtJoint.mjJNT_HINGE
+    arm = body.add_joint(name=f"q_a_{joint.name}", type=kind, axis=[0, 0, 1])
+    if rigid:
+        motor = joint.motor
+        arm.armature = motor.gear_ratio**2 * motor.inertia_kgm2
+        arm.damping = np.array([motor.gear_ratio**2 * motor.friction.viscous_nms_rad, 0.0, 0.0])
+
+
 def _add_elastic_hinge(body: mujoco.MjsBody, spring: Spring) -> None:
     hinge = body.add_joint(name=f"q_e_{spring.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=spring.axis)
-    hinge.stiffness = np.array([spring.stiffness_nm_rad, 0.0, spring.cubic_nm_rad3])
-    hinge.damping = np.array([spring.damping_nms_rad, 0.0, 0.0])
+    hinge.stiffness = np.array([spring.stiffness, 0.0, spring.cubic])
+    hinge.damping = np.array([spring.damping, 0.0, 0.0])
 
 
 def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) -> None:
@@ -196,88 +242,41 @@ def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) 
     body.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
 
 
-def _add_transmission(
-    spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlash_rad: float, hysteresis_nm: float
-) -> None:
+def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlash: float, hysteresis: float) -> None:
     joint = robot.joints[spring.joint]
     tendon = spec.add_tendon(name=spring.name)
-    for motor, turn in zip(robot.joints, robot.arm_per_motor[spring.joint].tolist(), strict=True):
-        if turn != 0:
-            tendon.wrap_joint(f"q_m_{motor.name}", turn)
+    for (drive, turns), arm in zip(motor_drives(robot), robot.arm_per_motor[spring.joint].tolist(), strict=True):
+        if arm != 0:
+            tendon.wrap_joint(drive, arm * turns)
     tendon.wrap_joint(f"q_a_{joint.name}", -1.0)
-    tendon.stiffness = np.array([spring.stiffness_nm_rad, 0.0, spring.cubic_nm_rad3])
-    tendon.damping = np.array([spring.damping_nms_rad, 0.0, 0.0])
-    tendon.springlength = [-0.5 * backlash_rad, 0.5 * backlash_rad]
-    if hysteresis_nm > 0:
-        bristle = _HYSTERESIS_SHARE * spring.stiffness_nm_rad
-        law = [bristle, 0.0, hysteresis_nm, hysteresis_nm, 1.0]
-        _add_passive(spec, f"hysteresis_{joint.name}", mujoco.mjtTrn.mjTRN_TENDON, spring.name, lugre=law)
-
-
-def _add_torque(spec: mujoco.MjSpec, joint: Joint, *, friction: bool, ripple: bool) -> None:
-    actuator = spec.add_actuator(name=f"torque_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    actuator.target = f"q_m_{joint.name}"
-    actuator.set_to_motor()
-    motor = joint.motor
-    lugre = _lugre(motor) if friction and motor.friction.coulomb_nm > 0 else None
-    cogging = [motor.ripple_nm, motor.ripple_order, motor.ripple_phase_rad] if ripple and motor.ripple_nm > 0 else None
-    if lugre or cogging:
-        target = f"q_m_{joint.name}"
-        _add_passive(spec, f"friction_{joint.name}", mujoco.mjtTrn.mjTRN_JOINT, target, lugre=lugre, cogging=cogging)
-
-
-def _add_static_friction(spec: mujoco.MjSpec, joint: Joint, law: StaticLaw) -> None:
-    if joint.motor.friction.coulomb_nm == 0:
-        return
-    ramps = friction_ramps(joint.motor.friction, law)
-    for number, (slope, level) in enumerate(zip(ramps.slope.tolist(), ramps.level.tolist(), strict=True)):
-        ramp = spec.add_actuator(name=f"friction_{joint.name}_{number}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        ramp.target = f"q_m_{joint.name}"
-        # The gain of 1 on a control that stays zero keeps MuJoCo from reading the slope as a damping ratio.
-        ramp.set_to_motor()
-        ramp.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        ramp.biasprm = np.concatenate([[0.0, 0.0, -slope], np.zeros(7)])
-        ramp.forcelimited, ramp.forcerange = 1, [-level, level]
-
-
-def _lugre(motor: Motor) -> list[float]:
-    law = motor.friction
-    return [law.coulomb_nm / law.presliding_rad, 0.0, law.coulomb_nm, law.static_nm, law.stribeck_rad_s]
-
-
-def _add_passive(
-    spec: mujoco.MjSpec,
-    name: str,
-    transmission: mujoco.mjtTrn,
-    target: str,
-    *,
-    lugre: list[float] | None = None,
-    cogging: list[float] | None = None,
-) -> None:
-    actuator = spec.add_actuator(name=name, trntype=transmission, target=target)
-    actuator.set_to_dcmotor(
-        motorconst=[0.0, 0.0],
-        resistance=1.0,
-        lugre=lugre or [0.0] * 5,
-        cogging=cogging or [0.0] * 3,
-        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
-    )
+    tendon.stiffness = np.array([spring.stiffness, 0.0, spring.cubic])
+    tendon.damping = np.array([spring.damping, 0.0, 0.0])
+    tendon.springlength = [-0.5 * backlash, 0.5 * backlash]
+    if hysteresis > 0:
+        bristle = _HYSTERESIS_SHARE * spring.stiffness
+        law = [bristle, 0.0, hysteresis, hysteresis, 1.0]
+        bristles = spec.add_actuator(
+            name=f"hysteresis_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=spring.name
+        )
+        set_passive(bristles, lugre=law)
 
 
 def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
     model = spec.compile()
     names = [joint.name for joint in robot.joints]
-    motor = np.array([model.joint(f"q_m_{name}").dofadr[0] for name in names])
+    drives = motor_drives(robot)
+    motor = np.array([model.joint(name).dofadr[0] for name, _ in drives])
+    turns = np.array([turn for _, turn in drives])
     arm = np.array([model.joint(f"q_a_{name}").dofadr[0] for name in names])
     deflection = np.zeros((len(robot.springs), model.nv))
     for row, spring in enumerate(robot.springs):
         if spring.place == "transmission":
-            deflection[row, motor] = robot.arm_per_motor[spring.joint]
+            deflection[row, motor] = robot.arm_per_motor[spring.joint] * turns
             deflection[row, arm[spring.joint]] = -1.0
         else:
             deflection[row, model.joint(f"q_e_{spring.name}").dofadr[0]] = 1.0
     passive = np.setdiff1d(np.arange(model.nv), motor)
-    return ElasticModel(robot, model, spec, motor, arm, passive, deflection)
+    return ElasticModel(robot, model, spec, motor, turns, arm, passive, deflection)
 
 
 def _quaternion(rotation: FloatArray) -> FloatArray:

@@ -48,9 +48,12 @@ class Reach:
 
     def _beyond(self, angles: FloatArray) -> str:
         for joint, angle in zip(self.robot.joints, angles, strict=True):
-            if not joint.lower_rad - _ASLANT <= angle <= joint.upper_rad + _ASLANT:
-                low, angle_deg, high = np.rad2deg([joint.lower_rad, angle, joint.upper_rad])
-                return f"joint `{joint.name}` at {angle_deg:.4g} deg moves from {low:.4g} to {high:.4g} deg"
+            if not joint.lower - _ASLANT <= angle <= joint.upper + _ASLANT:
+                ends, unit = np.array([joint.lower, angle, joint.upper]), "m"
+                if joint.type == "revolute":
+                    ends, unit = np.rad2deg(ends), "deg"
+                low, here, high = ends
+                return f"joint `{joint.name}` at {here:.4g} {unit} moves from {low:.4g} to {high:.4g} {unit}"
         return ""
 
     def _under_floor(self, configurations: FloatArray) -> list[str]:
@@ -72,7 +75,8 @@ def points(robot: Robot, configurations: FloatArray) -> FloatArray:
     """
     model = build_model(robot)
     moved = [body for body in range(1, model.mujoco.nbody) if model.mujoco.body_jntnum[body]]
-    links = [body for body in moved if model.mujoco.body_jntadr[body] not in model.motor]
+    rotors = np.setdiff1d(model.motor, model.arm)
+    links = [body for body in moved if model.mujoco.body_jntadr[body] not in rotors]
     found = []
     for data in _poses(model, configurations):
         payload = data.xpos[links[-1]] + data.xmat[links[-1]].reshape(3, 3) @ robot.payload.com_m
@@ -99,9 +103,9 @@ def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
     model = build_model(robot)
     at_zero = next(_poses(model, np.zeros((1, len(robot.joints)))))
     axes, anchors = at_zero.xaxis[model.arm].copy(), at_zero.xanchor[model.arm].copy()
-    pitch = np.abs(axes[:, 1]) > 1 - _ASLANT
-    aslant = ~pitch & (np.abs(axes[:, 1]) > _ASLANT)
-    aside = ~pitch & (np.abs(anchors[:, 1]) > _TOUCH_M)
+    across = np.abs(axes[:, 1]) > 1 - _ASLANT
+    aslant = ~across & (np.abs(axes[:, 1]) > _ASLANT)
+    aside = ~across & ~robot.prismatic & (np.abs(anchors[:, 1]) > _TOUCH_M)
     bad = [joint.name for joint, wrong in zip(robot.joints, aslant | aside, strict=True) if wrong]
     if bad:
         raise DataError(
@@ -109,7 +113,7 @@ def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
             where=robot.name,
             remedy="list the configurations with `list_deg`",
         )
-    return np.asarray(configurations * np.where(pitch, 1.0, -1.0))
+    return np.asarray(configurations * np.where(across != robot.prismatic, 1.0, -1.0))
 
 
 def _poses(model: ElasticModel, configurations: FloatArray) -> Iterator[mujoco.MjData]:

@@ -19,13 +19,13 @@ class ElasticParameters:
     """Values of everything that a fit may estimate.
 
     Attributes:
-        stiffness (n_spring,): Stiffnesses, arm side [N m/rad].
-        damping (n_spring,): Dampings, arm side [N m s/rad].
+        stiffness (n_spring,): Stiffnesses, arm side [N m/rad, or N/m].
+        damping (n_spring,): Dampings, arm side [N m s/rad, or N s/m].
         viscous (n_joint,): Equivalent viscous friction, motor side [N m s/rad].
         motor_inertia (n_joint,): Rotor inertias, motor side [kg m^2].
-        link_inertia (n_joint,): Links' own inertia about the joint axis direction [kg m^2].
+        link_inertia (n_joint,): Links' own inertia about the joint axis direction, or mass [kg m^2, or kg].
         delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
-        cubic (n_spring,): Cubic coefficients, arm side [N m/rad^3].
+        cubic (n_spring,): Cubic coefficients, arm side [N m/rad^3, or N/m^3].
         location (3 n_spring,): Where springs of links, payload and base sit, see `Spring.point_m` [m].
     """
 
@@ -70,14 +70,14 @@ class Response:
 def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> ElasticParameters:
     """Returns the robot file's own values."""
     return ElasticParameters(
-        stiffness=np.array([spring.stiffness_nm_rad for spring in robot.springs]),
-        damping=np.array([spring.damping_nms_rad for spring in robot.springs]),
+        stiffness=np.array([spring.stiffness for spring in robot.springs]),
+        damping=np.array([spring.damping for spring in robot.springs]),
         viscous=np.array([joint.motor.friction.viscous_nms_rad for joint in robot.joints]),
         motor_inertia=robot.motor_inertia_kgm2,
         link_inertia=model.axial,
         delay=np.array([delay_s]),
-        cubic=np.array([spring.cubic_nm_rad3 for spring in robot.springs]),
-        location=np.concatenate([spring.point_m for spring in robot.springs]),
+        cubic=np.array([spring.cubic for spring in robot.springs]),
+        location=robot.spring_points_m,
     )
 
 

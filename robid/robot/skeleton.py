@@ -13,7 +13,7 @@ def skeleton(robot: Robot, configurations: FloatArray, tool_m: FloatArray | None
 
     Args:
         robot: The robot.
-        configurations (n_conf, n_joint): Arm-side angles [rad].
+        configurations (n_conf, n_joint): Arm-side positions [rad, or m].
         tool_m (3,): Tool point in the last joint's frame; the payload's centre of mass by default [m].
 
     Returns:
@@ -23,10 +23,14 @@ def skeleton(robot: Robot, configurations: FloatArray, tool_m: FloatArray | None
     n_conf = len(configurations)
     position, rotation = np.zeros((n_conf, 3)), np.broadcast_to(np.eye(3), (n_conf, 3, 3))
     points = [position]
-    for joint, angle in zip(robot.joints, configurations.T, strict=True):
+    for joint, moved in zip(robot.joints, configurations.T, strict=True):
         position = position + rotation @ joint.position_m
+        rotation = rotation @ joint.rotation
+        if joint.type == "prismatic":
+            position = position + moved[:, None] * rotation[:, :, 2]
+        else:
+            rotation = rotation @ _about_z(moved)
         points.append(position)
-        rotation = rotation @ joint.rotation @ _about_z(angle)
     points.append(position + rotation @ (robot.payload.com_m if tool_m is None else tool_m))
     return np.stack(points, axis=1)
 

@@ -6,12 +6,15 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 DATA_VARIABLE = "${ROBID_DATA}"
 DATA_DEFAULT = "../shared/data"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
+"""What a section is that composes dataclasses of options."""
+
 Vector = tuple[float, float, float]
 
 
@@ -31,3 +34,11 @@ def data_path(name: str, folder: Path) -> Path:
     if name.startswith(DATA_VARIABLE):
         return Path(os.environ.get("ROBID_DATA", DATA_DEFAULT)) / name.removeprefix(DATA_VARIABLE).lstrip("/")
     return folder / name
+
+
+class Assumed(Section):
+    """A section some of whose values no source gives."""
+
+    assumed: tuple[str, ...] = Field(
+        default=(), description="Dotted names, within this section, of the values that no source gives."
+    )

@@ -39,7 +39,7 @@ def check_experiment(
         if robot is not None:
             found.append(_campaign_of_robot(name, campaign, robot))
     for name, fit in experiment.fits.items():
-        found.append(_fit(experiment, name, fit))
+        found.append(_fit(experiment, name, fit, families))
         if robot is not None:
             found.append(_fit_of_robot(experiment, name, fit, robot, families))
     if robot is not None:
@@ -92,11 +92,12 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     if isinstance(rms, tuple) and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
-    yield from _experiments(field, campaign, n_joint)
+    acquire = None if campaign.source is None else campaign.source.acquire
+    if not campaign.is_one_shot:
+        yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
+        yield from _lines(field, campaign, robot)
     if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
         yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
-    yield from _lines(field, campaign, robot)
-    acquire = None if campaign.source is None else campaign.source.acquire
     yield from _outputs(field, campaign, robot)
     if acquire is not None:
         yield from check_channels(field, acquire, robot)
@@ -145,8 +146,8 @@ def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
         yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
 
 
-def _fit(experiment: Experiment, name: str, fit: FitSettings) -> _Found:
-    field = ("fits", name)
+def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families) -> _Found:
+    field, reads = ("fits", name), families[fit.family].reads
     for key, campaign in (*(("from", name) for name in fit.campaigns), ("validate_on", fit.validate_on)):
         if campaign is None:
             continue
@@ -154,6 +155,8 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings) -> _Found:
             yield (*field, key), _unknown("campaign", campaign, experiment.campaigns)
         elif experiment.campaigns[campaign].source is None:
             yield (*field, key), f"campaign `{campaign}` has no `source`, so there is no record to read"
+        elif experiment.campaigns[campaign].is_one_shot and "frf" in reads:
+            yield (*field, key), f"campaign `{campaign}` is one shot, which has no frequency response to read"
     if fit.validate_on in fit.campaigns:
         yield (*field, "validate_on"), f"campaign `{fit.validate_on}` is what the fit reads: validate on another one"
     if len(set(fit.campaigns)) < len(fit.campaigns):

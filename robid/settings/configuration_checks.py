@@ -12,7 +12,7 @@ from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
-_LIMIT_TOLERANCE_DEG = 1e-9
+_LIMIT_TOLERANCE = 1e-9
 
 
 def configuration_count(experiment: Experiment, campaign: Campaign) -> int | None:
@@ -21,10 +21,10 @@ def configuration_count(experiment: Experiment, campaign: Campaign) -> int | Non
 
 
 def _count(experiment: Experiment, chosen: Configurations) -> int | None:
-    if chosen.list_deg is not None:
-        return len(chosen.list_deg)
-    if chosen.grid_deg is not None:
-        return int(np.prod([len(row) for row in chosen.grid_deg]))
+    if chosen.list_rows is not None:
+        return len(chosen.list_rows)
+    if chosen.grid_rows is not None:
+        return int(np.prod([len(row) for row in chosen.grid_rows]))
     if chosen.random is not None:
         return chosen.random.count
     if chosen.join is not None:
@@ -83,33 +83,40 @@ def check_reachable(field: FieldPath, chosen: Configurations, robot: RobotFile) 
     n_joint = len(robot.joints)
     for index, part in enumerate(chosen.join or ()):
         yield from check_reachable((*field, "join", index), part, robot)
-    for index, row in enumerate(chosen.list_deg or ()):
+    if any(robot.slides) and chosen.key in ("list_deg", "grid_deg"):
+        plain = chosen.key.removesuffix("_deg")
+        yield (*field, chosen.key), f"the robot has prismatic joints: write `{plain}`, with metres for these"
+        return
+    for index, row in enumerate(chosen.list_rows or ()):
         if len(row) != n_joint:
-            yield (*field, "list_deg", index), f"has {len(row)} angles for the {n_joint} joints of the robot"
+            what = "positions" if any(robot.slides) else "angles"
+            yield (*field, chosen.key, index), f"has {len(row)} {what} for the {n_joint} joints of the robot"
             continue
-        for joint, angle in enumerate(row):
-            yield from _within((*field, "list_deg", index, joint), robot, joint, angle)
-    if chosen.grid_deg is not None and len(chosen.grid_deg) != n_joint:
-        yield (*field, "grid_deg"), f"has {len(chosen.grid_deg)} rows for the {n_joint} joints of the robot"
-    elif chosen.grid_deg is not None:
-        for joint, row in enumerate(chosen.grid_deg):
-            for index, angle in enumerate(row):
-                yield from _within((*field, "grid_deg", joint, index), robot, joint, angle)
+        for joint, position in enumerate(row):
+            yield from _within((*field, chosen.key, index, joint), robot, joint, position)
+    if chosen.grid_rows is not None and len(chosen.grid_rows) != n_joint:
+        yield (*field, chosen.key), f"has {len(chosen.grid_rows)} rows for the {n_joint} joints of the robot"
+    elif chosen.grid_rows is not None:
+        for joint, row in enumerate(chosen.grid_rows):
+            for index, position in enumerate(row):
+                yield from _within((*field, chosen.key, joint, index), robot, joint, position)
     if chosen.random is not None:
         for section in robot.joints:
-            if section.limits_deg is None:
+            if section.stated_limits is None:
                 continue
-            lower, upper = section.limits_deg
-            if upper - lower < 2 * chosen.random.margin_deg:
-                message = f"leaves nothing of the range of joint `{section.name}`, {lower:g} to {upper:g} deg"
-                yield (*field, "random", "margin_deg"), message
+            lower, upper = section.stated_limits
+            key = "margin_m" if section.slides else "margin_deg"
+            if upper - lower < 2 * getattr(chosen.random, key):
+                reach = f"{lower:g} to {upper:g} {section.limits_unit}"
+                yield (*field, "random", key), f"leaves nothing of the range of joint `{section.name}`, {reach}"
 
 
-def _within(field: FieldPath, robot: RobotFile, joint: int, angle: float) -> _Found:
+def _within(field: FieldPath, robot: RobotFile, joint: int, position: float) -> _Found:
     section = robot.joints[joint]
-    if section.limits_deg is None:
+    if section.stated_limits is None:
         return
-    lower, upper = section.limits_deg
-    if not lower - _LIMIT_TOLERANCE_DEG <= angle <= upper + _LIMIT_TOLERANCE_DEG:
-        message = f"{angle:g} deg is unreachable: joint `{section.name}` moves from {lower:g} to {upper:g} deg"
+    lower, upper = section.stated_limits
+    if not lower - _LIMIT_TOLERANCE <= position <= upper + _LIMIT_TOLERANCE:
+        unit = section.limits_unit
+        message = f"{position:g} {unit} is unreachable: joint `{section.name}` moves from {lower:g} to {upper:g} {unit}"
         yield field, message

@@ -43,9 +43,10 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> _Fo
     count = configuration_count(experiment, campaign)
     if count is not None and design.count > count:
         yield (*field, "count"), f"cannot choose {design.count} of the {count} configurations of `{design.campaign}`"
-    if design.information == "measured" and campaign.source is None:
+    if design.information == "measured" and (campaign.source is None or campaign.is_one_shot):
+        lacks = "is one shot" if campaign.is_one_shot else "has no `source`"
         message = (
-            f"campaign `{design.campaign}` has no `source`, so there are no responses to read: give it one, or use"
+            f"campaign `{design.campaign}` {lacks}, so there are no responses to read: give it one that repeats, or use"
             " `information: assumed`"
         )
         yield (*field, "information"), message

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
-import numpy as np
 import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from robid.design.excitation_options import MultisineOptions
 from robid.design.options import CostOptions, DesignOptions, InformationOptions
 from robid.frf.options import EstimateOptions
-from robid.settings.base import DATA_VARIABLE, Name, Section, data_path
+from robid.settings.acquire import Acquire
+from robid.settings.base import STRICT, Name, Section
 from robid.settings.excitation import ExcitationSettings
-from robid.settings.fits import STRICT, Families, FitSettings, part
+from robid.settings.fits import Families, FitSettings, part
 from robid.settings.study import Study
 from robid.settings.truth import SimulateSettings
 
@@ -44,15 +43,24 @@ class RandomConfigurations(Section):
     count: int = Field(description="Number of configurations.", ge=1)
     seed: int = Field(default=1, description="Seed of the draw.", ge=0)
     margin_deg: float = Field(default=10.0, description="Distance kept from the joint limits [deg].", ge=0)
+    margin_m: float = Field(default=0.05, description="The same of prismatic joints [m].", ge=0)
 
 
 class Configurations(OneKey):
     """The robot configurations of a campaign; exactly one of the keys."""
 
     list_deg: Rows | None = Field(default=None, description="Joint angles, one row per configuration [deg].")
+    positions: Rows | None = Field(
+        default=None,
+        alias="list",
+        description="In place of `list_deg` where joints are prismatic: angles [deg] and positions [m].",
+    )
     random: RandomConfigurations | None = Field(default=None, description="Drawn within the joint limits.")
     grid_deg: Rows | None = Field(
         default=None, description="Angles of each joint, one row per joint; every combination is measured [deg]."
+    )
+    grid: Rows | None = Field(
+        default=None, description="In place of `grid_deg` where joints are prismatic: angles [deg] and positions [m]."
     )
     chosen_by: Name | Annotated[tuple[Name, ...], Field(min_length=1)] | None = Field(
         default=None, alias="from", description="Name of the design that chooses them, or of several in a row."
@@ -66,122 +74,28 @@ class Configurations(OneKey):
     )
 
     @property
+    def key(self) -> str:
+        """The key that is written."""
+        name = next(iter(self.model_fields_set))
+        return type(self).model_fields[name].alias or name
+
+    @property
+    def list_rows(self) -> Rows | None:
+        """Listed positions, one row per configuration [deg, or m]."""
+        return self.list_deg if self.positions is None else self.positions
+
+    @property
+    def grid_rows(self) -> Rows | None:
+        """Positions of each joint, one row per joint [deg, or m]."""
+        return self.grid_deg if self.grid is None else self.grid
+
+    @property
     def designs(self) -> tuple[str, ...]:
         """Names of the designs that must be there first, each once."""
         own = (self.chosen_by,) if isinstance(self.chosen_by, str) else self.chosen_by or ()
         mirrored = () if self.mirror is None else (self.mirror,)
         joined = (name for part in self.join or () for name in part.designs)
         return tuple(dict.fromkeys((*own, *mirrored, *joined)))
-
-
-class TimeChannel(Section):
-    """The log's own time, against which the sampling period is checked."""
-
-    variable: str = Field(description="Name of the variable in the log.")
-    unit: Literal["s", "ms", "us"] = Field(default="s", description="Unit of the time.")
-
-
-class InputChannel(Section):
-    """A motor torque, or the current that stands for it."""
-
-    name: Name = Field(description="Name of the channel: that of the joint whose motor it drives.")
-    variable: str = Field(description="Name of the variable in the log.")
-    unit: Literal["N m", "A"] = Field(default="N m", description="Unit in the log.")
-    torque_constant_nm_a: float | None = Field(
-        default=None, description="Torque constant K_t of a current; 1 with `normalised` [N m/A].", gt=0
-    )
-    torque_constant_relative_std: float = Field(
-        default=0.0, description="Relative standard deviation of the torque constant.", ge=0
-    )
-    normalised: bool = Field(
-        default=False, description="The current stands for the torque: every result is a ratio to K_t."
-    )
-    sign: Literal[1, -1] = Field(default=1, description="Sign that turns the log's direction into the joint's.")
-    scale: float = Field(default=1.0, description="Factor from the log's numbers to the unit.", gt=0)
-    hold: Literal["zoh", "band_limited"] = Field(
-        default="zoh", description="A command held for a sample, or measured like the angles."
-    )
-
-    @model_validator(mode="after")
-    def _torque_is_known(self) -> InputChannel:
-        if self.unit == "A" and self.torque_constant_nm_a is None:
-            message = "a current needs `torque_constant_nm_a` (1 together with `normalised: true` where it is unknown)"
-            raise ValueError(message)
-        if self.unit == "N m" and (self.torque_constant_nm_a is not None or self.normalised):
-            message = "a torque in N m takes neither `torque_constant_nm_a` nor `normalised`"
-            raise ValueError(message)
-        return self
-
-
-class OutputChannel(Section):
-    """A measured angle."""
-
-    name: str = Field(
-        description="Name of the channel: the joint's for its motor angle, `<joint>.arm` for its arm side.",
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*(\.arm)?$",
-    )
-    variable: str = Field(description="Name of the variable in the log.")
-    unit: Literal["rad", "deg"] = Field(default="rad", description="Unit in the log.")
-    sign: Literal[1, -1] = Field(default=1, description="Sign that turns the log's direction into the joint's.")
-    scale: float = Field(default=1.0, description="Factor from the log's numbers to the unit.", gt=0)
-
-
-class ReferenceChannel(Section):
-    """What a motor was told to do; it is matched to the excitation, which says where its periods begin."""
-
-    name: Name = Field(description="Name of the joint.")
-    variable: str = Field(description="Name of the variable in the log.")
-    unit: Literal["rad/s", "deg/s", "rpm", "rad", "deg", "N m"] = Field(
-        default="rad/s", description="Unit in the log, motor side; it belongs to `excitation.inject`."
-    )
-    sign: Literal[1, -1] = Field(default=1, description="Sign that turns the log's direction into the joint's.")
-    scale: float = Field(default=1.0, description="Factor from the log's numbers to the unit.", gt=0)
-
-
-class Acquire(Section):
-    """Measured logs and what their variables mean."""
-
-    file: str = Field(
-        description="The log; `${ROBID_DATA}` stands for the data folder, other paths start at the experiment file;"
-        " `{configuration}`, `{realization}` and `{experiment}` for their numbers, from 1."
-    )
-    format: Literal["mat", "csv"] = Field(description="Format of the log: MAT (version 5), or a table with a header.")
-    sampling_period_s: float = Field(description="Sampling period of the log [s].", gt=0)
-    drop_periods: int = Field(default=0, description="Periods dropped at the start of the log.", ge=0)
-    take: Literal["first", "last"] = Field(
-        default="first", description="Which whole periods are used: the first after those dropped, or the last."
-    )
-    time: TimeChannel | None = Field(default=None, description="The log's own time, if it has one.")
-    inputs: tuple[InputChannel, ...] = Field(description="Motor torques, in the order of the joints.", min_length=1)
-    outputs: tuple[OutputChannel, ...] = Field(description="Measured angles.", min_length=1)
-    references: tuple[ReferenceChannel, ...] = Field(
-        default=(),
-        description="What the motors were told, in the order of the joints; the excitation is then designed here, and"
-        " each log is matched to it.",
-    )
-
-    def log_path(self, folder: Path, configuration: int = 0, realization: int = 0, experiment: int = 0) -> Path:
-        """Returns the path of a log.
-
-        Args:
-            folder: Folder of the experiment file, for a path that does not start with `${ROBID_DATA}`.
-            configuration: Index of the configuration, from 0.
-            realization: Index of the realization, from 0.
-            experiment: Index of the experiment, from 0.
-        """
-        indices = {"configuration": configuration, "realization": realization, "experiment": experiment}
-        rest = self.file.removeprefix(DATA_VARIABLE)
-        start = self.file.removesuffix(rest) if rest else self.file
-        return data_path(start + rest.format(**{key: index + 1 for key, index in indices.items()}), folder)
-
-    def log_paths(self, folder: Path, *counts: int) -> tuple[Path, ...]:
-        """Returns the paths of all logs, configuration by configuration, realization by realization.
-
-        Args:
-            folder: As in `log_path`.
-            *counts: Number of configurations, realizations and experiments.
-        """
-        return tuple(self.log_path(folder, *indices) for indices in np.ndindex(*counts))
 
 
 class Source(OneKey):
@@ -220,6 +134,11 @@ class Campaign(Section):
     estimate: EstimateOptions = Field(
         default_factory=EstimateOptions, description="How the record becomes a frequency response."
     )
+
+    @property
+    def is_one_shot(self) -> bool:
+        """Whether it is imported from logs that do not repeat."""
+        return self.source is not None and self.source.acquire is not None and self.source.acquire.one_shot
 
     @model_validator(mode="before")
     @classmethod

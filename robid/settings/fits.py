@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Literal, Protocol, TypeAlias, TypeVar
 
 import pydantic.dataclasses
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
-from robid.settings.base import Name
+from robid.settings.base import STRICT, Name
 
 if TYPE_CHECKING:
     from robid.settings.experiment import Experiment
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from robid.settings.yaml import FieldPath
 
 Read: TypeAlias = Literal["record", "frf"]
-STRICT = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
 _Options = TypeVar("_Options")
 
 
@@ -59,6 +58,10 @@ class SettingsOfFamily(Protocol):
     @property
     def settings(self) -> type[FitSettings]:
         """Type of its fits; its `family` is a literal of the name."""
+
+    @property
+    def reads(self) -> tuple[Read, ...]:
+        """What of a campaign its fits read."""
 
     @property
     def problems(self) -> Callable[[Experiment, str, RobotFile], Iterator[tuple[FieldPath, str]]]:

@@ -20,6 +20,7 @@ from robid.settings.robot_sections import Body, Frame, InertiaTensor, JointSecti
 from robid.settings.yaml import Document, FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
+_LOCKED = {"hinge": "locked_deg", "slide": "locked_m"}
 
 
 @dataclass(frozen=True)
@@ -50,13 +51,14 @@ def complete(document: Document, robot: RobotFile) -> Completed:
         return Completed(robot, [problem_at(document, ("model",), f"{error.where} {error.what}")], {})
     immobile = dict.fromkeys(model.fixed, "is fixed in the model")
     immobile |= dict.fromkeys(robot.locked_deg, "is locked by `locked_deg`")
+    immobile |= dict.fromkeys(robot.locked_m, "is locked by `locked_m`")
     found = [*_joints(robot, model, immobile), *_links(robot, model)]
     names = [joint.name for joint in robot.joints]
     if not found:
         found = [(("joints",), message) for message in order_of(model, names)]
     if found:
         return Completed(robot, [problem_at(document, field, message) for field, message in found], immobile)
-    locked = {name: float(np.deg2rad(angle)) for name, angle in robot.locked_deg.items()}
+    locked = robot.locked
     flange: tuple[FloatArray, FloatArray] = (np.zeros(3), np.eye(3))
     if robot.flange is not None:
         there = frame_on_last(model, names, locked, robot.flange)
@@ -70,28 +72,36 @@ def complete(document: Document, robot: RobotFile) -> Completed:
 
 def _joints(robot: RobotFile, model: ForeignModel, immobile: dict[str, str]) -> _Found:
     listed = [joint.name for joint in robot.joints]
-    for name in robot.locked_deg:
-        if name not in model.hinges:
-            yield ("locked_deg", name), f"`{model.name}` has no joint `{name}`; {suggest(name, model.hinges)}"
+    for key, names in (("locked_deg", model.hinges), ("locked_m", model.slides)):
+        for name in getattr(robot, key):
+            if name in model.driven and name not in names:
+                kind = "hinge" if name in model.hinges else "slide"
+                yield (key, name), f"joint `{name}` of `{model.name}` is a {kind}: write it under `{_LOCKED[kind]}`"
+            elif name not in names:
+                yield (key, name), f"`{model.name}` has no joint `{name}`; {suggest(name, names)}"
     for index, name in enumerate(listed):
         field = ("joints", index, "name")
         if name in immobile:
             yield field, f"joint `{name}` {immobile[name]}, so no motor moves it: leave it out"
         elif name in model.others:
-            yield field, f"joint `{name}` of `{model.name}` is not a hinge: only hinges can be driven"
-        elif name not in model.hinges:
-            yield field, f"`{model.name}` has no joint `{name}`; {suggest(name, model.hinges)}"
-    for name in model.hinges:
-        if name not in listed and name not in robot.locked_deg:
-            message = f"joint `{name}` of `{model.name}` is neither here nor in `locked_deg`"
-            yield ("joints",), message
+            yield field, f"joint `{name}` of `{model.name}` is neither hinge nor slide: only these can be driven"
+        elif name not in model.driven:
+            yield field, f"`{model.name}` has no joint `{name}`; {suggest(name, model.driven)}"
+        elif robot.joints[index].slides != (name in model.slides):
+            told = "slides: it needs `type: prismatic`" if name in model.slides else "turns: leave `type` out"
+            yield ("joints", index, "type"), f"joint `{name}` of `{model.name}` {told}"
+    for kind, names in (("hinge", model.hinges), ("slide", model.slides)):
+        for name in names:
+            if name not in listed and name not in robot.locked:
+                message = f"joint `{name}` of `{model.name}` is neither here nor in `{_LOCKED[kind]}`"
+                yield ("joints",), message
     for name in model.others:
         if name not in listed:
-            yield ("model",), f"joint `{name}` of `{model.name}` is not a hinge: remove it from the model"
+            yield ("model",), f"joint `{name}` of `{model.name}` is neither hinge nor slide: remove it from the model"
 
 
 def _links(robot: RobotFile, model: ForeignModel) -> _Found:
-    massless = [link for joint, link in model.massless.items() if joint not in robot.locked_deg]
+    massless = [link for joint, link in model.massless.items() if joint not in robot.locked]
     if massless:
         named = ", ".join(f"`{link}`" for link in massless)
         yield ("model",), f"links without an `inertial` in `{model.name}`: {named}; an elastic model needs their masses"
@@ -144,12 +154,12 @@ def _frame_of(
 
 
 def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> JointSection:
-    limits = section.limits_deg
-    if limits is None and found.range_rad is not None:
-        lower, upper = np.rad2deg(found.range_rad).tolist()
+    limits = section.stated_limits
+    if limits is None and found.range is not None:
+        lower, upper = found.range if found.slides else np.rad2deg(found.range).tolist()
         limits = (lower, upper)
     frame = Frame.model_validate({"position_m": found.position_m.tolist(), "rotation": found.rotation.tolist()})
-    update = {"frame": frame, "limits_deg": limits, "link": _body(found.link), "motor": _motor(section, model)}
+    update = {"frame": frame, section.limits_key: limits, "link": _body(found.link), "motor": _motor(section, model)}
     return section.model_copy(update=update)
 
 
@@ -157,13 +167,13 @@ def _motor(section: JointSection, model: ForeignModel) -> MotorSection:
     """Takes arm-side limits of the model to the motor side where the file states none."""
     motor, name = section.motor, section.name
     update: dict[str, float] = {}
-    ratio = abs(motor.gear_ratio)
+    ratio = abs(motor.ratio or 0.0)
     if ratio == 0:
         return motor
-    if motor.max_speed_rad_s is None and name in model.speed_rad_s:
-        update["max_speed_rad_s"] = model.speed_rad_s[name] * ratio
-    if motor.max_torque_nm is None and name in model.torque_nm:
-        update["max_torque_nm"] = model.torque_nm[name] / ratio
+    if motor.max_speed_rad_s is None and name in model.speed:
+        update["max_speed_rad_s"] = model.speed[name] * ratio
+    if motor.max_torque_nm is None and name in model.torque:
+        update["max_torque_nm"] = model.torque[name] / ratio
     return motor.model_copy(update=update)
 
 

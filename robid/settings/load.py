@@ -13,7 +13,8 @@ from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
 from robid.settings.problems import Problem, problem_at, raise_problems, validate
 from robid.settings.robot import RobotFile
-from robid.settings.robot_checks import check_robot, missing_keys
+from robid.settings.robot_checks import check_robot
+from robid.settings.robot_missing import missing_keys
 from robid.settings.slices import to_plain
 from robid.settings.yaml import Document, load_yaml
 

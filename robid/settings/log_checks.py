@@ -6,15 +6,17 @@ import string
 from collections.abc import Iterator
 from typing import TypeAlias
 
+from robid.settings.acquire import Acquire
 from robid.settings.base import DATA_VARIABLE
-from robid.settings.experiment import Acquire, Campaign
+from robid.settings.experiment import Campaign
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
+from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, input_problems
+from robid.signals.quantities import DRIVES, INJECTED, MOTOR_TORQUE, units_of
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
 _PLACES = ("configuration", "realization", "experiment")
-_UNITS = {"speed_reference": ("rad/s", "deg/s", "rpm"), "position_reference": ("rad", "deg"), "torque": ("N m",)}
 
 
 def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configuration: int | None) -> _Found:
@@ -27,49 +29,87 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         n_configuration: Its number of configurations, None where that is not known.
     """
     inside = (*field, "source", "acquire")
-    counts = {"configuration": n_configuration or 1, "realization": campaign.realizations}
-    yield from _file(
-        (*inside, "file"), acquire.file, {**counts, "experiment": campaign.experiments or len(acquire.inputs)}
+    n_experiment = 1 if acquire.one_shot else campaign.experiments or len(acquire.inputs)
+    counts = {"configuration": n_configuration or 1, "realization": campaign.realizations, "experiment": n_experiment}
+    yield from _file((*inside, "file"), acquire.file, counts)
+    if acquire.one_shot:
+        if n_configuration not in (None, 1):
+            message = "one shot begins in one configuration; state repeated shots as realizations"
+            yield (*field, "configurations"), message
+        if acquire.drop_periods:
+            yield (*inside, "drop_periods"), "one shot has no periods"
+    every: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
+        ("inputs", acquire.inputs),
+        ("outputs", acquire.outputs),
+        ("references", acquire.references),
     )
-    every = (("inputs", acquire.inputs), ("outputs", acquire.outputs), ("references", acquire.references))
     for key, channels in every:
         names = [channel.name for channel in channels]
-        for index, channel in enumerate(names):
-            if channel in names[:index]:
-                yield (*inside, key, index, "name"), f"`{channel}` is there twice"
-    known = _UNITS[campaign.excitation.inject]
+        for index, channel in enumerate(channels):
+            if channel.name in names[:index]:
+                yield (*inside, key, index, "name"), f"`{channel.name}` is there twice"
+            for problem in channel.problems():
+                yield (*inside, key, index), problem
+    known = units_of(INJECTED[campaign.excitation.inject], rotation=True)
     for index, reference in enumerate(acquire.references):
-        if reference.unit not in known:
+        if reference.unit not in known and not acquire.one_shot:
             message = f"{reference.unit} is no unit of a {campaign.excitation.inject}: use {' or '.join(known)}"
             yield (*inside, "references", index, "unit"), message
-    if len({channel.normalised for channel in acquire.inputs}) > 1:
-        yield (*inside, "inputs"), "either all torques are normalised currents, or none"
-    if len({channel.hold for channel in acquire.inputs}) > 1:
-        yield (*inside, "inputs"), "all must have the same `hold`"
+    for problem in input_problems(acquire.inputs):
+        yield (*inside, "inputs"), problem
     if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
         message = "friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
+    others = [one.channel.title for one in acquire.inputs if not one.problems() and not _is_torque(one)]
+    if others and campaign.estimate.compensation in ("nominal", "silent_lines"):
+        message = f"friction is subtracted from motor torques, not from a {others[0]}: use `compensation: none`"
+        yield (*field, "estimate", "compensation"), message
+
+
+def _is_torque(channel: InputChannel) -> bool:
+    return MOTOR_TORQUE.accepts([channel.channel])
 
 
 def check_channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Found:
     """Finds channels that are not those of the robot, and what a match with its excitation lacks."""
     inside = (*field, "source", "acquire")
     joints = [joint.name for joint in robot.joints]
-    for key, channels in (("inputs", acquire.inputs), ("references", acquire.references)):
+    driving = [one for one in acquire.inputs if not one.problems() and one.channel.quantity in DRIVES]
+    named: list[tuple[str, tuple[LogChannel, ...]]] = []
+    if not acquire.one_shot:
+        named.append(("references", acquire.references))
+    if len(driving) == len(acquire.inputs):
+        named.append(("inputs", acquire.inputs))
+    for key, channels in named:
         if channels and [channel.name for channel in channels] != joints:
             yield (*inside, key), f"must be one channel per joint, named in this order: {', '.join(joints)}"
-    known = [*joints, *(f"{joint}.arm" for joint in joints)]
-    for index, channel in enumerate(acquire.outputs):
-        if channel.name not in known:
-            message = f"`{channel.name}` is not an angle of the robot; {suggest(channel.name, known)}"
-            yield (*inside, "outputs", index, "name"), message
-    if not acquire.references:
+    sliding = [joint.name for joint in robot.joints if joint.slides]
+    for index, output in enumerate(acquire.outputs):
+        for key, problem in _output(output, joints, sliding):
+            yield (*inside, "outputs", index, key), problem
+    if not acquire.references or acquire.one_shot:
         return
     if robot.controller is None:
         yield (*inside, "references"), "the excitation is designed for the robot file's `controller`, which is missing"
     elif abs(robot.controller.sampling_period_s / acquire.sampling_period_s - 1) > 1e-9:
         message = f"must be the controller's, {robot.controller.sampling_period_s:g} s, to be matched to its excitation"
         yield (*inside, "sampling_period_s"), message
+
+
+def _output(output: OutputChannel, joints: list[str], sliding: list[str]) -> Iterator[tuple[str, str]]:
+    """Finds a name that is no joint's, a side that is not its name's, and a unit that its joint does not have."""
+    joint, _, part = output.name.partition(".")
+    unsaid = part not in ("", "arm") and output.channel.quantity == "angle" and output.quantity is None
+    if output.side != "tool" and (joint not in joints or unsaid):
+        known = [*joints, *(f"{name}.arm" for name in joints)]
+        yield "name", f"`{output.name}` is not an angle of the robot; {suggest(output.name, known)}"
+    own = {"": "motor", "arm": "arm"}.get(part)
+    if joint in joints and own is not None and output.side not in (None, own):
+        yield "side", f"`{output.name}` is the {own} side of `{joint}`: leave `side` out, or give it another name"
+    slides = part == "arm" and joint in sliding
+    if joint in joints and own is not None and output.channel.quantity == ("angle" if slides else "position"):
+        wanted = "the arm side of a prismatic joint is in m or mm" if slides else "angles are in rad or deg"
+        yield "unit", f"{output.unit} is no unit of `{output.name}`: {wanted}"
 
 
 def _file(field: FieldPath, file: str, counts: dict[str, int]) -> _Found:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from robid.robot.description import LOCATED
+from robid.robot.parameters import names_of
 from robid.settings.robot import RobotFile
 
 
@@ -15,14 +15,6 @@ def parameter_names(robot: RobotFile, kinds: Iterable[str]) -> list[str]:
 
 def kinds_by_name(robot: RobotFile, kinds: Iterable[str]) -> dict[str, str]:
     """Returns every parameter of these kinds with its kind; shifts along an axis too, which have no effect."""
-    springs, joints = robot.all_springs, [joint.name for joint in robot.joints]
-    found: dict[str, str] = {}
-    for kind in kinds:
-        owners = [spring.name for spring in springs] if kind in ("stiffness", "damping") else joints
-        if kind == "cubic":
-            owners = [spring.name for spring in springs if spring.place == "transmission"]
-        if kind == "location":
-            owners = [f"{s.name}.location_{axis}" for s in springs if s.place in LOCATED for axis in "xyz"]
-        names = owners if kind == "location" else [f"{owner}.{kind}" for owner in owners]
-        found |= dict.fromkeys(["delay"] if kind == "delay" else names, kind)
-    return found
+    joints = [joint.name for joint in robot.joints]
+    pairs = ((name, kind) for kind in kinds for name in names_of(kind, robot.all_springs, joints))
+    return {name: kind for name, kind in pairs if name is not None}

@@ -13,6 +13,7 @@ from robid.settings.yaml import FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
 _LARGEST_RATIO = 2000.0
+_SMALLEST_RATIO_RAD_M, _LARGEST_RATIO_RAD_M = 5.0, 2e4
 _LONGEST_RUN_UP_S = 10.0
 _SHORTEST_RUN_UP_S = 2e-4
 _SMALLEST_SHARE = 2e-3
@@ -25,9 +26,14 @@ def implausible(robot: RobotFile) -> _Found:
     """Yields gear ratios, motor inertias and a total mass that cannot be meant, with the reason."""
     yield from _ratios(robot)
     is_known = all((joint.dh or joint.frame) and joint.link for joint in robot.joints)
-    moved = stretched_inertia([place for place, _ in robot.joint_frames()], robot.links()) if is_known else None
+    moved = None
+    if is_known:
+        places = [place for place, _ in robot.joint_frames()]
+        travels = [max(map(abs, j.stated_limits or (0.0,))) if j.slides else 0.0 for j in robot.joints]
+        moved = stretched_inertia(places, robot.links(), robot.slides, travels)
     for index, joint in enumerate(robot.joints):
-        reason = _inertia(joint, None if moved is None else (float(moved[index]), float(moved.max())))
+        alike = [other.slides == joint.slides for other in robot.joints]
+        reason = _inertia(joint, None if moved is None else (float(moved[index]), float(moved[alike].max())))
         if reason:
             value = f"{joint.motor.inertia_kgm2:g} kg m^2"
             yield ("joints", index, "motor", "inertia_kgm2"), f"{value} is implausible: {reason}"
@@ -37,7 +43,12 @@ def implausible(robot: RobotFile) -> _Found:
 
 def _ratios(robot: RobotFile) -> _Found:
     for index, joint in enumerate(robot.joints):
+        if joint.slides:
+            yield from _leads(index, joint)
+            continue
         stated = joint.motor.gear_ratio
+        if stated is None:
+            continue
         ratio = abs(stated)
         if 1 <= ratio <= _LARGEST_RATIO:
             continue
@@ -50,12 +61,24 @@ def _ratios(robot: RobotFile) -> _Found:
         yield ("joints", index, "motor", "gear_ratio"), reason
 
 
+def _leads(index: int, joint: JointSection) -> _Found:
+    stated = joint.motor.gear_ratio_rad_m
+    if stated is None or _SMALLEST_RATIO_RAD_M <= abs(stated) <= _LARGEST_RATIO_RAD_M:
+        return
+    reason = f"{stated:g} is implausible: motor radians per metre are a number from {_SMALLEST_RATIO_RAD_M:g} to"
+    reason += f" {_LARGEST_RATIO_RAD_M:g}, negative where the motor turns the other way"
+    if stated and _SMALLEST_RATIO_RAD_M <= abs(2 * np.pi / stated) <= _LARGEST_RATIO_RAD_M:
+        reason += f"; as a lead in m it would be {2 * np.pi / stated:.4g}"
+    yield ("joints", index, "motor", "gear_ratio_rad_m"), reason
+
+
 def _inertia(joint: JointSection, moved: tuple[float, float] | None) -> str:
     """Says why a rotor's inertia cannot be meant.
 
     Args:
         joint: The joint.
-        moved: Largest inertia that the joint meets, and the whole arm's [kg m^2]; None where they are unknown.
+        moved: Largest inertia that the joint meets, and the whole arm's [kg m^2; kg where it slides]; None where they
+            are unknown.
     """
     motor = joint.motor
     speed, torque = motor.max_speed_rad_s, motor.max_torque_nm
@@ -65,10 +88,12 @@ def _inertia(joint: JointSection, moved: tuple[float, float] | None) -> str:
             f"at {torque:.3g} N m the rotor alone would take {run_up:.2g} s to {speed:.3g} rad/s; check the units "
             "(1 kg cm^2 is 1e-4 kg m^2)"
         )
-    if moved is None or not 1 <= abs(motor.gear_ratio) <= _LARGEST_RATIO:
+    ratio, unit = (motor.gear_ratio_rad_m, "kg") if joint.slides else (motor.gear_ratio, "kg m^2")
+    least, most = (_SMALLEST_RATIO_RAD_M, _LARGEST_RATIO_RAD_M) if joint.slides else (1, _LARGEST_RATIO)
+    if moved is None or ratio is None or not least <= abs(ratio) <= most:
         return ""
-    reflected, (own, arm) = motor.inertia_kgm2 * motor.gear_ratio**2, moved
-    text = f"behind a ratio of {motor.gear_ratio:g} it is {reflected:.3g} kg m^2 at the arm"
+    reflected, (own, arm) = motor.inertia_kgm2 * ratio**2, moved
+    text = f"behind a ratio of {ratio:g} it is {reflected:.3g} {unit} at the arm"
     is_quick = run_up is not None and run_up < _SHORTEST_RUN_UP_S
     if reflected < (_QUICK_SHARE if is_quick else _SMALLEST_SHARE) * own:
         text = f"{text}, {_rounded(own / reflected)} times less than what `{joint.name}` moves, stretched out"

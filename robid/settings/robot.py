@@ -13,9 +13,11 @@ from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.robot.description import Inertial, Joint, Robot
 from robid.robot.rotation import roll_pitch_yaw
-from robid.settings.base import DATA_VARIABLE, Vector, data_path
-from robid.settings.robot_sections import Assumed, Body, GearSection, JointSection, SensorSection, SpringSection, given
+from robid.settings.base import DATA_VARIABLE, Assumed, Vector, data_path
+from robid.settings.gears import GearSection
+from robid.settings.robot_sections import Body, JointSection, SensorSection, SpringSection, given
 from robid.settings.yaml import FieldPath
+from robid.signals.positions import METRES, RADIANS
 from robid.simulate.options import Controller
 
 
@@ -45,6 +47,9 @@ class RobotFile(Assumed):
     )
     locked_deg: dict[str, float] = Field(
         default_factory=dict, description="Joints of `model` that do not move, with their angles [deg]."
+    )
+    locked_m: dict[str, float] = Field(
+        default_factory=dict, description="Prismatic joints of `model` that do not move, with their positions [m]."
     )
     flange: str | None = Field(
         default=None, description="Body or site of `model` in whose frame the payload is given; else the last link."
@@ -77,10 +82,25 @@ class RobotFile(Assumed):
         return (*gears, *self.springs)
 
     @property
+    def locked(self) -> dict[str, float]:
+        """Positions of the joints of `model` that do not move [rad, or m]."""
+        return {name: float(np.deg2rad(angle)) for name, angle in self.locked_deg.items()} | self.locked_m
+
+    @property
+    def joint_units(self) -> tuple[str, ...] | None:
+        """Unit of each joint's position; None where all are angles."""
+        return tuple(METRES if joint.slides else RADIANS for joint in self.joints) if any(self.slides) else None
+
+    @property
+    def slides(self) -> list[bool]:
+        """Which joints are prismatic."""
+        return [joint.slides for joint in self.joints]
+
+    @property
     def is_complete(self) -> bool:
         """Whether every joint knows its frame, link and limits: not before a `model` is read."""
         return all(
-            (joint.dh or joint.frame) and joint.link and joint.limits_deg
+            (joint.dh or joint.frame) and joint.link and joint.stated_limits
             for joint in self.joints
         )  # fmt: skip
 
@@ -142,14 +162,16 @@ class RobotFile(Assumed):
     def _joints(self) -> tuple[Joint, ...]:
         joints = []
         for section, (position, rotation), link in zip(self.joints, self.joint_frames(), self.links(), strict=True):
-            lower, upper = np.deg2rad(given(section.limits_deg))
+            limits = np.array(given(section.stated_limits))
+            lower, upper = limits if section.slides else np.deg2rad(limits)
             joint = Joint(
                 name=section.name,
                 position_m=position,
                 rotation=rotation,
                 link=link,
-                lower_rad=float(lower),
-                upper_rad=float(upper),
+                lower=float(lower),
+                upper=float(upper),
+                type=section.type,
                 motor=section.motor.motor(),
                 couplings=dict(section.couplings),
             )

@@ -11,15 +11,17 @@ from pydantic import BaseModel
 
 from robid.robot.description import Inertial
 from robid.robot.inertia import remove
+from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.plausible import implausible
 from robid.settings.problems import Problem, problem_at, suggest
 from robid.settings.robot import RobotFile, assumed_sections
+from robid.settings.robot_missing import missing
 from robid.settings.robot_sections import Body, JointSection, SpringSection
 from robid.settings.yaml import Document, FieldPath
 
 _ROUNDING = 1e-9
 _PARALLEL = 1e-6
-_NO_GEOMETRY = "is missing (or `frame`, or a `model` for the whole robot)"
+_OTHER = {"revolute": "prismatic", "prismatic": "revolute"}
 
 
 def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str] | None = None) -> list[Problem]:
@@ -30,7 +32,7 @@ def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str
         robot: The file, completed from its model where it names one that is there.
         immobile: Joints of the model that do not move, with the reason.
     """
-    checks = (_names, _missing, _joints, _couplings, _splits, _payload, _base, _sensors, _assumed)
+    checks = (_names, missing, _joints, _values, _couplings, _splits, _payload, _base, _sensors, _assumed)
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
     found += implausible(robot)
     return [problem_at(document, field, message) for field, message in found]
@@ -40,22 +42,8 @@ def check_springs(robot: RobotFile, immobile: Mapping[str, str] | None = None) -
     """Yields what is wrong with the springs of a robot file: names, places, and what splits leave of a link."""
     yield from _springs(robot, immobile or {})
     yield from _splits(robot)
+    yield from _values(robot)
     yield from _names(robot)
-
-
-def missing_keys(document: Document) -> list[Problem]:
-    """Returns what a robot file without a `model` lacks, whatever else keeps it from being read."""
-    joints = document.data.get("joints")
-    if "model" in document.data or not isinstance(joints, list):
-        return []
-    found: list[tuple[FieldPath, str]] = []
-    for index, joint in enumerate(joints):
-        stated = joint if isinstance(joint, dict) else {}
-        if joint is stated and "dh" not in stated and "frame" not in stated:
-            found.append((("joints", index, "dh"), _NO_GEOMETRY))
-        keys = [key for key in ("link", "limits_deg") if joint is stated and key not in stated]
-        found += [(("joints", index, key), "is missing") for key in keys]
-    return [problem_at(document, field, message) for field, message in found]
 
 
 def spring_field(robot: RobotFile, index: int) -> FieldPath:
@@ -74,54 +62,48 @@ def _names(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
             yield field, f"`{name}` names more than one joint, spring or sensor"
 
 
-def _missing(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
-    """What a file must say itself: all without a model, and what a model that was read does not say."""
-    was_read = robot.model is None or robot.joints[0].frame is not None
-    for index, joint in enumerate(robot.joints):
-        field = ("joints", index)
-        if robot.model is None:
-            yield from _missing_geometry(field, joint)
-        if was_read and joint.limits_deg is None:
-            yield (*field, "limits_deg"), _is_missing(robot)
-    if robot.model is None:
-        for key in ("locked_deg", "flange"):
-            if getattr(robot, key):
-                yield (key,), "belongs to a `model`, and there is none"
-
-
-def _is_missing(robot: RobotFile) -> str:
-    return "is missing" if robot.model is None else "is missing: the model does not say it either"
-
-
-def _missing_geometry(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
-    if joint.dh is not None and joint.frame is not None:
-        yield (*field, "frame"), "stands in place of `dh`: leave one of them out"
-    if joint.dh is None and joint.frame is None:
-        yield (*field, "dh"), _NO_GEOMETRY
-    if joint.link is None:
-        yield (*field, "link"), "is missing"
-    if joint.frame is not None:
-        rotation = np.array(joint.frame.rotation)
-        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _PARALLEL or np.linalg.det(rotation) < 0:
-            yield (*field, "frame", "rotation"), "is not a rotation: rows must be right-handed unit axes"
-
-
 def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     for index, joint in enumerate(robot.joints):
         field = ("joints", index)
-        lower, upper = joint.limits_deg or (0.0, 1.0)
+        lower, upper = joint.stated_limits or (0.0, 1.0)
         if lower >= upper:
-            yield (*field, "limits_deg"), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
+            yield (*field, joint.limits_key), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
         if joint.link is not None:
             yield from _body((*field, "link"), joint.link)
         friction = joint.motor.friction
         if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
             message = f"must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
             yield (*field, "motor", "friction", "static_nm"), message
-        transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
-        if len(transmissions) != 1:
-            found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"
-            yield (*field, "name"), f"joint `{joint.name}` needs exactly one transmission spring, but has {found}"
+        yield from _units(field, joint)
+        yield from _transmission(field, robot, joint)
+
+
+def _units(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
+    """Finds values that belong to joints of the other type."""
+    turning, sliding = ("limits_deg",), ("limits_m",)
+    wrong = [key for key in (turning if joint.slides else sliding) if getattr(joint, key) is not None]
+    for key in wrong:
+        yield (*field, key), f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type}"
+    wanted, other = ("gear_ratio_rad_m", "gear_ratio") if joint.slides else ("gear_ratio", "gear_ratio_rad_m")
+    if getattr(joint.motor, other) is not None:
+        message = f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type} and has `{wanted}`"
+        yield (*field, "motor", other), message
+    elif getattr(joint.motor, wanted) is None:
+        yield (*field, "motor", wanted), "is missing"
+
+
+def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
+    transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
+    found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"
+    if joint.rigid and transmissions:
+        yield (*field, "rigid"), f"joint `{joint.name}` is rigid, but has the transmission {', '.join(transmissions)}"
+    elif not joint.rigid and len(transmissions) != 1:
+        message = f"joint `{joint.name}` needs exactly one transmission spring, but has {found}"
+        yield (*field, "name"), message if transmissions else f"{message} (`rigid: true` does without)"
+    if joint.rigid and joint.couplings:
+        yield (*field, "couplings"), f"joint `{joint.name}` is rigid: only elastic joints can be moved by other motors"
+    if joint.rigid and robot.rotor == "on_link":
+        yield (*field, "rigid"), "needs `rotor: spong`: the rotor of a rigid joint is part of its arm"
 
 
 def _body(field: FieldPath, body: Body) -> Iterator[tuple[FieldPath, str]]:
@@ -147,8 +129,25 @@ def _unphysical(body: Inertial) -> str:
     return ""
 
 
+def _values(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    """Finds springs without stiffness or damping, or with those of the other type of joint."""
+    for index, spring in enumerate(robot.all_springs):
+        field, linear = spring_field(robot, index), spring.is_linear(robot.joints)
+        for kind in ("stiffness", "damping", "cubic"):
+            about = PARAMETER_KINDS[kind]
+            wanted, other = about.field, about.linear_field
+            if linear:
+                wanted, other = other, wanted
+            if spring.value(kind, linear=not linear) is not None:
+                why = "a prismatic joint's transmission" if linear else "what turns"
+                yield (*field, other), f"has the wrong unit for {why}: write `{wanted}`"
+            elif kind != "cubic" and spring.value(kind, linear=linear) is None:
+                yield (*field, wanted), "is missing"
+
+
 def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[FieldPath, str]]:
     joints = [joint.name for joint in robot.joints]
+    turning = [joint.name for joint in robot.joints if not joint.slides]
     for index, spring in enumerate(robot.springs):
         field = ("springs", index)
         ends = spring.place in ("base", "payload")
@@ -170,7 +169,11 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[Fi
             yield (*field, "axis"), f"is missing: a {spring.place} spring needs one"
         elif np.linalg.norm(spring.axis) == 0:
             yield (*field, "axis"), "has no direction"
-        elif spring.place == "bearing" and np.hypot(*spring.axis[:2]) < _PARALLEL * np.linalg.norm(spring.axis):
+        elif (
+            spring.place == "bearing"
+            and spring.joint in turning
+            and np.hypot(*spring.axis[:2]) < _PARALLEL * np.linalg.norm(spring.axis)
+        ):
             yield (*field, "axis"), "lies along the joint axis z: that is what the transmission is for"
         for key in ("point_m", "outboard"):
             if ends and key == "point_m":

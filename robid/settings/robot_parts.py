@@ -19,6 +19,7 @@ _MOTOR: dict[str, Part] = {
     "inertia_kgm2": "mechanics",
     "inertia_relative_std": "inertia_std",
     "gear_ratio": "mechanics",
+    "gear_ratio_rad_m": "mechanics",
     "max_speed_rad_s": "motor_limits",
     "max_torque_nm": "motor_limits",
     "ripple_nm": "friction",
@@ -35,7 +36,10 @@ _FRICTION: dict[str, Part] = {
 _JOINT: dict[str, Part] = {
     "dh": "mechanics",
     "frame": "mechanics",
+    "type": "mechanics",
+    "rigid": "mechanics",
     "limits_deg": "range",
+    "limits_m": "range",
     "link": "mechanics",
     "gear": "mechanics",
     "couplings": "mechanics",

@@ -9,20 +9,13 @@ import numpy as np
 from pydantic import Field
 
 from robid.arrays import FloatArray
-from robid.robot.description import Friction, Inertial, Motor, Sensor, Spring
+from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring
 from robid.robot.rotation import turn_about
-from robid.settings.base import Name, Section, Vector
+from robid.settings.base import Assumed, Name, Section, Vector
+from robid.settings.gears import GearSection, SpringDamper
 
 _Value = TypeVar("_Value")
 Matrix: TypeAlias = tuple[Vector, Vector, Vector]
-
-
-class Assumed(Section):
-    """A section some of whose values no source gives."""
-
-    assumed: tuple[str, ...] = Field(
-        default=(), description="Dotted names, within this section, of the values that no source gives."
-    )
 
 
 class InertiaTensor(Section):
@@ -79,7 +72,14 @@ class MotorSection(Assumed):
     inertia_relative_std: float = Field(
         default=0.05, description="Standard deviation of the relative error of the rotor inertia.", gt=0
     )
-    gear_ratio: float = Field(description="Motor turns per arm turn, negative where the two turn opposite ways.")
+    gear_ratio: float | None = Field(
+        default=None, description="Motor turns per arm turn, negative where the two turn opposite ways."
+    )
+    gear_ratio_rad_m: float | None = Field(
+        default=None,
+        description="Of a prismatic joint, in place of `gear_ratio`: motor radians per metre, 2 pi over the lead of a"
+        " screw or gear ratio over the radius of a pinion; negative where the motor turns the other way [rad/m].",
+    )
     max_speed_rad_s: float | None = Field(
         default=None,
         description="Speed limit; that of `model` when not given, not needed where there are only logs [rad/s].",
@@ -94,11 +94,21 @@ class MotorSection(Assumed):
     ripple_nm: float = Field(default=0.0, description="Amplitude of the torque ripple [N m].", ge=0)
     ripple_order: int = Field(default=6, description="Ripple periods per motor turn.", ge=1)
 
+    @property
+    def ratio(self) -> float | None:
+        """Motor radians per radian or metre of the arm; None where the file does not say."""
+        return self.gear_ratio if self.gear_ratio is not None else self.gear_ratio_rad_m
+
+    def with_ratio(self, factor: float) -> MotorSection:
+        """Returns the motor with a gear ratio that is larger by a factor."""
+        key = "gear_ratio" if self.gear_ratio is not None else "gear_ratio_rad_m"
+        return self.model_copy(update={key: given(self.ratio) * factor})
+
     def motor(self) -> Motor:
         """Returns the plain description."""
         return Motor(
             inertia_kgm2=self.inertia_kgm2,
-            gear_ratio=self.gear_ratio,
+            gear_ratio=given(self.ratio),
             max_speed_rad_s=math.inf if self.max_speed_rad_s is None else self.max_speed_rad_s,
             max_torque_nm=math.inf if self.max_torque_nm is None else self.max_torque_nm,
             friction=self.friction.friction(),
@@ -109,7 +119,7 @@ class MotorSection(Assumed):
 
 
 class Dh(Assumed):
-    """Standard Denavit-Hartenberg parameters: Rz(q + offset) Tz(d) Tx(a) Rx(alpha)."""
+    """Standard Denavit-Hartenberg parameters: Rz(q + offset) Tz(d) Tx(a) Rx(alpha); prismatic, q is added to d."""
 
     d_m: float = Field(default=0.0, description="Translation along the joint axis [m].")
     a_m: float = Field(default=0.0, description="Translation along the turned x axis [m].")
@@ -142,32 +152,52 @@ class Frame(Assumed):
         return np.zeros(3), np.eye(3)
 
 
-class GearSection(Assumed):
-    """The transmission of a joint, arm side: short for a spring `gear_<joint>` at the place `transmission`."""
-
-    stiffness_nm_rad: float = Field(description="Stiffness [N m/rad].", gt=0)
-    damping_nms_rad: float = Field(description="Damping [N m s/rad].", ge=0)
-    cubic_nm_rad3: float = Field(
-        default=0.0, description="Coefficient of the cubic, stiffening part [N m/rad^3].", ge=0
-    )
-
-
 class JointSection(Assumed):
-    """A revolute joint, its motor, and the link that it moves."""
+    """A joint, its motor, and the link that it moves."""
 
     name: Name = Field(description="Name of the joint.")
+    type: JointType = Field(
+        default="revolute", description="Whether the link turns about the joint's axis z, or slides along it."
+    )
+    rigid: bool = Field(
+        default=False, description="No transmission spring: the arm follows the motor, whose inertia moves with it."
+    )
     dh: Dh | None = Field(default=None, description="From this joint's frame to the next one.")
     frame: Frame | None = Field(default=None, description="In place of `dh`: this joint's frame in the previous one.")
     limits_deg: tuple[float, float] | None = Field(
         default=None, description="Lower and upper joint limit; those of `model` when not given [deg]."
     )
+    limits_m: tuple[float, float] | None = Field(
+        default=None, description="Of a prismatic joint, in place of `limits_deg` [m]."
+    )
     couplings: dict[Name, float] = Field(
         default_factory=dict,
-        description="Arm turns of this joint per turn of another joint's motor, by that joint's name.",
+        description="Arm turns of this joint per turn of another joint's motor, by that joint's name; of a"
+        " prismatic joint metres per motor radian.",
     )
     link: Body | None = Field(default=None, description="The link, in its frame; `model` brings it.")
     motor: MotorSection = Field(description="The motor and its gear.")
     gear: GearSection | None = Field(default=None, description="The transmission; or an entry among `springs`.")
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is prismatic."""
+        return self.type == "prismatic"
+
+    @property
+    def limits_key(self) -> str:
+        """Name of the field that states its limits."""
+        return "limits_m" if self.slides else "limits_deg"
+
+    @property
+    def limits_unit(self) -> str:
+        """Unit in which the file states its positions."""
+        return "m" if self.slides else "deg"
+
+    @property
+    def stated_limits(self) -> tuple[float, float] | None:
+        """Lower and upper limit as the file states them [deg, or m]."""
+        return self.limits_m if self.slides else self.limits_deg
 
     @property
     def geometry(self) -> Dh | Frame:
@@ -179,8 +209,8 @@ class JointSection(Assumed):
         return moved(body, *self.geometry.link_frame())
 
 
-class SpringSection(Assumed):
-    """A torsional spring-damper pair, arm side."""
+class SpringSection(SpringDamper):
+    """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint."""
 
     name: Name = Field(description="Name of the spring.")
     joint: Name | None = Field(
@@ -193,13 +223,9 @@ class SpringSection(Assumed):
     axis: Vector | None = Field(
         default=None,
         description="Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis), it does not turn "
-        "with the joint. Split: in the link's frame. Payload: in the payload's. Base: in the world frame. "
+        "with the joint; of a prismatic joint it rides on the link. Split: in the link's frame. Payload: in the "
+        "payload's. Base: in the world frame. "
         "A transmission has none.",
-    )
-    stiffness_nm_rad: float = Field(description="Stiffness [N m/rad].", gt=0)
-    damping_nms_rad: float = Field(description="Damping [N m s/rad].", ge=0)
-    cubic_nm_rad3: float = Field(
-        default=0.0, description="Coefficient of the cubic, stiffening part [N m/rad^3].", ge=0
     )
     point_m: Vector | None = Field(
         default=None,
@@ -210,6 +236,10 @@ class SpringSection(Assumed):
         default=None, description="Split only: the part of the link beyond the split, in the link's frame."
     )
 
+    def is_linear(self, joints: tuple[JointSection, ...]) -> bool:
+        """Whether it works along a line."""
+        return self.place == "transmission" and any(joint.name == self.joint and joint.slides for joint in joints)
+
     def spring(self, joints: tuple[JointSection, ...]) -> Spring:
         """Returns the plain description, in the joint frame."""
         ends = {"base": 0, "payload": len(joints) - 1}
@@ -217,6 +247,7 @@ class SpringSection(Assumed):
         position, rotation = joints[index].geometry.link_frame()
         if self.place == "base":
             position, rotation = np.zeros(3), np.eye(3)
+        linear = self.is_linear(joints)
         axis, point = np.array(self.axis or (0.0, 0.0, 1.0)), np.array(self.point_m or (0.0, 0.0, 0.0))
         if self.place in ("split", "payload"):
             axis = rotation @ axis
@@ -225,9 +256,9 @@ class SpringSection(Assumed):
             joint=index,
             place=self.place,
             axis=axis / np.linalg.norm(axis),
-            stiffness_nm_rad=self.stiffness_nm_rad,
-            damping_nms_rad=self.damping_nms_rad,
-            cubic_nm_rad3=self.cubic_nm_rad3,
+            stiffness=given(self.value("stiffness", linear=linear)),
+            damping=given(self.value("damping", linear=linear)),
+            cubic=self.value("cubic", linear=linear) or 0.0,
             point_m=position + rotation @ point if self.place in ("split", "base", "payload") else np.zeros(3),
             outboard=None if self.outboard is None else joints[index].into_joint_frame(self.outboard.inertial()),
         )

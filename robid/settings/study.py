@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
-from robid.fit.options import ElasticOptions, ParameterKind, WeightsKind
+from robid.fit.options import ElasticOptions, WeightsKind
 from robid.frf.options import EstimateOptions
 from robid.frf.residual import EstimatorKind
+from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.validation.step_options import StepOptions
 
@@ -84,7 +85,7 @@ class ModelChoice(Section):
         default=None,
         description="Name of the joint with whose smallest gravity torques they are taken, not drawn.",
     )
-    free: tuple[ParameterKind, ...] = Field(default=(), description="Kinds that it frees beside those of `fit`.")
+    free: tuple[ElasticKind, ...] = Field(default=(), description="Kinds that it frees beside those of `fit`.")
     fixed: tuple[str, ...] = Field(default=(), description="Parameters that it fixes beside those of `fit`.")
 
 

@@ -8,71 +8,108 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
+from robid.signals.quantities import Channel, channel_names
+
+
+def _no_lines() -> IntArray:
+    return np.zeros(0, int)
 
 
 @dataclass(frozen=True)
 class Record:
-    """Whole periods of the steady state, simulated or measured.
+    """Whole periods of the steady state, or one shot: samples that do not repeat.
+
+    A record of one shot has no excited lines and one period, which is all of its samples; it may have no
+    configuration to rest in.
 
     Attributes:
         sampling_period_s: Sampling period of all channels [s].
-        configurations (n_conf, n_joint): Arm-side joint angles, encoder side of the gears [rad].
-        torque (n_conf, n_real, n_exp, n_period, n_sample, n_in): Motor torque, motor side [N m].
-        position (n_conf, n_real, n_exp, n_period, n_sample, n_out): Measured angles relative to
-            `position_offset_rad`: motor side for motors, arm side for link encoders [rad]; of trackers the
-            position [m], of accelerometers the acceleration itself [m/s^2].
-        reference (n_conf, n_real, n_exp, n_sample, n_in): One period of what was injected, or None.
-        reference_kind: What `reference` is: `speed_reference`, `position_reference`, `torque`, or "".
-        excited_lines (n_freq,): Excited DFT lines of one period.
+        inputs (n_conf, n_real, n_exp, n_period, n_sample, n_in): Inputs, in their channels' units.
+        outputs (n_conf, n_real, n_exp, n_period, n_sample, n_out): Outputs less `output_offset`, in their channels'
+            units.
+        output_offset (n_conf, n_out): What was subtracted from `outputs`.
+        input_channels: What each input is.
+        output_channels: What each output is.
+        configurations (n_conf, n_joint): Arm-side joint positions, encoder side of the gears [rad, or m]; None for a
+            record that does not begin and stay at rest.
+        reference (n_conf, n_real, n_exp, n_sample, n_reference): One period of what was injected, or None.
+        reference_channels: What each column of `reference` is; empty where there is none.
+        excited_lines (n_freq,): Excited DFT lines of one period; none for one shot.
         detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
-        input_names: Name of each torque channel.
-        output_names: Name of each position channel; collocated channels carry the motor's name.
-        position_offset_rad (n_conf, n_out): Offset subtracted from `position`, in the channel's unit.
-        torque_unit: `N m`, or the unit that stands for it (a current where K_t is unknown).
-        torque_hold: `zoh` where the torque is a command held for a sample, `band_limited` where it was measured
-            behind the same anti-aliasing as the angles.
-        torque_relative_std (n_in,): Standard deviation of the relative error of the torque's scale, or None
+        input_hold: `zoh` where the inputs are commands held for a sample, `band_limited` where they were measured
+            behind the same anti-aliasing as the outputs.
+        input_relative_std (n_in,): Standard deviation of the relative error of each input's scale, or None
             where the scale is exact.
-        accelerations: Names of the outputs that are accelerations.
+        joint_units: Unit of each joint's position; None where all are angles.
         truth_sha256: Hash of the file with the truth that was simulated; "" where it is unknown.
         notes: What the import or the simulation wants the reader to know.
     """
 
     sampling_period_s: float
-    configurations: FloatArray
-    torque: FloatArray
-    position: FloatArray
-    reference: FloatArray | None
-    reference_kind: str
-    excited_lines: IntArray
-    detection_lines: IntArray
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
-    position_offset_rad: FloatArray
-    torque_unit: str = "N m"
-    torque_hold: Literal["zoh", "band_limited"] = "zoh"
-    torque_relative_std: FloatArray | None = None
-    accelerations: tuple[str, ...] = ()
+    inputs: FloatArray
+    outputs: FloatArray
+    output_offset: FloatArray
+    input_channels: tuple[Channel, ...]
+    output_channels: tuple[Channel, ...]
+    configurations: FloatArray | None = None
+    reference: FloatArray | None = None
+    reference_channels: tuple[Channel, ...] = ()
+    excited_lines: IntArray = field(default_factory=_no_lines)
+    detection_lines: IntArray = field(default_factory=_no_lines)
+    input_hold: Literal["zoh", "band_limited"] = "zoh"
+    input_relative_std: FloatArray | None = None
     truth_sha256: str = ""
-    notes: tuple[str, ...] = field(default=())
+    joint_units: tuple[str, ...] | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Name of each input."""
+        return channel_names(self.input_channels)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Name of each output."""
+        return channel_names(self.output_channels)
+
+    @property
+    def is_one_shot(self) -> bool:
+        """Whether the samples do not repeat."""
+        return not len(self.excited_lines)
 
     @property
     def period_s(self) -> float:
-        """Length of one period [s]."""
-        return float(self.torque.shape[4]) * self.sampling_period_s
+        """Length of one period, or of the whole shot [s]."""
+        return float(self.inputs.shape[4]) * self.sampling_period_s
 
     @property
     def frequency_hz(self) -> FloatArray:
         """Excited frequencies (n_freq,) [Hz]."""
         return np.asarray(self.excited_lines / self.period_s)
 
+    def require_periods(self, reader: str) -> FloatArray:
+        """Returns the configurations (n_conf, n_joint) of a record that repeats [rad].
+
+        Args:
+            reader: What needs its periods, for the message.
+
+        Raises:
+            DataError: If the record is one shot, or has no configuration to rest in.
+        """
+        if self.is_one_shot or self.configurations is None:
+            lacks = "no period and no excited lines" if self.is_one_shot else "no configuration that it rests in"
+            what = f"{reader} needs a periodic excitation around a configuration at rest; the record has {lacks}"
+            raise DataError(what, remedy="read it with a family that reads records, or name another campaign")
+        return self.configurations
+
     def as_one_period(self) -> Record:
         """Returns the record with all periods of an experiment as a single one, its lines counted anew."""
-        periods = self.torque.shape[3]
+        periods = self.inputs.shape[3]
         return replace(
             self,
-            torque=self.torque.reshape(*self.torque.shape[:3], 1, -1, self.torque.shape[5]),
-            position=self.position.reshape(*self.position.shape[:3], 1, -1, self.position.shape[5]),
+            inputs=self.inputs.reshape(*self.inputs.shape[:3], 1, -1, self.inputs.shape[5]),
+            outputs=self.outputs.reshape(*self.outputs.shape[:3], 1, -1, self.outputs.shape[5]),
             reference=None if self.reference is None else np.tile(self.reference, (1, 1, 1, periods, 1)),
             excited_lines=self.excited_lines * periods,
             detection_lines=self.detection_lines * periods,
@@ -83,11 +120,11 @@ class Record:
         part = slice(configuration, configuration + 1)
         return replace(
             self,
-            configurations=self.configurations[part],
-            torque=self.torque[part],
-            position=self.position[part],
+            configurations=None if self.configurations is None else self.configurations[part],
+            inputs=self.inputs[part],
+            outputs=self.outputs[part],
             reference=None if self.reference is None else self.reference[part],
-            position_offset_rad=self.position_offset_rad[part],
+            output_offset=self.output_offset[part],
         )
 
     def realizations(self, count: int, first: int = 0) -> Record:
@@ -95,7 +132,7 @@ class Record:
         chosen = slice(first, first + count)
         return replace(
             self,
-            torque=self.torque[:, chosen],
-            position=self.position[:, chosen],
+            inputs=self.inputs[:, chosen],
+            outputs=self.outputs[:, chosen],
             reference=None if self.reference is None else self.reference[:, chosen],
         )

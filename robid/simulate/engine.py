@@ -28,21 +28,20 @@ def true_model(robot: Robot, controller: Controller, options: SimulateOptions, *
         friction=flaws.friction == "lugre",
         static_law=flaws.friction if flaws.friction in ("tanh", "stribeck") else None,
         ripple=flaws.ripple,
-        backlash_rad=flaws.backlash_rad,
-        hysteresis_nm=flaws.hysteresis_nm,
+        backlash=(flaws.backlash_rad, flaws.backlash_m),
+        hysteresis=(flaws.hysteresis_nm, flaws.hysteresis_n),
         timestep_s=controller.sampling_period_s / options.steps_per_sample,
         sensors=sensors,
     )
 
 
-def refuse_explosion(batch: Batch, configuration: FloatArray, index: int, when: str) -> None:
+def refuse_explosion(batch: Batch, robot: Robot, configuration: FloatArray, index: int, when: str) -> None:
     """Raises a DataError that names the configuration if any simulation of it is no longer sound."""
     if not batch.warning.any() and np.isfinite(batch.qpos).all():
         return
-    shown = np.array2string(np.rad2deg(configuration), precision=1)
     raise DataError(
         f"the simulation blew up in {when}",
-        where=f"configuration {index + 1} at {shown} deg",
+        where=f"configuration {index + 1} at {robot.shown(configuration)}",
         remedy="lower the speed loop's bandwidth or the excitation, raise steps_per_sample, check springs and inertias",
     )
 

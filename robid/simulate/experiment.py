@@ -11,11 +11,12 @@ from robid.arrays import FloatArray, IntArray
 from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
 from robid.robot.model import ElasticModel
+from robid.signals.quantities import INJECTED, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-from robid.simulate.outputs import FurtherOutputs
+from robid.simulate.outputs import FurtherOutputs, further_channels
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed
 from robid.simulate.truth import recorded_torque_factor
 
@@ -93,7 +94,7 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
         for period in range(total):
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
-            refuse_explosion(batch, configuration, index, f"period {period + 1}")
+            refuse_explosion(batch, model.robot, configuration, index, f"period {period + 1}")
     recorded = recorded_torque_factor(experiment.robot, experiment.options.truth)
     offset = np.concatenate([model.robot.motor_per_arm @ configuration, run.rest_outputs])
     shape = (experiment.periods, n_sample, n_real, n_exp)
@@ -101,16 +102,16 @@ def simulate(experiment: Experiment, configuration: FloatArray, index: int, thre
     return Record(
         sampling_period_s=experiment.controller.sampling_period_s,
         configurations=configuration[None],
-        torque=(recorded * torque).reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
-        position=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
+        inputs=(recorded * torque).reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
+        outputs=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
         reference=experiment.reference[None],
-        reference_kind=experiment.inject,
+        reference_channels=motor_channels(names, INJECTED[experiment.inject]),
         excited_lines=experiment.excited_lines,
         detection_lines=experiment.detection_lines,
-        input_names=names,
-        output_names=(*names, *experiment.outputs),
-        position_offset_rad=offset[None],
-        accelerations=tuple(s.name for s in model.robot.sensors if s.kind == "accelerometer" and s.name in run.names),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=(*motor_channels(names, "angle"), *further_channels(model.robot, experiment.outputs)),
+        output_offset=offset[None],
+        joint_units=model.robot.joint_units,
     )
 
 
@@ -129,14 +130,14 @@ class _Run:
         n_sim = batch.nsim
         reference = experiment.reference.reshape(n_sim, *experiment.reference.shape[2:])
         self._reference = np.ascontiguousarray(reference.transpose(1, 0, 2))
-        self._motor = model.motor
+        self._motor, self._turns = model.motor, model.turns
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
         batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
         self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
-        self._rest = batch.qpos[:, model.motor].copy()
+        self._rest = model.motor_angles(batch.qpos)
         zero = np.zeros_like(self._reference)
         speed, angle, torque = zero, zero, zero
         if experiment.inject == "speed_reference":
@@ -167,7 +168,7 @@ class _Run:
         steps = self._experiment.options.steps_per_sample or 1
         further = self._generator.standard_normal((*torque.shape[:2], len(self.names))) * self._sensor_noise
         for sample in range(torque.shape[0]):
-            measured = measure(qpos[:, self._motor], noise[sample], flaws)
+            measured = measure(qpos[:, self._motor] * self._turns, noise[sample], flaws)
             command = self._cascade.command(measured, self._angle[sample], self._speed[sample])
             command = command + self._torque[sample]
             angle[sample, :, : self._motor.size], torque[sample] = measured, command

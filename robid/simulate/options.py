@@ -40,6 +40,13 @@ class Imperfections:
     link_encoder_noise_rad: float = field(
         default=0.0, metadata={"description": "Standard deviation of the link encoders' noise [rad].", "ge": 0}
     )
+    link_encoder_noise_m: float = field(
+        default=0.0,
+        metadata={
+            "description": "Standard deviation of the noise of prismatic joints' arm-side encoders [m].",
+            "ge": 0,
+        },
+    )
     tracker_noise_m: float = field(
         default=0.0, metadata={"description": "Standard deviation of the trackers' noise [m].", "ge": 0}
     )
@@ -70,11 +77,20 @@ class Imperfections:
     stiffening_1_rad2: float = field(
         default=0.0, metadata={"description": "Cubic over linear coefficient of the transmissions [1/rad^2].", "ge": 0}
     )
+    stiffening_1_m2: float = field(
+        default=0.0, metadata={"description": "The same of prismatic joints [1/m^2].", "ge": 0}
+    )
     backlash_rad: float = field(
         default=0.0, metadata={"description": "Arm-side backlash of the transmissions [rad].", "ge": 0}
     )
+    backlash_m: float = field(
+        default=0.0, metadata={"description": "Backlash of prismatic joints' transmissions [m].", "ge": 0}
+    )
     hysteresis_nm: float = field(
         default=0.0, metadata={"description": "Arm-side hysteresis torque of the transmissions [N m].", "ge": 0}
+    )
+    hysteresis_n: float = field(
+        default=0.0, metadata={"description": "Hysteresis force of prismatic joints' transmissions [N].", "ge": 0}
     )
     unmodelled_payload_kg: float = field(
         default=0.0, metadata={"description": "Payload mass the model does not know; below 0 it knows too much [kg]."}

@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from mujoco.batch import Batch
 
 from robid.arrays import FloatArray
+from robid.robot.description import Robot
 from robid.robot.model import ElasticModel
+from robid.signals.quantities import Channel, QuantityName, Side
 from robid.simulate.options import Imperfections
+
+
+def further_channels(robot: Robot, names: Sequence[str]) -> tuple[Channel, ...]:
+    """Returns what outputs beyond the motors are: arm angles, and the tool's positions and accelerations."""
+    kinds: dict[str, str] = {sensor.name: sensor.kind for sensor in robot.sensors}
+    sliding = zip(robot.joints, robot.prismatic.tolist(), strict=True)
+    kinds |= {f"{joint.name}.arm": "slide" for joint, slides in sliding if slides}
+    known: dict[str, tuple[QuantityName, str, Side]] = {
+        "link_encoder": ("angle", "rad", "arm"),
+        "slide": ("position", "m", "arm"),
+        "tracker": ("position", "m", "tool"),
+        "accelerometer": ("acceleration", "m/s^2", "tool"),
+    }
+    return tuple(Channel(name, *known[kinds.get(name, "link_encoder")]) for name in names)
 
 
 class FurtherOutputs:
@@ -31,19 +49,26 @@ class FurtherOutputs:
             start = int(model.mujoco.sensor(names[column]).adr[0])
             self._axes[start : start + 3, position] = sensors[names[column]].axis
         self._data = batch.sensordata if self._sensed else None
-        self._kinds = [sensors[name].kind if name in sensors else "link_encoder" for name in names]
+        slides = dict(zip(joints, model.robot.prismatic.tolist(), strict=True))
+        self._kinds = [
+            sensors[name].kind if name in sensors
+            else "linear_encoder" if slides[name.removesuffix(".arm")]
+            else "link_encoder"
+            for name in names
+        ]  # fmt: skip
 
     def noise_std(self, flaws: Imperfections) -> FloatArray:
         """Returns the standard deviation (n_out,) of each output's noise, in its unit."""
         known = {
             "link_encoder": flaws.link_encoder_noise_rad,
+            "linear_encoder": flaws.link_encoder_noise_m,
             "tracker": flaws.tracker_noise_m,
             "accelerometer": flaws.accelerometer_noise_m_s2,
         }
         return np.array([known[kind] for kind in self._kinds])
 
     def arms(self) -> FloatArray:
-        """Returns the link encoders' angles (n_sim, n_arm) now [rad]."""
+        """Returns the link encoders' positions (n_sim, n_arm) now [rad, or m]."""
         return np.array(self._qpos[:, self._angles])
 
     def read(self, arms: FloatArray | None = None) -> FloatArray:

@@ -92,7 +92,7 @@ def play(
     batch = Batch(model.mujoco, n_sim, nthread=threads)
     batch.qpos[:] = rest.position
     limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])
-    shown = measure(batch.qpos[:, model.motor], np.zeros((n_sim, n_motor)), flaws)
+    shown = measure(model.motor_angles(batch.qpos), np.zeros((n_sim, n_motor)), flaws)
     reference = motion.angle - motion.angle[0] + shown
     # At rest the feedback has learnt what the feed-forward lacks to hold the robot.
     lacking = rest.motor_torque - motion.torque[0]
@@ -107,7 +107,7 @@ def play(
     start = int(model.mujoco.sensor(model.robot.sensors[0].name).adr[0])
     with quiet_mujoco():
         for sample in range(n_time):
-            measured = measure(batch.qpos[:, model.motor], flaws.encoder_noise_rad * angle_noise[sample], flaws)
+            measured = measure(model.motor_angles(batch.qpos), flaws.encoder_noise_rad * angle_noise[sample], flaws)
             feedback = cascade.command(measured, reference[sample], speed[sample])
             torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
             pending.append(torque[sample])
@@ -116,18 +116,18 @@ def play(
             tool[sample] += watched[:, start : start + 3]
             if steps > 1:
                 batch.step(nstep=steps - 1)
-        refuse_explosion(batch, configuration, index, "a step")
+        refuse_explosion(batch, robot, configuration, index, "a step")
     return Played(tool, torque)
 
 
 def turned_tool(model: ElasticModel, rest: Equilibrium, axis: int, angle: FloatArray) -> FloatArray:
-    """Where the tool point goes when one arm angle turns from rest and all else stays as it is.
+    """Where the tool point goes when one joint moves from rest and all else stays as it is.
 
     Args:
         model: The elastic model of a robot with its tool point.
         rest: Where it rests; one configuration.
-        axis: Which joint turns.
-        angle (n_time,): By how much [rad].
+        axis: Which joint moves.
+        angle (n_time,): By how much [rad, or m].
 
     Returns:
         Displacement from rest (n_time, 3) [m].
@@ -136,6 +136,8 @@ def turned_tool(model: ElasticModel, rest: Equilibrium, axis: int, angle: FloatA
     data.qpos[:] = rest.position[0]
     mujoco.mj_kinematics(model.mujoco, data)
     joint = int(model.mujoco.dof_jntid[model.arm[axis]])
+    if model.robot.joints[axis].type == "prismatic":
+        return np.asarray(angle[:, None] * data.xaxis[joint])
     lever = data.site(site_name(model.robot.sensors[0])).xpos - data.xanchor[joint]
     across = np.cross(data.xaxis[joint], lever)
     outward = np.cross(data.xaxis[joint], across)

@@ -58,8 +58,8 @@ def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> 
     springs = tuple(
         replace(
             spring,
-            stiffness_nm_rad=spring.stiffness_nm_rad * float(factor[0]),
-            damping_nms_rad=spring.damping_nms_rad * float(factor[1]),
+            stiffness=spring.stiffness * float(factor[0]),
+            damping=spring.damping * float(factor[1]),
         )
         for spring, factor in zip(robot.springs, np.exp(spring_log), strict=True)
     )
@@ -72,8 +72,8 @@ def bare(robot: Robot) -> Robot:
     joints = tuple(
         replace(
             joint,
-            lower_rad=-np.inf,
-            upper_rad=np.inf,
+            lower=-np.inf,
+            upper=np.inf,
             motor=replace(
                 joint.motor,
                 inertia_relative_std=0.0,
@@ -96,7 +96,12 @@ def with_imperfections(robot: Robot, imperfections: Imperfections) -> Robot:
     """Returns the robot with the imperfections that are part of its description."""
     return replace(
         robot,
-        springs=tuple(_stiffen(spring, imperfections.stiffening_1_rad2) for spring in robot.springs),
+        springs=tuple(
+            _stiffen(
+                spring, imperfections.stiffening_1_m2 if robot.is_linear(spring) else imperfections.stiffening_1_rad2
+            )
+            for spring in robot.springs
+        ),
         payload=_heavier(robot.payload, imperfections.unmodelled_payload_kg),
     )
 
@@ -142,7 +147,7 @@ def _deviate(joint: Joint, viscous: float, coulomb: float, shape: float) -> Join
 def _stiffen(spring: Spring, share: float) -> Spring:
     if spring.place != "transmission" or share == 0:
         return spring
-    return replace(spring, cubic_nm_rad3=share * spring.stiffness_nm_rad)
+    return replace(spring, cubic=share * spring.stiffness)
 
 
 def _heavier(payload: Inertial, extra_kg: float) -> Inertial:

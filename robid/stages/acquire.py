@@ -2,24 +2,45 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from robid.design.excitation import CampaignExcitation
-from robid.logs.importing import import_log, join_experiments
-from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, ReferenceChannel, TimeChannel
+from robid.logs.importing import import_log, import_shot, join_experiments, join_shots
+from robid.logs.mapping import LogMapping
 from robid.logs.match import Played
-from robid.settings.experiment import Acquire, Campaign
+from robid.settings.acquire import Acquire
+from robid.settings.experiment import Campaign
+from robid.signals.log_channels import LogOptions
 from robid.signals.record import Record
 from robid.stages.chain.simulate_or_acquire import experiment_count
 
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+def acquire_shots(campaign: Campaign, acquire: Acquire, folder: Path) -> Record:
+    """Imports the logs of a campaign that does not repeat: one shot for each realization.
+
+    Args:
+        campaign: The campaign.
+        acquire: Its logs.
+        folder: Folder of the experiment file.
+
+    Raises:
+        DataError: If a log is not what was said.
+    """
+    paths = [acquire.log_path(folder, 0, realization) for realization in range(campaign.realizations)]
+    record = join_shots([import_shot(_mapping(acquire, path)) for path in paths])
+    return replace(record, notes=(f"Imported from {Path(acquire.file).name}, as one shot.", *record.notes))
 
 
 def acquire_configuration(
-    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, index: int, folder: Path
+    campaign: Campaign,
+    acquire: Acquire,
+    content: CampaignExcitation,
+    index: int,
+    folder: Path,
+    joint_units: tuple[str, ...] | None = None,
 ) -> Record:
     """Imports every experiment of one configuration.
 
@@ -29,6 +50,7 @@ def acquire_configuration(
         content: Its excitation: lines and configurations, and what the references are matched to.
         index: Index of the configuration.
         folder: Folder of the experiment file.
+        joint_units: Unit of each joint's position; None where all are angles.
 
     Raises:
         DataError: If a log is not what was said.
@@ -50,21 +72,10 @@ def acquire_configuration(
     ]
     record = join_experiments(records, n_exp)
     told = f"Imported from {Path(acquire.file).name}, periods dropped: {acquire.drop_periods}, used: {campaign.periods}"
-    return replace(record, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes))
+    return replace(
+        record, joint_units=joint_units, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes)
+    )
 
 
 def _mapping(acquire: Acquire, file: Path) -> LogMapping:
-    return LogMapping(
-        file=file,
-        sampling_period_s=acquire.sampling_period_s,
-        drop_periods=acquire.drop_periods,
-        time=None if acquire.time is None else TimeChannel(acquire.time.variable, _SECONDS[acquire.time.unit]),
-        inputs=tuple(
-            InputChannel(**{**channel.model_dump(), "torque_constant_nm_a": channel.torque_constant_nm_a or 1.0})
-            for channel in acquire.inputs
-        ),
-        outputs=tuple(OutputChannel(**channel.model_dump()) for channel in acquire.outputs),
-        references=tuple(ReferenceChannel(**channel.model_dump()) for channel in acquire.references),
-        format=acquire.format,
-        take=acquire.take,
-    )
+    return LogMapping(file=file, **{field.name: getattr(acquire, field.name) for field in fields(LogOptions)})

@@ -33,7 +33,7 @@ def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapp
         inputs: Where the designs of `design_inputs` lie.
 
     Returns:
-        Arm-side joint angles (n_conf, n_joint) [rad].
+        Arm-side joint positions (n_conf, n_joint) [rad, or m].
 
     Raises:
         SettingsError: If a listed or mirrored configuration is out of reach, or too few that are drawn or on the grid
@@ -56,8 +56,7 @@ def _shapes(loaded: LoadedExperiment) -> Shapes | None:
     path = loaded.robot.model_path((loaded.path.parent / loaded.experiment.robot).parent)
     if path is None:
         return None
-    locked = {name: float(np.deg2rad(angle)) for name, angle in loaded.robot.locked_deg.items()}
-    return Shapes(path, [joint.name for joint in loaded.robot.joints], locked)
+    return Shapes(path, [joint.name for joint in loaded.robot.joints], loaded.robot.locked)
 
 
 def _resolve(chosen: Configurations, reach: Reach, designs: Mapping[str, FloatArray]) -> FloatArray:
@@ -65,11 +64,14 @@ def _resolve(chosen: Configurations, reach: Reach, designs: Mapping[str, FloatAr
         return np.concatenate([_resolve(part, reach, designs) for part in chosen.join])
     if chosen.random is not None:
         return _drawn(chosen.random, reach)
-    if chosen.grid_deg is not None:
-        axes = np.meshgrid(*(np.deg2rad(row) for row in chosen.grid_deg), indexing="ij")
-        return _checked(np.stack([axis.ravel() for axis in axes], axis=-1), reach, "grid_deg")
-    if chosen.list_deg is not None:
-        return _checked(np.asarray(np.deg2rad(chosen.list_deg)), reach, "list_deg")
+    factors = np.where(reach.robot.prismatic, 1.0, np.deg2rad(1.0))
+    if chosen.grid_rows is not None:
+        axes = np.meshgrid(
+            *(f * np.array(row) for f, row in zip(factors, chosen.grid_rows, strict=True)), indexing="ij"
+        )
+        return _checked(np.stack([axis.ravel() for axis in axes], axis=-1), reach, chosen.key)
+    if chosen.list_rows is not None:
+        return _checked(np.array(chosen.list_rows) * factors, reach, chosen.key)
     if chosen.mirror is not None:
         return _checked(mirror(reach.robot, designs[chosen.mirror]), reach, "mirror")
     return np.concatenate([designs[name] for name in chosen.designs])
@@ -86,12 +88,12 @@ def draw_in_reach(loaded: LoadedExperiment, robot: Robot, wanted: RandomConfigur
 
 def _drawn(wanted: RandomConfigurations, reach: Reach) -> FloatArray:
     """Draws one configuration after the other and keeps those in reach."""
-    margin = np.deg2rad(wanted.margin_deg)
+    margin = np.where(reach.robot.prismatic, wanted.margin_m, np.deg2rad(wanted.margin_deg))
     generator = np.random.default_rng(wanted.seed)
     found = np.zeros((0, len(reach.robot.joints)))
     for _ in range(_TRIES):
         shape = (wanted.count, found.shape[1])
-        rows = generator.uniform(reach.robot.lower_rad + margin, reach.robot.upper_rad - margin, shape)
+        rows = generator.uniform(reach.robot.lower + margin, reach.robot.upper - margin, shape)
         good = [not problem for problem in reach.problems(rows)]
         found = np.concatenate([found, rows[good]])[: wanted.count]
         if len(found) == wanted.count:

@@ -49,7 +49,7 @@ def run(job: Job) -> str:
     if found.fitted is not None:
         # What optimal weights of the chosen ones would be worth is no measure of a fit that has others.
         choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
-    choice = replace(choice, cost_s=cost, stability=repeated)
+    choice = replace(choice, cost_s=cost, stability=repeated, joint_units=job.loaded.robot.joint_units)
     write_artifact(job.output, design_to_artifact(choice, job.provenance(STAGE.name)))
     return figures(choice)
 

@@ -79,7 +79,7 @@ def phrase(output: Path) -> str:
 def show(output: Path, loaded: LoadedExperiment) -> Group | None:
     """Lays out what an excitation will do."""
     content = excitation_from_artifact(read_artifact(output, EXCITATION))
-    return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints))
+    return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints), loaded.robot.joint_units)
 
 
 def figures(excitation: Excitation, n_conf: int) -> str:

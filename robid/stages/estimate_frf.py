@@ -16,12 +16,14 @@ from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
 from robid.frf.checks import is_finding
+from robid.frf.compensation import shows_friction
 from robid.frf.estimate import READS_REFERENCE, estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
 from robid.frf.laws import LawEstimate, combine_laws
 from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
 from robid.robot.description import Motor
+from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
@@ -131,6 +133,8 @@ def run(job: Job) -> str:
     laws, delay = stated_laws(job.loaded, job.campaign, options)
     if options.compensation in IDENTIFYING and laws is not None:
         laws, notes = _chosen(job, path, n_conf, laws, delay)
+    elif laws is None and options.compensation == "auto":
+        notes = ("No friction was subtracted: the log does not have the torques and then the angles of all motors.",)
     parts = Parts(job.output, FRF, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
@@ -153,10 +157,16 @@ def stated_laws(
         return None, 0.0
     laws = tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints)
     acquire = None if campaign.source is None else campaign.source.acquire
+    if acquire is not None and options.compensation == "auto" and not _shows_friction(acquire):
+        return None, 0.0
     if acquire is not None and any(channel.normalised for channel in acquire.inputs):
         # Levels in N m say nothing about a current with an unknown torque constant.
         laws = tuple(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0) for law in laws)
     return laws, delay_s(loaded, campaign)
+
+
+def _shows_friction(acquire: Acquire) -> bool:
+    return shows_friction([one.channel for one in acquire.inputs], [one.channel for one in acquire.outputs])
 
 
 def stated_law(motor: Motor) -> TorqueLaw:
@@ -186,7 +196,7 @@ def _brief(frf: Frf) -> _Brief:
         relative_std=_relative(np.sqrt(frf.element_variance()), frf),
         levels={kind: _relative(level, frf) for kind, level in levels.items() if level is not None},
         removed_rms=float(frf.removed_torque_rms.max(initial=0.0)),
-        torque_unit=frf.torque_unit,
+        torque_unit=frf.input_unit,
         findings=tuple(note for note in frf.notes if is_finding(note)),
         evidence=gather_evidence(frf),
     )

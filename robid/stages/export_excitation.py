@@ -16,6 +16,7 @@ from robid.errors import ArtifactError, SettingsError
 from robid.families.encode import encode_mat, encode_table
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
+from robid.signals.positions import readable, readable_units
 from robid.stages.stage import Plan, counted
 
 _HOW = {
@@ -91,18 +92,26 @@ def export_excitation(
             where=str(source),
             remedy="`references` under `source.acquire` let it be designed here",
         )
-    names = tuple(joint.name for joint in loaded.robot.joints)
+    joints = Joints(tuple(joint.name for joint in loaded.robot.joints), loaded.robot.joint_units)
     origin = (
         f"Excitation of campaign {options.campaign}, experiment {loaded.experiment.name}, robid {robid.__version__}"
     )
     campaign = loaded.experiment.campaigns[options.campaign]
     target = options.target(folder)
     if options.format == "mat":
-        return {target: encode_mat(_arrays(content, campaign, names, origin))}
+        return {target: encode_mat(_arrays(content, campaign, joints, origin))}
     return {
-        target / f"excitation_r{index[0] + 1}_e{index[1] + 1}.csv": _table(content, campaign, names, origin, index)
+        target / f"excitation_r{index[0] + 1}_e{index[1] + 1}.csv": _table(content, campaign, joints, origin, index)
         for index in np.ndindex(*content.excitation.reference.shape[:2])
     }
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Names of the joints, and units of their positions; None where all are angles."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...] | None
 
 
 def _periods(campaign: Campaign) -> tuple[int, int]:
@@ -114,7 +123,7 @@ def _periods(campaign: Campaign) -> tuple[int, int]:
     return transient, campaign.periods
 
 
-def _instructions(content: CampaignExcitation, campaign: Campaign, names: tuple[str, ...]) -> list[str]:
+def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joints) -> list[str]:
     excitation, (transient, periods) = content.excitation, _periods(campaign)
     n_real, n_exp, n_sample, _ = excitation.reference.shape
     blocks = f"{counted(n_real, 'realization')} of {counted(n_exp, 'experiment')}"
@@ -126,34 +135,36 @@ def _instructions(content: CampaignExcitation, campaign: Campaign, names: tuple[
         f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log torque and angle of"
         " every motor, and this reference, at this rate.",
     ]
-    for number, angles in enumerate(np.rad2deg(content.configurations), start=1):
-        shown = ", ".join(f"{name} {angle:.6g}" for name, angle in zip(names, angles.tolist(), strict=True))
-        lines.append(f"Configuration {number} [deg]: {shown}")
+    units = readable_units(joints.units, len(joints.names))
+    for number, positions in enumerate(readable(content.configurations, joints.units), start=1):
+        named = zip(joints.names, positions.tolist(), units, strict=True)
+        told = ", ".join(f"{name} {value:.6g}" + (" m" if unit == "m" else "") for name, value, unit in named)
+        lines.append(f"Configuration {number} [deg]: {told}")
     return lines
 
 
 def _table(
-    content: CampaignExcitation, campaign: Campaign, names: tuple[str, ...], origin: str, index: tuple[int, ...]
+    content: CampaignExcitation, campaign: Campaign, joints: Joints, origin: str, index: tuple[int, ...]
 ) -> bytes:
     excitation = content.excitation
     part = f"Realization {index[0] + 1}, experiment {index[1] + 1}."
-    columns = ["time [s]", *(f"{name} [{UNITS[excitation.kind]}]" for name in names)]
+    columns = ["time [s]", *(f"{name} [{UNITS[excitation.kind]}]" for name in joints.names)]
     reference = excitation.reference[index]
     time = np.arange(len(reference)) * excitation.sampling_period_s
-    notes = [origin, part, *_instructions(content, campaign, names)]
+    notes = [origin, part, *_instructions(content, campaign, joints)]
     return encode_table(notes, columns, np.column_stack([time, reference]))
 
 
-def _arrays(content: CampaignExcitation, campaign: Campaign, names: tuple[str, ...], origin: str) -> dict[str, object]:
+def _arrays(content: CampaignExcitation, campaign: Campaign, joints: Joints, origin: str) -> dict[str, object]:
     excitation, (transient, periods) = content.excitation, _periods(campaign)
     return {
         "origin": origin,
-        "instructions": _instructions(content, campaign, names),
+        "instructions": _instructions(content, campaign, joints),
         "reference": excitation.reference,
         "reference_axes": "realization, experiment, sample, motor",
         "reference_units": UNITS[excitation.kind],
         "kind": excitation.kind,
-        "motor_names": names,
+        "motor_names": joints.names,
         "time_s": np.arange(excitation.reference.shape[2]) * excitation.sampling_period_s,
         "sampling_period_s": excitation.sampling_period_s,
         "period_s": excitation.period_s,

@@ -128,7 +128,7 @@ def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[Excitati
         tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
         tuple(joint.name for joint in loaded.robot.joints),
         tuple(
-            ConfigurationRow(name, index, tuple(row))
+            ConfigurationRow(name, index, tuple(row), loaded.robot.joint_units)
             for name, excitation in run.excitations.items()
             for index, row in enumerate(excitation.configurations.tolist())
         ),
@@ -167,10 +167,10 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
     return _Run(
         designs={name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in designs.items()},
         excitations={
-            name: excitation_from_artifact(read_artifact(folder / name / "excitation.h5", EXCITATION))
-            for name in records
+            name: excitation_from_artifact(read_artifact(path, EXCITATION))
+            for name, path in there(records, "{}/excitation.h5").items()
         },
-        shapes={name: inspect_artifact(path)["datasets"]["torque"]["shape"] for name, path in records.items()},
+        shapes={name: inspect_artifact(path)["datasets"]["inputs"]["shape"] for name, path in records.items()},
         frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
         models={name: read_artifact(path, MODEL) for name, path in models.items()},
         validations={name: read_artifact(path, VALIDATION) for name, path in validations.items()},
@@ -208,7 +208,7 @@ def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> Excitatio
         duration_s=float(np.prod(run.shapes[campaign][:4])) * excitation.period_s,
         rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
         rms_unit=UNITS[excitation.kind],
-        peaks=_peaks(run.excitations[campaign], _motors(loaded, run, campaign)),
+        peaks=_peaks(run.excitations[campaign], _motors(loaded, run, campaign), loaded.robot.slides),
         detection_lines=len(excitation.detection_lines),
         period_s=excitation.period_s,
         crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
@@ -229,7 +229,7 @@ def _worst_snr_db(plan: Plan | None) -> float | None:
     return float(np.diagonal(plan.snr_db, axis1=-2, axis2=-1).min())
 
 
-def _peaks(content: CampaignExcitation, names: tuple[str, ...]) -> tuple[PeakRow, ...]:
+def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[bool]) -> tuple[PeakRow, ...]:
     plan = content.excitation.plan
     if plan is None:
         return ()
@@ -239,8 +239,15 @@ def _peaks(content: CampaignExcitation, names: tuple[str, ...]) -> tuple[PeakRow
         ("arm excursion", "rad", plan.excursion_rms, plan.excursion_peak, plan.excursion_limit),
     )
     return tuple(
-        PeakRow(name, quantity, unit, float(peak[:, motor].max()), float(limit[motor]), float(rms[:, motor].max()))
-        for motor, name in enumerate(names)
+        PeakRow(
+            name,
+            quantity,
+            "m" if unit == "rad" and own else unit,
+            float(peak[:, motor].max()),
+            float(limit[motor]),
+            float(rms[:, motor].max()),
+        )
+        for motor, (name, own) in enumerate(zip(names, slides, strict=True))
         for quantity, unit, rms, peak, limit in quantities
     )
 
@@ -250,7 +257,7 @@ def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
     if not rms.any():
         return []
     named = zip(frf.input_names, rms.tolist(), strict=True)
-    return [TorqueRow(campaign, name, value, frf.torque_unit) for name, value in named]
+    return [TorqueRow(campaign, name, value, frf.input_unit) for name, value in named]
 
 
 def _stages(

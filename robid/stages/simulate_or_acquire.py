@@ -12,10 +12,11 @@ from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.record import RECORD, record_to_artifact
-from robid.artifacts.store import inspect_artifact, read_artifact
+from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
 from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation import CampaignExcitation
-from robid.settings.experiment import Acquire, Campaign
+from robid.settings.acquire import Acquire
+from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
@@ -23,13 +24,15 @@ from robid.settings.truth import true_robot_of
 from robid.simulate.experiment import Experiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
-from robid.stages.acquire import acquire_configuration
+from robid.stages.acquire import acquire_configuration, acquire_shots
 from robid.stages.chain.simulate_or_acquire import STAGE, experiment_count
 from robid.stages.stage import Job, counted
 
 
 def run(job: Job) -> str:
     """Simulates or imports a campaign; returns its key figures."""
+    if job.campaign.is_one_shot:
+        return _acquire_shots(job)
     content = excitation_from_artifact(read_artifact(job.inputs["excitation"], EXCITATION))
     source = job.campaign.source
     if source is None:
@@ -43,8 +46,11 @@ def run(job: Job) -> str:
 def phrase(output: Path) -> str:
     """Says what a record holds, in a phrase."""
     found = inspect_artifact(output)
-    shape = found["datasets"]["torque"]["shape"]
-    return figures(shape, shape[4] * found["attributes"]["sampling_period_s"])
+    shape = found["datasets"]["inputs"]["shape"]
+    period_s = shape[4] * found["attributes"]["sampling_period_s"]
+    if found["datasets"]["excited_lines"]["shape"] == [0]:
+        return f"{counted(shape[1], 'shot')} of {period_s:.3g} s"
+    return figures(shape, period_s)
 
 
 def figures(shape: Sequence[int], period_s: float) -> str:
@@ -81,10 +87,11 @@ class _LogTask:
     content: CampaignExcitation
     index: int
     folder: Path
+    joint_units: tuple[str, ...] | None
 
 
 def _acquire_part(task: _LogTask) -> None:
-    record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder)
+    record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder, task.joint_units)
     task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
 
 
@@ -94,10 +101,21 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     folder = job.loaded.path.parent
-    tasks = [_LogTask(parts, campaign, acquire, content, index, folder) for index in todo]
+    units = job.loaded.robot.joint_units
+    tasks = [_LogTask(parts, campaign, acquire, content, index, folder, units) for index in todo]
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
     parts.merge(n_conf, job.provenance(STAGE.name))
     return figures((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
+
+
+def _acquire_shots(job: Job) -> str:
+    campaign = job.campaign
+    if campaign.source is None or campaign.source.acquire is None:
+        message = f"campaign {job.owner} has no logs"
+        raise RuntimeError(message)
+    record = acquire_shots(campaign, campaign.source.acquire, job.loaded.path.parent)
+    write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
+    return f"{counted(campaign.realizations, 'shot')} of {record.period_s:.3g} s"
 
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:

@@ -141,6 +141,11 @@ def measured_campaigns(experiment: Experiment) -> tuple[str, ...]:
     return tuple(name for name, campaign in experiment.campaigns.items() if campaign.source is not None)
 
 
+def periodic_campaigns(experiment: Experiment) -> tuple[str, ...]:
+    """Names of the campaigns that have a source and an excitation that repeats."""
+    return tuple(name for name in measured_campaigns(experiment) if not experiment.campaigns[name].is_one_shot)
+
+
 def check_room(path: Path, needed_bytes: float) -> None:
     """Refuses a folder that cannot be written to or whose disk is too full, before a long computation.
 

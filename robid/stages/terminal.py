@@ -155,6 +155,19 @@ def status_table(rows: Sequence[tuple[str, str, str]]) -> Table:
     return table
 
 
+def channel_lines(datasets: dict[str, dict[str, Any]]) -> list[str]:
+    """Says what the channels of an artifact are: `input_channels: motor torque of turn [N m], ...`."""
+    lines = []
+    for name in (path.removesuffix("/quantity") for path in datasets if path.endswith("_channels/quantity")):
+        parts = (datasets[f"{name}/{part}"].get("values", []) for part in ("side", "quantity", "name", "unit"))
+        told = (
+            f"{side} {kind.replace('_', ' ')} of {channel} [{unit}]"
+            for side, kind, channel, unit in zip(*parts, strict=True)
+        )
+        lines.append(f"{name}: {', '.join(told)}")
+    return lines
+
+
 def dataset_table(datasets: dict[str, dict[str, Any]]) -> Table:
     """Lays out what an artifact holds."""
     table = _table("dataset", "shape", "type", "units", "axes", "what")

@@ -22,6 +22,7 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.slices import to_plain
 from robid.settings.study import FrfStudy, choices
 from robid.signals.friction import TorqueLaw
+from robid.signals.quantities import units_text
 from robid.signals.record import Record
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.options import SimulateOptions
@@ -123,13 +124,13 @@ def _decides(loaded: LoadedExperiment, excitation: str) -> dict[str, Any]:
 def estimate_chunk(chunk: Chunk) -> Content:
     """Simulates a chunk and estimates from each of its groups, and from all of it."""
     record = simulate(chunk.experiment, chunk.configuration, chunk.index, chunk.threads)
-    n_real = record.torque.shape[1]
+    n_real = record.inputs.shape[1]
     groups = [record.realizations(chunk.group, at) for at in range(0, n_real, chunk.group)]
     identified = _identified(groups[0], (*chunk.small, *chunk.whole))
     small = [[_estimate(group, each, identified) for group in groups] for each in chunk.small]
     whole = [_estimate(record, each, identified) for each in chunk.whole]
     element = ("frequency", "output", "input")
-    unit = f"rad/(s^2 {record.torque_unit})"
+    unit = f"rad/(s^2 {units_text(record.input_channels)})"
     refused = [next((one.refusal for one in row if one.refusal), "") for row in (*small, whole)]
     datasets = {
         "configuration": Dataset(np.array(chunk.index), "1", ()),

@@ -32,9 +32,9 @@ def mistaken_record(record: Record, mistake: Mistake, configurations: FloatArray
         record = replace(record, configurations=configurations[told : told + 1])
     return replace(
         record,
-        torque=record.torque * torque,
-        position=_late(record.position, mistake.delay_samples) * angle,
-        position_offset_rad=record.position_offset_rad * angle,
+        inputs=record.inputs * torque,
+        outputs=_late(record.outputs, mistake.delay_samples) * angle,
+        output_offset=record.output_offset * angle,
     )
 
 
@@ -63,7 +63,7 @@ def mistaken_truth(truth: Mapping[str, float], mistake: Mistake) -> dict[str, fl
 def _mistaken_joint(joint: JointSection, mistake: Mistake) -> JointSection:
     factor, law = mistake.friction_factor, joint.motor.friction
     levels = {key: getattr(law, key) * factor for key in ("coulomb_nm", "static_nm")}
-    ratio = joint.motor.gear_ratio * mistake.gear_ratio_factor.get(joint.name, 1.0)
-    motor = joint.motor.model_copy(update={"gear_ratio": ratio, "friction": law.model_copy(update=levels)})
+    turned = joint.motor.with_ratio(mistake.gear_ratio_factor.get(joint.name, 1.0))
+    motor = turned.model_copy(update={"friction": law.model_copy(update=levels)})
     gear = None if f"gear_{joint.name}" in mistake.without_springs else joint.gear
     return joint.model_copy(update={"motor": motor, "gear": gear})

@@ -172,8 +172,8 @@ def true_internal(problem: Problem, robot: Robot, campaign: Campaign) -> FloatAr
         message = "the settings' checks let a study without a simulated campaign pass"
         raise RuntimeError(message)
     true = true_robot(robot, source.simulate.truth)
-    values = {f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in true.springs}
-    values |= {f"{spring.name}.damping": spring.damping_nms_rad for spring in true.springs}
+    values = {f"{spring.name}.stiffness": spring.stiffness for spring in true.springs}
+    values |= {f"{spring.name}.damping": spring.damping for spring in true.springs}
     parameters = problem.parameters
     return np.asarray(np.log([values[name] for name in parameters.names] / parameters.nominal_values()))
 

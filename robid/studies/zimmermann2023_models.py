@@ -166,9 +166,9 @@ def _parameters(one: Fitting, solution: Solution) -> dict[str, Dataset]:
         "estimate": Dataset(solution.estimate, "SI", parameter, "Estimated values"),
         "fit_std": Dataset(solution.relative_std, "1", parameter, "Relative deviation that the fit states"),
         "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
-        "stiffness": Dataset(np.array([each.stiffness_nm_rad for each in springs]), "N m/rad", spring),
-        "true_stiffness": Dataset(np.array([each.stiffness_nm_rad for each in one.truth.springs]), "N m/rad", spring),
-        "true_cubic": Dataset(np.array([each.cubic_nm_rad3 for each in one.truth.springs]), "N m/rad^3", spring),
+        "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
+        "true_stiffness": Dataset(np.array([each.stiffness for each in one.truth.springs]), "N m/rad", spring),
+        "true_cubic": Dataset(np.array([each.cubic for each in one.truth.springs]), "N m/rad^3", spring),
     }
 
 
@@ -215,7 +215,7 @@ def _judgement(one: Fitting, solution: Solution) -> dict[str, Dataset]:
     measured_hz, model_hz = first_resonances(fitted, one.axes)
     places = [(frf.output_names.index(name), frf.input_names.index(name)) for name in one.axes]
     configuration, resonance = ("configuration",), ("configuration", "axis")
-    curve, unit = ("configuration", "frequency", "axis"), f"rad/(s^2 {frf.torque_unit})"
+    curve, unit = ("configuration", "frequency", "axis"), frf.unit
 
     def own(values: FloatArray | ComplexArray) -> FloatArray:
         return np.stack([np.abs(values[..., row, column]) for row, column in places], axis=-1)

@@ -116,8 +116,8 @@ def _missing_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, 
         Explanation(
             "missing_spring",
             (trial.spring.name,),
-            np.array([1e-6 * trial.spring.stiffness_nm_rad]),
-            ("MN m/rad",),
+            np.array([1e-6 * trial.spring.stiffness]),
+            ("MN/m" if robot.is_linear(trial.spring) else "MN m/rad",),
             trial.share,
             trial.moved,
         )

@@ -10,6 +10,7 @@ from scipy.stats import t as student
 
 from robid.arrays import BoolArray, FloatArray
 from robid.robot.description import Robot
+from robid.signals.positions import METRES, RADIANS
 from robid.validation.doubt import Doubt
 from robid.validation.plausible_evidence import Evidence
 
@@ -48,9 +49,10 @@ class Angles:
 
 @dataclass(frozen=True)
 class _Means:
-    """Stated and logged angles of the motors that the log tells of, as arm angles (n_conf, n_motor) [rad]."""
+    """Stated and logged angles of the motors that the log tells of, as arm positions (n_conf, n_motor) [rad, or m]."""
 
     names: list[str]
+    units: list[str]
     stated: FloatArray
     logged: FloatArray
     allowed: FloatArray
@@ -82,7 +84,8 @@ def judge_angles(robot: Robot, evidence: Evidence) -> Angles:
         return Angles((), notes, sign, fits, placed=True)
     names = [evidence.names[index] for index in told]
     allowed = _PLACED_RAD + _SWINGS * swing[:, told]
-    means = _Means(names, stated[:, told], logged[:, told], allowed)
+    units = [METRES if robot.prismatic[joint] else RADIANS for joint in evidence.joints(robot)[told]]
+    means = _Means(names, units, stated[:, told], logged[:, told], allowed)
     doubts, slopes, more, placed = _explain(means)
     sign[told] = np.sign(slopes) * (np.abs(np.abs(slopes) - 1) < 0.5)
     fits[told] = np.abs(np.abs(slopes) - 1) < _LEAST_SLOPE
@@ -199,14 +202,23 @@ def _swapped(means: _Means, order: list[int]) -> Doubt:
 def _elsewhere(means: _Means) -> Doubt:
     away = np.abs(means.logged - means.stated) / means.allowed
     place, motor = np.unravel_index(int(np.argmax(away)), away.shape)
-    off = np.rad2deg(np.abs(means.logged - means.stated)[place, motor])
-    told = f"by up to {off:.3g} deg ({means.names[motor]} in configuration {place + 1})"
+    off = _off(np.abs(means.logged - means.stated)[place, motor], means.units[motor])
+    told = f"by up to {off} ({means.names[motor]} in configuration {place + 1})"
     return _misplaced(means, f"the mean angles contradict the stated configurations {told}")
 
 
 def _misplaced(means: _Means, message: str) -> Doubt:
     strength = float((np.abs(means.logged - means.stated) / means.allowed).max())
     return Doubt("configurations", message, decisive=True, strength=strength)
+
+
+def _off(distance: float, unit: str) -> str:
+    return f"{1e3 * distance:.3g} mm" if unit == METRES else f"{np.rad2deg(distance):.3g} deg"
+
+
+def _most(means: _Means, away: FloatArray) -> str:
+    motor = int(np.argmax(np.abs(away)))
+    return _off(float(np.abs(away)[motor]), means.units[motor])
 
 
 def _offset(
@@ -221,9 +233,9 @@ def _offset(
         if len(means.stated) == 1:
             return (doubt,), np.where(shifted, 0.0, 1.0), (), False
         names = ", ".join(name for name, moved in zip(means.names, shifted.tolist(), strict=True) if moved)
-        told = f"{names}: off by the same angle in every configuration ({np.rad2deg(np.abs(middle).max()):.3g} deg)"
+        told = f"{names}: off by the same angle in every configuration ({_most(means, middle)})"
         return (Doubt("configurations", told, decisive=False, strength=doubt.strength),), ones, (), True
     if len(means.stated) == 1:
         ones = np.zeros(len(means.names))
-    told = f"the mean angles differ from the configurations by up to {np.rad2deg(np.abs(middle).max()):.3g} deg"
+    told = f"the mean angles differ from the configurations by up to {_most(means, middle)}"
     return (), ones, (f"{told}, alike in all of them, as those of encoders without a reference do",), True

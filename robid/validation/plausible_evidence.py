@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
+from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE
 
 CLEAR = 10.0
 """Power over variance from which a response counts as seen (10 dB)."""
@@ -66,9 +67,12 @@ class Evidence:
 
 def gather_evidence(frf: Frf) -> Evidence:
     """Takes what the checks look at from a response."""
-    names = tuple(name for name in frf.input_names if name in frf.output_names)
+    pushed = {one.name for one in frf.input_channels if MOTOR_TORQUE.accepts([one])}
+    moved = {one.name for one in frf.output_channels if ACCELERATION.accepts([one])}
+    names = tuple(name for name in frf.input_names if name in pushed & moved)
     inputs = [frf.input_names.index(name) for name in names]
     outputs = [frf.output_names.index(name) for name in names]
+    shows_angles = all(frf.measured_channels[output].quantity == "angle" for output in outputs if frf.measured_channels)
     low = np.argsort(frf.frequency_hz, kind="stable")[:_LOW_LINES]
     response = frf.response[:, :, outputs][..., inputs]
     ratio = _signal_to_noise(frf)
@@ -80,10 +84,10 @@ def gather_evidence(frf: Frf) -> Evidence:
         response=response[:, low],
         clear=np.ones(response[:, low].shape, bool) if seen is None else seen[:, low] > CLEAR,
         signal_to_noise=None if seen is None else np.diagonal(seen, axis1=-2, axis2=-1),
-        mean_angle=None if frf.mean_position is None else frf.mean_position[:, outputs],
-        mean_torque=None if frf.mean_torque is None else frf.mean_torque[:, inputs],
-        motion_rms=None if frf.motion_rms is None else frf.motion_rms[:, outputs],
-        torque_unit=frf.torque_unit,
+        mean_angle=frf.mean_output[:, outputs] if frf.mean_output is not None and shows_angles else None,
+        mean_torque=None if frf.mean_input is None else frf.mean_input[:, inputs],
+        motion_rms=frf.motion_rms[:, outputs] if frf.motion_rms is not None and shows_angles else None,
+        torque_unit=frf.input_unit,
         lines_hz=frf.frequency_hz,
         driving=np.diagonal(response, axis1=-2, axis2=-1),
         sampling_period_s=frf.sampling_period_s,

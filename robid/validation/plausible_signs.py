@@ -86,6 +86,8 @@ def _agreement(robot: Robot, evidence: Evidence) -> FloatArray:
     parameters = nominal_parameters(robot, linear, 0.0)
     softer = response(linear, parameters, _SOFTER * evidence.frequency_hz, None).sampled
     nominal = softer[:, :, joints][..., joints]
+    # Axes at right angles that slide do not move each other at all; infinity is no low line and tells no sign.
+    rigid = np.where(rigid == 0, np.inf, rigid)
     is_low = np.abs(nominal / rigid[:, None] - 1) < _RIGID
     own = np.diagonal(is_low, axis1=-2, axis2=-1)
     is_low &= own[..., :, None] & own[..., None, :]

@@ -14,6 +14,7 @@ class StepOptions:
     )
     seed: int = field(default=1, metadata={"description": "Seed of the configurations.", "ge": 0})
     step_deg: float = field(default=1.0, metadata={"description": "Size of a step, arm side [deg].", "gt": 0})
+    step_m: float = field(default=0.01, metadata={"description": "The same of prismatic joints [m].", "gt": 0})
     peak_motor_speed_rad_s: float = field(
         default=20.0, metadata={"description": "Largest speed of any motor during a step [rad/s].", "gt": 0}
     )

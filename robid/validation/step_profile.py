@@ -101,10 +101,10 @@ def _demands(model: ElasticModel, rest: Equilibrium, index: int) -> list[tuple[F
     arm = mass[np.ix_(model.arm, model.arm)]
     robot = model.robot
     inertia = robot.motor_inertia_kgm2[:, None] * robot.motor_per_arm
-    slope = np.empty(len(model.arm))
+    slope = np.full(len(model.arm), np.inf)
     for spring, deflection in zip(robot.springs, rest.deflection[index].tolist(), strict=True):
         if spring.place == "transmission":
-            slope[spring.joint] = spring.stiffness_nm_rad + 3 * spring.cubic_nm_rad3 * deflection**2
+            slope[spring.joint] = spring.stiffness + 3 * spring.cubic * deflection**2
     rigid, elastic = inertia + robot.arm_per_motor.T @ arm, inertia @ (arm / slope[:, None])
     return list(zip(np.abs(rigid.T), np.abs(elastic.T), strict=True))
 
@@ -120,8 +120,8 @@ def _profile(
     turns = robot.motor_per_arm[:, axis]
     allowed = np.minimum(options.peak_motor_speed_rad_s, [joint.motor.max_speed_rad_s for joint in robot.joints])
     speed = float((allowed / np.maximum(np.abs(turns), 1e-12)).min())
-    size = float(np.deg2rad(options.step_deg))
-    sign = -1.0 if angle + size > robot.upper_rad[axis] else 1.0
+    size = options.step_m if robot.joints[axis].type == "prismatic" else float(np.deg2rad(options.step_deg))
+    sign = -1.0 if angle + size > robot.upper[axis] else 1.0
 
     def excess(ramp_s: float) -> float:
         needed = demand[0] * (PEAK_ACCELERATION * speed / ramp_s) + demand[1] * (PEAK_SNAP * speed / ramp_s**3)

@@ -114,9 +114,9 @@ class StepFigures:
 
 def draw_configurations(robot: Robot, options: StepOptions) -> FloatArray:
     """Draws configurations (n_conf, n_joint) within the joint limits, with room for the steps [rad]."""
-    room = np.deg2rad(options.step_deg)
+    room = np.where(robot.prismatic, options.step_m, np.deg2rad(options.step_deg))
     shape = (options.configurations, len(robot.joints))
-    return np.random.default_rng(options.seed).uniform(robot.lower_rad, robot.upper_rad - room, shape)
+    return np.random.default_rng(options.seed).uniform(robot.lower, robot.upper - room, shape)
 
 
 def step_responses(

@@ -21,6 +21,8 @@ from robid.validation.fitted import FittedModel
 
 _STIFFER = 3.0  # than the gear nearby: where a trial starts
 _IN_SERIES = 2.0  # times a fitted gear, for gear and trial alike: together as soft as the gear was
+_UNKNOWN_NM_RAD = 1e6  # where a trial starts when no gear is stated
+_RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
 _TIME_S = 5e-4  # damping over stiffness
 _FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
 _ALONG = 0.9  # cosine above which two axes are one
@@ -85,9 +87,7 @@ def _starts(robot: Robot, problem: Problem, spring: Spring, fitted: FittedModel)
         if own in names:
             shared = start.copy()
             shared[names.index(own)] += np.log(_IN_SERIES)
-            shared[names.index(f"{spring.name}.stiffness")] = np.log(
-                _IN_SERIES * stiffness[gear] / spring.stiffness_nm_rad
-            )
+            shared[names.index(f"{spring.name}.stiffness")] = np.log(_IN_SERIES * stiffness[gear] / spring.stiffness)
             yield shared
 
 
@@ -100,16 +100,17 @@ def _gears_in_series(robot: Robot, spring: Spring) -> Iterator[str]:
     if spring.place == "split" and spring.joint + 1 < len(robot.joints):
         axes[spring.joint + 1] = robot.joints[spring.joint + 1].rotation @ upright
     for each in robot.springs:
-        if each.place == "transmission" and each.joint in axes and abs(float(axes[each.joint] @ spring.axis)) > _ALONG:
+        turns = each.place == "transmission" and not robot.is_linear(each)
+        if turns and each.joint in axes and abs(float(axes[each.joint] @ spring.axis)) > _ALONG:
             yield each.name
 
 
 def _trial(spring: Spring, problem: Problem, end: Minimum, fitted: FittedModel) -> Trial:
     after = dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
-    stiffness = spring.stiffness_nm_rad * float(np.exp(after[f"{spring.name}.stiffness"]))
+    stiffness = spring.stiffness * float(np.exp(after[f"{spring.name}.stiffness"]))
     before = zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True)
     return Trial(
-        replace(spring, stiffness_nm_rad=stiffness),
+        replace(spring, stiffness=stiffness),
         1 - end.cost / fitted.problem.cost(fitted.internal),
         np.array([after[name] - value for name, value in before]),
     )
@@ -120,8 +121,8 @@ def _with_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, del
     frf, spring, now = fitted.problem.frf, robot.springs[-1], fitted.parameters
     values = replace(
         now,
-        stiffness=np.append(now.stiffness, spring.stiffness_nm_rad),
-        damping=np.append(now.damping, spring.damping_nms_rad),
+        stiffness=np.append(now.stiffness, spring.stiffness),
+        damping=np.append(now.damping, spring.damping),
         cubic=np.append(now.cubic, 0.0),
         location=np.append(now.location, spring.point_m),
     )
@@ -134,11 +135,15 @@ def _with_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, del
 
 
 def further_springs(robot: Robot) -> Iterator[Spring]:
-    """Springs that a robot file may lack: beneath the base, across each joint, within links, at the payload."""
-    gears = {spring.joint: spring for spring in robot.springs if spring.place == "transmission"}
+    """Springs that a robot file may lack: gears, beneath the base, across joints, within links, at the payload."""
+    stiffness = _gear_stiffness(robot)
     last = len(robot.joints) - 1
     for index, joint in enumerate(robot.joints):
-        stiff = _STIFFER * gears[index].stiffness_nm_rad
+        stiff = _STIFFER * stiffness[index]
+        if robot.rigid[index] and robot.rotor == "spong":
+            reflected = joint.motor.gear_ratio**2 * joint.motor.inertia_kgm2
+            gear = (2 * np.pi * _RIGID_HZ) ** 2 * reflected
+            yield _spring(f"gear of {joint.name}", index, "transmission", np.eye(3)[2], gear)
         for letter, axis in zip("xyz", np.eye(3), strict=True):
             if index == 0 and not _there(robot, "base", 0, axis):
                 yield _spring(f"base about {letter}", 0, "base", axis, stiff)
@@ -146,7 +151,7 @@ def further_springs(robot: Robot) -> Iterator[Spring]:
                 yield _spring(f"bearing of {joint.name} about {letter}", index, "bearing", axis, stiff)
             if index < last and not _there(robot, "split", index, None):
                 name = f"link of {joint.name} about its {letter} axis"
-                split = _spring(name, index, "split", axis, _STIFFER * gears[index + 1].stiffness_nm_rad)
+                split = _spring(name, index, "split", axis, _STIFFER * stiffness[index + 1])
                 yield replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
             if (
                 index == last
@@ -161,6 +166,14 @@ def _middle(following: Joint, axis: FloatArray) -> FloatArray:
     """Where a link is split: a link that twists along the next joint's axis does so about that very line."""
     along = abs(float(axis @ following.rotation[:, 2])) > _ALONG
     return following.position_m if along else np.zeros(3)
+
+
+def _gear_stiffness(robot: Robot) -> list[float]:
+    """What a torsional spring at each joint is measured by: its gear, else the stiffest one."""
+    gears = {s.joint: s.stiffness for s in robot.springs if s.place == "transmission" and not robot.is_linear(s)}
+    others = [s.stiffness for s in robot.springs if not robot.is_linear(s)]
+    else_ = max(gears.values(), default=max(others, default=_UNKNOWN_NM_RAD))
+    return [gears.get(index, else_) for index in range(len(robot.joints))]
 
 
 def _part(link: Inertial) -> Inertial:

@@ -33,8 +33,8 @@ def test_closed_loop_against_raw_rollout(compare):
     experiment = default_experiment(1.0, 1)
     record = simulate(experiment, CONFIGURATION, 0)
     model, rest = same_model(experiment)
-    n_sample, n_motor = record.torque.shape[4:]
-    played = record.torque.reshape(-1, n_sample, n_motor)
+    n_sample, n_motor = record.inputs.shape[4:]
+    played = record.inputs.reshape(-1, n_sample, n_motor)
     torque = np.concatenate([played] * (experiment.options.transient_periods + experiment.periods), axis=1)
     data, kind = mujoco.MjData(model), mujoco.mjtState.mjSTATE_FULLPHYSICS
     data.qpos[:], data.ctrl[:] = rest.position[0], rest.motor_torque[0]
@@ -55,7 +55,7 @@ def test_closed_loop_against_raw_rollout(compare):
 def problem():
     """Eight configurations, sixty lines, all springs, dampers, viscous terms and the delay free."""
     generator = np.random.default_rng(2)
-    configurations = generator.uniform(ROBOT.lower_rad, ROBOT.upper_rad, (8, len(ROBOT.joints)))
+    configurations = generator.uniform(ROBOT.lower, ROBOT.upper, (8, len(ROBOT.joints)))
     frf = exact_frf(ROBOT, configurations, np.geomspace(2, 80, 60), delay_s=DELAY_S, relative_noise=0.02)
     model = build_model(ROBOT)
     linear = linearize(model, solve_statics(model, configurations))

@@ -28,7 +28,7 @@ _BUDGET = 1000.0
 def problem():
     """Fifteen configurations, sixty lines, thirteen springs and dampers up to a factor of two off."""
     generator = np.random.default_rng(2)
-    configurations = generator.uniform(ROBOT.lower_rad, ROBOT.upper_rad, (15, len(ROBOT.joints)))
+    configurations = generator.uniform(ROBOT.lower, ROBOT.upper, (15, len(ROBOT.joints)))
     factors = np.exp(np.log(2) * generator.uniform(-1, 1, (2, len(ROBOT.springs))))
     robot = with_spring_factors(ROBOT, *factors)
     frf = exact_frf(robot, configurations, np.geomspace(2, 80, 60), delay_s=DELAY_S, relative_noise=0.02)
@@ -104,14 +104,14 @@ def linear_record():
 
 def fit_periodic(record):
     """Our springs from the record: response of its last period and fit."""
-    last = replace(record, torque=record.torque[:, :, :, 1:], position=record.position[:, :, :, 1:])
+    last = replace(record, inputs=record.inputs[:, :, :, 1:], outputs=record.outputs[:, :, :, 1:])
     frf = estimate_frf(last, EstimateOptions(compensation="none"), None, DELAY_S)
     return fit_elastic(ROBOT, frf, ElasticOptions(free=("stiffness", "damping")), DELAY_S)
 
 
 def spring_error(factors, robot):
     """Root mean square relative error of the springs, given as factors (n_spring,) on the robot file's values."""
-    true = [spring.stiffness_nm_rad / nominal.stiffness_nm_rad
+    true = [spring.stiffness / nominal.stiffness
             for spring, nominal in zip(robot.springs, ROBOT.springs, strict=True)]  # fmt: skip
     return float(np.sqrt(np.mean((factors / np.array(true) - 1) ** 2)))
 
@@ -129,7 +129,7 @@ def test_against_time_domain_toolbox(keep):
     for _ in range(3):
         solution, needed = timed(lambda: fit_periodic(record))
         seconds = min(seconds, needed)
-    found = np.array([solution.found[f"{spring.name}.stiffness"] / spring.stiffness_nm_rad for spring in ROBOT.springs])
+    found = np.array([solution.found[f"{spring.name}.stiffness"] / spring.stiffness for spring in ROBOT.springs])
     our_error = spring_error(found, robot)
     begun, reached = time.perf_counter(), []
 

@@ -26,7 +26,7 @@ _N_CONF = 6
 def simulated():
     """One configuration: 24 experiments, 2 periods of 5000 samples, 6 torques and 6 angles."""
     record = simulate(default_experiment(CAMPAIGN.excitation.period_s, CAMPAIGN.periods), CONFIGURATION, 0)
-    assert record.torque.shape == record.position.shape == (1, 4, 6, 2, 5000, 6)
+    assert record.inputs.shape == record.outputs.shape == (1, 4, 6, 2, 5000, 6)
     return record
 
 
@@ -40,7 +40,7 @@ def campaign(simulated, tmp_path_factory):
 def read_and_transform(path):
     for row in range(_N_CONF):
         record = record_from_artifact(read_artifact(path, RECORD, row=row))
-        np.fft.rfft(record.torque, axis=4), np.fft.rfft(record.position, axis=4)
+        np.fft.rfft(record.inputs, axis=4), np.fft.rfft(record.outputs, axis=4)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot
+from exact_systems import arm_on_rail, linear_axis, two_joint_robot, without_spring
 from robid.robot.export import to_mjcf
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
@@ -23,6 +23,11 @@ from tolerances import MJCF
 KR300 = load_robot(Path(__file__).parents[2] / "configs/robots/kr300.yaml").to_robot()
 CASES = {
     "two joints": (two_joint_robot(), np.array([0.4, -0.9])),
+    "linear axis": (linear_axis(), np.array([0.3])),
+    "arm on a rail": (arm_on_rail(), np.array([0.5, 0.4, -0.9])),
+    "rigid elbow": (without_spring(two_joint_robot(), "gear_2"), np.array([0.4, -0.9])),
+    # At the rail's zero, away from which finite differences of a free axis round more.
+    "arm on a rigid rail": (without_spring(arm_on_rail(), "gear_rail"), np.array([0.0, 0.4, -0.5])),
     "kr300": (true_robot(KR300, Truth(spring_factor=2.0, seed=1)), np.deg2rad([10.0, -60.0, 70.0, 30.0, 40.0, 20.0])),
 }
 LINES_HZ = np.geomspace(2.0, 80.0, 60)
@@ -38,10 +43,11 @@ def response_of_mjcf(text, step_s):
     mujoco.mj_resetDataKeyframe(model, data, 0)
     A, B = np.zeros((2 * model.nv, 2 * model.nv)), np.zeros((2 * model.nv, model.nu))
     mujoco.mjd_transitionFD(model, data, PERTURBATION, True, A, B, None, None)
-    motors = [model.joint(i).dofadr[0] for i in range(model.njnt) if model.joint(i).name.startswith("q_m_")]
+    drives = [(model.actuator_trnid[i, 0], model.actuator_gear[i, 0]) for i in range(model.nu)]
+    motors = np.array([gear * np.eye(len(A))[model.jnt_dofadr[joint]] for joint, gear in drives])
     identity = np.eye(len(A))
     omega = 2 * np.pi * LINES_HZ
-    return np.array([-(w**2) * np.linalg.solve(np.exp(1j * w * step_s) * identity - A, B)[motors] for w in omega])
+    return np.array([-(w**2) * motors @ np.linalg.solve(np.exp(1j * w * step_s) * identity - A, B) for w in omega])
 
 
 @pytest.mark.parametrize("case", CASES)

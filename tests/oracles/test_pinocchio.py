@@ -132,7 +132,7 @@ def test_gravity_gradient_in_spring_coordinates(build):
     elastic = build_model(robot)
     arm, names = pinocchio_arm(robot)
     at = np.array([elastic.mujoco.joint(name).dofadr[0] for name in names])
-    middle = 0.5 * (robot.lower_rad + robot.upper_rad) + 0.2
+    middle = 0.5 * (robot.lower + robot.upper) + 0.2
     rest = solve_statics(elastic, middle[None])
     linear = linearize(elastic, rest)
     reference, position, step = arm.createData(), rest.position[0, at], 1e-6

@@ -33,7 +33,7 @@ def kr300_case():
     nominal = LOADED.robot.to_robot()
     factors = np.exp(np.random.default_rng(1).uniform(-np.log(2), np.log(2), (2, len(nominal.springs))))
     true = with_spring_factors(nominal, *factors)
-    limits = np.array([[joint.lower_rad, joint.upper_rad] for joint in nominal.joints])
+    limits = np.array([[joint.lower, joint.upper] for joint in nominal.joints])
     share = np.random.default_rng(2).uniform(0.2, 0.8, (4, len(limits)))
     frf = exact_frf(true, limits[:, 0] + share * np.ptp(limits, axis=1), np.geomspace(2, 80, 40), delay_s=1e-3)
     return nominal, true, frf, replace(OPTIMAL, free=("stiffness", "damping"))
@@ -41,8 +41,8 @@ def kr300_case():
 
 def truth_by_name(robot):
     return {
-        **{f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in robot.springs},
-        **{f"{spring.name}.damping": spring.damping_nms_rad for spring in robot.springs},
+        **{f"{spring.name}.stiffness": spring.stiffness for spring in robot.springs},
+        **{f"{spring.name}.damping": spring.damping for spring in robot.springs},
         **{f"{joint.name}.viscous": joint.motor.friction.viscous_nms_rad for joint in robot.joints},
         **{f"{joint.name}.motor_inertia": joint.motor.inertia_kgm2 for joint in robot.joints},
         "delay": 1e-3,

@@ -9,7 +9,9 @@ from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.logs.importing import import_log
-from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, TimeChannel
+from robid.logs.mapping import LogMapping
+from robid.signals.log_channels import InputChannel, OutputChannel, TimeChannel
+from robid.signals.quantities import describe
 
 N_SAMPLE, STEP_S, LINES = 8192, 0.02, np.arange(1, 820)  # 163.84 s; all lines to 5 Hz are excited
 CABLE_M = 0.4557
@@ -48,11 +50,16 @@ def crane(request, data_folder):
 
 def test_the_crane_is_a_pendulum_below_an_integrator(crane):
     record = bring(crane)
-    assert record.torque.shape == (1, 1, 1, 10, N_SAMPLE, 1)
-    assert record.torque_unit == "m/s"
+    assert record.inputs.shape == (1, 1, 1, 10, N_SAMPLE, 1)
+    assert record.input_channels[0].unit == "m/s"
     frf = estimate_frf(record, EstimateOptions(compensation="none", pooled_lines=1))
+    assert describe(frf.input_channels) == "motor speed reference (cart)"
+    assert [(channel.quantity, channel.unit) for channel in frf.output_channels] == [
+        ("position", "m"),
+        ("angle", "rad"),
+    ]
     omega = 2 * np.pi * frf.frequency_hz
-    cart, cable = (frf.response[0, :, :, 0] / -(omega[:, None] ** 2)).T
+    cart, cable = frf.response[0, :, :, 0].T
     band = (frf.frequency_hz > 0.1) & (frf.frequency_hz < 2)
     peak = frf.lines[band][np.argmax(np.abs(cable[band]))]
     assert abs(peak - PENDULUM_HZ * N_SAMPLE * STEP_S) < 2
@@ -82,10 +89,9 @@ def test_the_noise_is_that_of_the_encoders(crane):
     frf = estimate_frf(record, EstimateOptions(compensation="none", pooled_lines=1))
     assert frf.total_covariance is None
     # All lines are excited: no window, which would mix neighbours that vary with the response.
-    spectrum = np.fft.rfft(record.position[0, 0, 0], axis=1)[:, LINES]
-    torque = np.abs(np.fft.rfft(record.torque[0, 0, 0].mean(axis=0), axis=0)[LINES])
-    omega = 2 * np.pi * frf.frequency_hz[:, None]
-    scatter = spectrum.std(axis=0, ddof=1) / np.sqrt(10) / torque * omega**2
+    spectrum = np.fft.rfft(record.outputs[0, 0, 0], axis=1)[:, LINES]
+    velocity = np.abs(np.fft.rfft(record.inputs[0, 0, 0].mean(axis=0), axis=0)[LINES])
+    scatter = spectrum.std(axis=0, ddof=1) / np.sqrt(10) / velocity
     ratio = np.sqrt(frf.element_variance())[0, 50:, :, 0] / scatter[50:]
     cart, cable = np.median(ratio, axis=0)
     assert cable == pytest.approx(1.0, abs=0.02)

@@ -10,6 +10,7 @@ from robid.errors import DataError, SettingsError
 from robid.fit.elastic import fit_elastic
 from robid.fit.options import ElasticOptions, Weights
 from robid.fit.result import distinct_minima
+from robid.signals.quantities import motor_channels
 from tolerances import RECOVERY, RECOVERY_SIGMA
 
 BENCH_HZ = np.arange(11.0, 251.0, 3.0)
@@ -29,8 +30,8 @@ VARIANTS = {
 
 def truth_of(robot, delay_s):
     return {
-        **{f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in robot.springs},
-        **{f"{spring.name}.damping": spring.damping_nms_rad for spring in robot.springs},
+        **{f"{spring.name}.stiffness": spring.stiffness for spring in robot.springs},
+        **{f"{spring.name}.damping": spring.damping for spring in robot.springs},
         **{f"{joint.name}.viscous": joint.motor.friction.viscous_nms_rad for joint in robot.joints},
         **{f"{joint.name}.motor_inertia": joint.motor.inertia_kgm2 for joint in robot.joints},
         "delay": delay_s,
@@ -194,7 +195,13 @@ def test_response_that_is_not_the_robots_is_refused():
     robot = two_mass_robot()
     frf = exact_frf(robot, [[0.0]], BENCH_HZ)
     with pytest.raises(DataError, match="the response's inputs are wheel, the robot's motors drive"):
-        fit_elastic(robot, replace(frf, input_names=("wheel",)), ElasticOptions(), 0.0)
+        fit_elastic(robot, replace(frf, input_channels=motor_channels(("wheel",), "torque")), ElasticOptions(), 0.0)
+    for side, channels in (
+        ("input_channels", motor_channels(frf.input_names, "position_command")),
+        ("output_channels", motor_channels(frf.output_names, "angle")),
+    ):
+        with pytest.raises(DataError, match="An elastic model needs responses from motor torque or current to accel"):
+            fit_elastic(robot, replace(frf, **{side: channels}), ElasticOptions(), 0.0)
     hole = frf.response.copy()
     hole[0, 3] = np.nan
     with pytest.raises(DataError, match="not finite at 20 Hz"):

@@ -173,11 +173,11 @@ def test_bias_of_the_means_at_low_signal_to_noise_ratio():
     acceleration_noise = feedback * torque_noise + 1.5 * white[1]
     blocks = Blocks(
         lines=np.arange(draws),
-        torque=(torque + torque_noise)[:, :, None, None],
-        acceleration=(acceleration + acceleration_noise)[:, :, None, None],
+        inputs=(torque + torque_noise)[:, :, None, None],
+        outputs=(acceleration + acceleration_noise)[:, :, None, None],
         reference=None,
-        torque_scatter=np.zeros((2, 0, draws, 1, 1), complex),
-        acceleration_scatter=np.zeros((2, 0, draws, 1, 1), complex),
+        input_scatter=np.zeros((2, 0, draws, 1, 1), complex),
+        output_scatter=np.zeros((2, 0, draws, 1, 1), complex),
         scatter_freedom=0,
     )
     mean = ESTIMATORS["arithmetic"](blocks).response.ravel()

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 CONFIGURATIONS = np.deg2rad([[20.0, 30.0], [-60.0, -20.0], [80.0, 70.0], [-100.0, 10.0]])
 SEEDS = 12
-ONE_CONFIGURATION = ("configurations", "torque", "position", "reference", "position_offset_rad")
+ONE_CONFIGURATION = ("configurations", "inputs", "outputs", "reference", "output_offset")
 
 
 def campaign(law, seed):
@@ -40,8 +40,8 @@ def fitted(records, laws):
 
 def misses(solution, true):
     """Whether each spring's and damper's interval holds it, and its relative error."""
-    truth = {f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in true.springs}
-    truth |= {f"{spring.name}.damping": spring.damping_nms_rad for spring in true.springs}
+    truth = {f"{spring.name}.stiffness": spring.stiffness for spring in true.springs}
+    truth |= {f"{spring.name}.damping": spring.damping for spring in true.springs}
     at = [solution.names.index(name) for name in truth]
     values = np.array(list(truth.values()))
     held = (solution.lower[at] <= values) & (values <= solution.upper[at])

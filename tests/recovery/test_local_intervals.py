@@ -11,6 +11,7 @@ from robid.fit.options import ElasticOptions, Weights
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.multisine import time_signal
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 
 PERIOD_S, STEP_S, DELAY_S = 4.0, 1e-3, 1e-3
@@ -41,15 +42,14 @@ def make_record(estimator, seed):
     return Record(
         sampling_period_s=STEP_S,
         configurations=np.zeros((1, 1)),
-        torque=np.broadcast_to(torque[None, :, :, None], shape).copy(),
-        position=np.broadcast_to(angle[None, :, :, None], shape) + noise,
+        inputs=np.broadcast_to(torque[None, :, :, None], shape).copy(),
+        outputs=np.broadcast_to(angle[None, :, :, None], shape) + noise,
         reference=None,
-        reference_kind="",
         excited_lines=LINES,
         detection_lines=np.zeros(0, int),
-        input_names=("drive",),
-        output_names=("drive",),
-        position_offset_rad=np.zeros((1, 1)),
+        input_channels=motor_channels(("drive",), "torque"),
+        output_channels=motor_channels(("drive",), "angle"),
+        output_offset=np.zeros((1, 1)),
     )
 
 

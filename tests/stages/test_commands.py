@@ -133,7 +133,12 @@ def test_inspect_describes_an_artifact(done):
     path = str(done.runs / "estimation" / "frf.h5")
     answer = done.robid("inspect", path)
     assert answer.code == 0
-    for text in ("made by estimate-frf", "frequency_hz", "rad/s^2/(N m)", "torque_unit = N m"):
+    for text in (
+        "made by estimate-frf",
+        "frequency_hz",
+        "rad/s^2/(N m)",
+        "input_channels: motor torque of turn [N m], motor torque of lift [N m]",
+    ):
         assert text in answer.out
     found = done.robid("inspect", path, "--json").json
     assert found["provenance"]["settings"]["campaigns.estimation.estimate"]["compensation"] == "nominal"

@@ -12,6 +12,7 @@ from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
 from robid.errors import DataError
 from robid.signals.multisine import time_signal
+from robid.signals.quantities import motor_channels
 from robid.stages.chain.estimate_frf import STAGE
 
 
@@ -35,11 +36,11 @@ def periodic_record(n_sample):
     """Six motors that follow a multisine with all lines of the band."""
     record = random_record(n_sample)
     generator, lines = np.random.default_rng(4), record.excited_lines
-    shape = (2, *record.torque.shape[1:3], lines.size, 6)
+    shape = (2, *record.inputs.shape[1:3], lines.size, 6)
     spectra = generator.standard_normal(shape) * np.exp(2j * np.pi * generator.random(shape))
     torque, position = (time_signal(spectrum, lines, n_sample)[None, :, :, None] for spectrum in spectra)
-    shape = record.torque.shape
-    return replace(record, torque=np.tile(torque, (1, 1, 1, 2, 1, 1)), position=np.broadcast_to(position, shape).copy())
+    shape = record.inputs.shape
+    return replace(record, inputs=np.tile(torque, (1, 1, 1, 2, 1, 1)), outputs=np.broadcast_to(position, shape).copy())
 
 
 def run_stage(tmp_path, record, n_conf=2):
@@ -52,7 +53,7 @@ def run_stage(tmp_path, record, n_conf=2):
 
 def test_findings_are_told_and_kept(tmp_path):
     record = periodic_record(512)
-    record.position[0, 2, 3, :, :300, 1] = record.position[0, 2, 3, :, :1, 1]
+    record.outputs[0, 2, 3, :, :300, 1] = record.outputs[0, 2, 3, :, :1, 1]
     warnings, notes = run_stage(tmp_path, record)
     assert len(warnings) == 1  # both configurations are at the same angles
     assert "axis2: the motor stood still for" in warnings[0]
@@ -68,8 +69,8 @@ def test_nothing_is_told_of_a_good_record(tmp_path):
 
 def test_dropped_samples_stop_the_stage(tmp_path):
     record = periodic_record(512)
-    record.position[0, 1, 2, 1, 200:-1] = record.position[0, 1, 2, 1, 201:]
-    record.torque[0, 1, 2, 1, 200:-1] = record.torque[0, 1, 2, 1, 201:]
+    record.outputs[0, 1, 2, 1, 200:-1] = record.outputs[0, 1, 2, 1, 201:]
+    record.inputs[0, 1, 2, 1, 200:-1] = record.inputs[0, 1, 2, 1, 201:]
     with pytest.raises(DataError, match="realization 2, experiment 3: 1 sample missing in period 2 near sample 20"):
         run_stage(tmp_path, record, n_conf=1)
 
@@ -78,11 +79,16 @@ def test_angles_that_contradict_the_robot_file_are_told_and_not_kept(tmp_path):
     # A corrected robot file must not make the response stale, so nothing of this is in it.
     record, names = periodic_record(512), tuple(joint.name for joint in ROBOT.joints)
     offset = ROBOT.motor_per_arm @ CONFIGURATION
-    placed = replace(record, configurations=CONFIGURATION[None], input_names=names, output_names=names)
-    sound, _ = run_stage(tmp_path, replace(placed, position_offset_rad=offset[None]))
+    placed = replace(
+        record,
+        configurations=CONFIGURATION[None],
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(names, "angle"),
+    )
+    sound, _ = run_stage(tmp_path, replace(placed, output_offset=offset[None]))
     offset[1] += ROBOT.joints[1].motor.gear_ratio * np.deg2rad(30.0)
     (tmp_path / "frf.h5").unlink()
-    warnings, notes = run_stage(tmp_path, replace(placed, position_offset_rad=offset[None]))
+    warnings, notes = run_stage(tmp_path, replace(placed, output_offset=offset[None]))
     told = (
         "Campaign estimation: axis_2: off by the same angle in every configuration (30 deg): this points to"
         " configurations that are swapped or mislabelled."

@@ -47,10 +47,10 @@ def write_logs(folder, record, suffix, order=None, *, aligned=False):
     """Logs of a record: from a random moment on, in other units, signs and scales."""
     generator = np.random.default_rng(4)
     folder.mkdir()
-    n_conf, n_real, n_exp, n_period, n_sample = record.torque.shape[:5]
+    n_conf, n_real, n_exp, n_period, n_sample = record.inputs.shape[:5]
     for index in np.ndindex(n_conf, n_real, n_exp):
         start, end = (int(n) * (not aligned) for n in generator.integers(0, n_sample, 2))
-        torque, angle = record.torque[index], record.position[index] + record.position_offset_rad[index[0]]
+        torque, angle = record.inputs[index], record.outputs[index] + record.output_offset[index[0]]
         reference = np.broadcast_to(record.reference[index], (n_period, *record.reference[index].shape))
         columns = {
             "u1": torque[..., 0],
@@ -89,12 +89,12 @@ def test_logs_of_a_campaign_give_the_response_of_the_record_they_come_from(done,
         answer = done.robid(stage, "small.yaml", "--campaign", "estimation", "--force")
         assert answer.code == 0, answer.err
     found = read(done, "record.h5", RECORD, record_from_artifact)
-    np.testing.assert_allclose(found.torque, record.torque, atol=1e-6)
+    np.testing.assert_allclose(found.inputs, record.inputs, atol=1e-6)
     np.testing.assert_allclose(
-        np.diff(found.position, axis=4), np.diff(record.position, axis=4), atol=1e-6 * np.ptp(record.position)
+        np.diff(found.outputs, axis=4), np.diff(record.outputs, axis=4), atol=1e-6 * np.ptp(record.outputs)
     )
     played = read(done, "excitation.h5", EXCITATION, excitation_from_artifact).excitation
-    assert found.reference_kind == "speed_reference"
+    assert {channel.quantity for channel in found.reference_channels} == {"speed_reference"}
     for reference in found.reference:
         np.testing.assert_allclose(reference, played.reference, atol=1e-5)
     response = read(done, "frf.h5", FRF, frf_from_artifact).response
@@ -112,7 +112,7 @@ def test_logs_without_references_begin_where_they_are_said_to(done):
         assert answer.code == 0, answer.err
     found = read(done, "record.h5", RECORD, record_from_artifact)
     assert found.reference is None
-    np.testing.assert_allclose(found.torque, record.torque, atol=1e-6)
+    np.testing.assert_allclose(found.inputs, record.inputs, atol=1e-6)
     np.testing.assert_array_equal(found.excited_lines, record.excited_lines)
     assert found.notes[0].startswith("Imported from c{configuration}_r{realization:02d}_e{experiment}.csv, periods")
     answer = done.robid("export", "small.yaml", "--campaign", "estimation", "--format", "csv")

@@ -109,7 +109,7 @@ def test_an_unfinished_file_that_is_a_link_is_not_written_through(done):
 
 def edit(path):
     content = json.loads(path.read_text())
-    content["robot"]["springs"][0]["stiffness_nm_rad"] *= 1.001
+    content["robot"]["springs"][0]["stiffness"] *= 1.001
     path.write_text(json.dumps(content))
 
 

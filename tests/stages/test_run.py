@@ -87,8 +87,8 @@ def test_a_stated_truth_is_simulated_and_told_by_the_names_of_the_fit(shop):
     assert values["turn.motor_inertia"] == pytest.approx(1.1 * 0.002)
     shop.change("truth: {", "truth: {reversed_torque: [turn], torque_constant_factor: {lift: 0.8}, ")
     wrong, _, _ = recorded()
-    np.testing.assert_array_equal(wrong.position, right.position)
-    np.testing.assert_allclose(wrong.torque, right.torque * [-1.0, 1.25], rtol=1e-6, atol=1e-6)
+    np.testing.assert_array_equal(wrong.outputs, right.outputs)
+    np.testing.assert_allclose(wrong.inputs, right.inputs * [-1.0, 1.25], rtol=1e-6, atol=1e-6)
 
 
 def test_the_number_of_steps_is_said_and_is_what_decides(shop):
@@ -162,7 +162,7 @@ def test_fewer_experiments_than_motors_run_to_the_end(shop):
     assert answer.code in (0, 5), answer.err
     frf = frf_from_artifact(read_artifact(shop.runs / "estimation/frf.h5", FRF))
     assert np.isfinite(frf.response).all()
-    assert read_artifact(shop.runs / "estimation/record.h5", RECORD).datasets["torque"].values.shape[:3] == (2, 2, 1)
+    assert read_artifact(shop.runs / "estimation/record.h5", RECORD).datasets["inputs"].values.shape[:3] == (2, 2, 1)
 
 
 def test_too_few_silent_lines_are_a_data_error(shop):

@@ -10,7 +10,13 @@ from robid.settings.slices import to_plain
 
 PLAYED = (
     *("inject", "rms", "amplitude", "phase_iterations", "phase_starts", "crest_at", "limit_share"),
-    *("max_excursion_deg", "assumed_angle_noise_rad", "assumed_torque_noise_nm", "random_block_phases"),
+    *(
+        "max_excursion_deg",
+        "max_excursion_m",
+        "assumed_angle_noise_rad",
+        "assumed_torque_noise_nm",
+        "random_block_phases",
+    ),
 )
 ESTIMATION = {"estimation/excitation.h5", "estimation/record.h5", "estimation/frf.h5"}
 VALIDATION = {"validation/excitation.h5", "validation/record.h5", "validation/frf.h5"}

@@ -156,7 +156,7 @@ def test_the_sample_output_is_of_the_default_experiment():
         r"^  (\w+) .*? ([kM]?)N m(?: s)?/rad .*? (?:a )?([\d.]+) +([\d.]+) +[+\u2212][\d.]+ %$", re.MULTILINE
     )
     springs, dampers = README.partition("\nSprings\n")[2].partition("Equivalent")[0].split("Dampers\n")
-    for block, field in ((springs, "stiffness_nm_rad"), (dampers, "damping_nms_rad")):
+    for block, field in ((springs, "stiffness"), (dampers, "damping")):
         rows = row.findall(block)
         assert len(rows) == len([line for line in block.splitlines() if line.startswith("  ") and "..." not in line])
         for name, prefix, nominal, truth in rows:

@@ -23,6 +23,7 @@ from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
+from robid.signals.positions import readable, readable_units
 from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
 
@@ -62,7 +63,7 @@ class FittedExport:
     @property
     def units(self) -> list[str]:
         """Returns the unit of each parameter."""
-        return [with_torque_unit(unit, self.frf.torque_unit) for unit in self.solution.units]
+        return [with_torque_unit(unit, self.frf.input_unit) for unit in self.solution.units]
 
     @property
     def origin(self) -> dict[str, str]:
@@ -73,7 +74,7 @@ class FittedExport:
             "fit": self.name,
             "fitted_utc": self.date,
             "status": self.solution.status,
-            "torque_unit": self.frf.torque_unit,
+            "torque_unit": self.frf.input_unit,
             "robid_version": robid.__version__,
         }
 
@@ -119,7 +120,7 @@ def arrays(found: FittedExport, rows: list[int]) -> Content:
         "input_names": found.frf.input_names,
         "output_names": found.frf.output_names,
         "sampling_period_s": found.frf.sampling_period_s,
-        "torque_hold": found.frf.torque_hold,
+        "torque_hold": found.frf.input_hold,
         "response_axes": "configuration, frequency, output, input",
     }
 
@@ -185,10 +186,12 @@ def _steps(found: FittedExport, simulate: SimulateOptions, *, friction: bool) ->
 
 
 def _header(found: FittedExport, names: list[str], angles: FloatArray, *, friction: bool) -> str:
-    solution, unit = found.solution, found.frf.torque_unit
+    solution, unit = found.solution, found.frf.input_unit
     relied = solution.identified | solution.known_beforehand
     weak = [name for name, known in zip(solution.names, relied, strict=True) if not known]
-    shown = [np.array2string(row, precision=3, max_line_width=1000) for row in np.rad2deg(angles)]
+    units = found.frf.joint_units
+    shown = [np.array2string(row, precision=3, max_line_width=1000) for row in readable(angles, units)]
+    sides = "deg" if units is None else f"{', '.join(readable_units(units, len(units)))}"
     return "\n".join(
         [
             f"{found.loaded.robot.name}: elastic model identified by robid {robid.__version__}",
@@ -196,8 +199,9 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             "",
             f"Units: m, kg, s, rad; torque in {unit}. Controls are motor torques, motor side.",
             *([] if unit == "N m" else [f"{unit} stands for N m: inertias, springs and dampers are ratios to K_t."]),
-            "q_m_<joint> motor angle (motor side), q_a_<joint> arm angle, q_e_<spring> elastic angle (arm side);",
-            "tendons are transmissions: arm turns of the motors less q_a.",
+            "q_m_<joint> motor angle (motor side), q_a_<joint> arm position, q_e_<spring> elastic angle (arm side);",
+            "tendons are transmissions: arm motion of the motors less q_a.",
+            "A rigid joint has no q_m: its motor drives q_a.",
             "Friction and ripple, where there are any: passive actuators friction_<joint>."
             if friction
             else "Friction and ripple are left out; viscous friction is damping of q_m.",
@@ -205,7 +209,7 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             f"Not identified, do not rely on: {', '.join(weak)}"
             if weak
             else "All parameters are identified or known beforehand.",
-            "Keyframes, at rest under gravity with the holding torques; arm-side angles in deg:",
+            f"Keyframes, at rest under gravity with the holding torques; arm-side positions in {sides}:",
             *(f"  {name}: {row}" for name, row in zip(names, shown, strict=True)),
         ]
     )

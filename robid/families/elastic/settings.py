@@ -10,8 +10,9 @@ from pydantic import Field
 
 from robid.fit.names import name_problems
 from robid.fit.options import ElasticOptions
+from robid.settings.base import STRICT
 from robid.settings.experiment import Experiment
-from robid.settings.fits import STRICT, FitSettings, part
+from robid.settings.fits import FitSettings, part
 from robid.settings.limit_checks import TORQUE, missing_limits
 from robid.settings.load import LoadedExperiment
 from robid.settings.parameter_names import kinds_by_name
@@ -60,7 +61,8 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         yield (section,), problem
     for spring in robot.all_springs:
         parameter = f"{spring.name}.damping"
-        if spring.damping_nms_rad == 0 and parameter in known and parameter not in fit.fixed:
+        damping = spring.value("damping", linear=spring.is_linear(robot.joints))
+        if damping == 0 and parameter in known and parameter not in fit.fixed:
             message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
             yield ("free",), message
     if "cubic" in fit.free and robot.is_complete:

@@ -22,9 +22,9 @@ def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
     values: dict[str, float] = {}
     for spring in true.robot.springs:
         if spring.name in known:
-            values[f"{spring.name}.stiffness"] = spring.stiffness_nm_rad
-            values[f"{spring.name}.damping"] = spring.damping_nms_rad
-            values[f"{spring.name}.cubic"] = spring.cubic_nm_rad3
+            values[f"{spring.name}.stiffness"] = spring.stiffness
+            values[f"{spring.name}.damping"] = spring.damping
+            values[f"{spring.name}.cubic"] = spring.cubic
             place = zip("xyz", spring.point_m.tolist(), strict=True)
             values |= {f"{spring.name}.location_{axis}": x for axis, x in place}
     axial = axial_inertia(build_model(true.without_springs(known)))

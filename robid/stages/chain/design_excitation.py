@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 from robid.artifacts.excitation import EXCITATION
 from robid.settings.robot_parts import line_settings, log_sampling_settings, robot_settings
 from robid.stages.chain.design_configs import design_inputs
-from robid.stages.stage import Job, Plan, Stage, measured_campaigns
+from robid.stages.stage import Job, Plan, Stage, periodic_campaigns
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from robid.settings.experiment import Acquire, Campaign
+    from robid.settings.acquire import Acquire
+    from robid.settings.experiment import Campaign
     from robid.settings.load import LoadedExperiment
 
 
@@ -72,7 +73,7 @@ STAGE = Stage(
     "Designs what each motor is told to do, within the limits of every configuration.",
     "campaign",
     EXCITATION,
-    measured_campaigns,
+    periodic_campaigns,
     _plan,
     _run,
     _phrase,

@@ -15,7 +15,8 @@ from robid.simulate.options import STEP_LIMITS
 from robid.stages.stage import Job, Plan, Stage, measured_campaigns
 
 if TYPE_CHECKING:
-    from robid.settings.experiment import Acquire, Campaign
+    from robid.settings.acquire import Acquire
+    from robid.settings.experiment import Campaign
     from robid.settings.load import LoadedExperiment
 
 _BYTES_PER_SAMPLE = 4
@@ -26,7 +27,8 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     section = f"campaigns.{owner}"
     settings: dict[str, Any] = {f"{section}.periods": campaign.periods}
     settings[f"{section}.source"] = loaded.plain["campaigns"][owner]["source"]
-    record, inputs = f"{owner}/record.h5", {"excitation": f"{owner}/excitation.h5"}
+    record = f"{owner}/record.h5"
+    inputs = {} if campaign.is_one_shot else {"excitation": f"{owner}/excitation.h5"}
     if campaign.source is not None and campaign.source.acquire is not None:
         settings |= {f"{section}.{key}": getattr(campaign, key) for key in ("realizations", "experiments")}
         return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
@@ -71,7 +73,7 @@ def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) ->
 
 def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
     """Returns the number of logged experiments of each block: as many as motors unless the campaign says less."""
-    return campaign.experiments or len(acquire.inputs)
+    return 1 if acquire.one_shot else campaign.experiments or len(acquire.inputs)
 
 
 def _vouched(outputs: Sequence[Path]) -> str:

@@ -16,6 +16,7 @@ from robid.artifacts.record import RECORD, record_from_artifact, record_to_artif
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import ArtifactError
 from robid.frf.frf import Frf
+from robid.signals.quantities import Channel, motor_channels
 from robid.signals.record import Record
 from tolerances import COMPACT
 
@@ -38,19 +39,19 @@ def _record(generator: np.random.Generator, sizes: tuple[int, ...], *, with_refe
     n_conf, n_real, n_exp, n_period, n_sample, n_in, n_out = sizes
     samples = (n_conf, n_real, n_exp, n_period, n_sample)
     reference = generator.standard_normal((n_conf, n_real, n_exp, n_sample, n_in))
+    inputs = tuple(f"q{index}" for index in range(n_in))
     return Record(
         sampling_period_s=1e-3,
         configurations=generator.standard_normal((n_conf, 2)),
-        torque=300 * generator.standard_normal((*samples, n_in)),
-        position=1e-2 * generator.standard_normal((*samples, n_out)),
+        inputs=300 * generator.standard_normal((*samples, n_in)),
+        outputs=1e-2 * generator.standard_normal((*samples, n_out)),
         reference=reference if with_reference else None,
-        reference_kind="speed_reference" if with_reference else "",
+        reference_channels=motor_channels(inputs, "speed_reference") if with_reference else (),
         excited_lines=np.array([1, 3, 7]),
         detection_lines=np.array([], dtype=np.int64),
-        input_names=tuple(f"q{index}" for index in range(n_in)),
-        output_names=tuple(f"q{index}" for index in range(n_out)),
-        position_offset_rad=generator.standard_normal((n_conf, n_out)),
-        torque_unit="A",
+        input_channels=motor_channels(inputs, "current"),
+        output_channels=motor_channels(tuple(f"q{index}" for index in range(n_out)), "angle"),
+        output_offset=generator.standard_normal((n_conf, n_out)),
         notes=("first", "zweite Größe"),
     )
 
@@ -61,22 +62,48 @@ def test_a_record_comes_back(tmp_path_factory, sizes, seed, with_reference) -> N
     record = _record(np.random.default_rng(seed), sizes, with_reference=with_reference)
     write_artifact(path, record_to_artifact(record, PROVENANCE))
     found = record_from_artifact(read_artifact(path, RECORD))
-    for name in ("torque", "position", "reference"):
+    for name in ("inputs", "outputs", "reference"):
         one, other = getattr(record, name), getattr(found, name)
         if one is not None:
             np.testing.assert_allclose(other, one, rtol=0, atol=2 * COMPACT * np.max(np.abs(one)))
             assert other.dtype == np.float64
-    samples = {"torque": found.torque, "position": found.position, "reference": found.reference}
+    samples = {"inputs": found.inputs, "outputs": found.outputs, "reference": found.reference}
     _same_fields(replace(record, **samples), found)
+
+
+def test_a_record_of_one_shot_comes_back(tmp_path: Path) -> None:
+    record = _record(np.random.default_rng(1), (1, 2, 1, 1, 5, 2, 3))
+    sides = (Channel("q0", "angle", "rad"), Channel("tip", "position", "m", "tool"), Channel("q1", "speed", "rad/s"))
+    shot = replace(record, configurations=None, excited_lines=np.zeros(0, int), output_channels=sides)
+    write_artifact(tmp_path / "record.h5", record_to_artifact(shot, PROVENANCE))
+    artifact = read_artifact(tmp_path / "record.h5", RECORD)
+    assert artifact.datasets["outputs"].units == "rad; m; rad/s"
+    found = record_from_artifact(artifact)
+    assert found.is_one_shot
+    assert found.configurations is None
+    assert (found.input_channels, found.output_channels) == (shot.input_channels, sides)
+    assert found.reference_channels == shot.reference_channels
+    np.testing.assert_allclose(found.outputs, shot.outputs, rtol=0, atol=2 * COMPACT * np.max(np.abs(shot.outputs)))
+
+
+@pytest.mark.parametrize("kind", [RECORD, FRF])
+def test_files_of_schema_1_are_refused_with_what_to_do(tmp_path: Path, kind: Kind) -> None:
+    path = tmp_path / "old.h5"
+    write_artifact(path, Artifact(replace(kind, version="1.2"), {}, {}, PROVENANCE))
+    with pytest.raises(
+        ArtifactError, match=f"schema version 1.2; this robid reads 2.x of kind `{kind.name}`"
+    ) as caught:
+        read_artifact(path, kind)
+    assert f"make it again with `{kind.made_by} EXPERIMENT.yaml --force`" in caught.value.remedy
 
 
 def test_a_record_says_its_units_and_axes() -> None:
     datasets = record_to_artifact(_record(np.random.default_rng(1), (1,) * 7), PROVENANCE).datasets
     samples = ("configuration", "realization", "experiment", "period", "sample")
-    assert (datasets["torque"].units, datasets["torque"].axes) == ("A", (*samples, "input"))
-    assert (datasets["position"].units, datasets["position"].axes) == ("rad", (*samples, "output"))
+    assert (datasets["inputs"].units, datasets["inputs"].axes) == ("A", (*samples, "input"))
+    assert (datasets["outputs"].units, datasets["outputs"].axes) == ("rad", (*samples, "output"))
     assert datasets["reference"].units == "rad/s"
-    assert [name for name, dataset in datasets.items() if dataset.compact] == ["torque", "position", "reference"]
+    assert [name for name, dataset in datasets.items() if dataset.compact] == ["inputs", "outputs", "reference"]
 
 
 def _frf(generator: np.random.Generator, *, coefficients: int, covariances: bool) -> Frf:
@@ -99,8 +126,8 @@ def _frf(generator: np.random.Generator, *, coefficients: int, covariances: bool
         coefficient_relative_std=np.full(coefficients, 0.15),
         removed_torque_rms=generator.standard_normal((2, 2)),
         sampling_period_s=1e-3,
-        input_names=("a", "b"),
-        output_names=("a", "b", "load"),
+        input_channels=motor_channels(("a", "b"), "torque"),
+        output_channels=motor_channels(("a", "b", "load"), "acceleration"),
         notes=() if covariances else ("one realization",),
         realization_error=complex_values(2, 4, 3, 3, 2) if covariances else None,
     )
@@ -120,7 +147,9 @@ def test_a_frequency_response_says_its_units() -> None:
     datasets = frf_to_artifact(frf, PROVENANCE).datasets
     assert datasets["response"].units == "rad/s^2/(N m)"
     assert datasets["response"].axes == ("configuration", "frequency", "output", "input")
-    measured_in_amperes = frf_to_artifact(replace(frf, torque_unit="A"), PROVENANCE).datasets
+    measured_in_amperes = frf_to_artifact(
+        replace(frf, input_channels=motor_channels(("a", "b"), "current")), PROVENANCE
+    ).datasets
     assert measured_in_amperes["response"].units == "rad/s^2/A"
     assert measured_in_amperes["removed_torque_rms"].units == "A"
 
@@ -139,6 +168,12 @@ class Inner:
 
 
 @dataclass(frozen=True)
+class Row:
+    name: str
+    size: float
+
+
+@dataclass(frozen=True)
 class Outer:
     values: np.ndarray
     names: tuple[str, ...]
@@ -150,6 +185,7 @@ class Outer:
     kind: str = "default"
     notes: tuple[str, ...] = field(default=("none",))
     optional: np.ndarray | None = None
+    rows: tuple[Row, ...] = ()
 
 
 TABLE = {
@@ -159,13 +195,15 @@ TABLE = {
     "inner/margin": Column("rad", ("motor",)),
     "notes": Column("1", ("note",)),
     "optional": Column("1", ("parameter",)),
+    "rows": Column("1", ("row",)),
 }
 OUTER = Outer(np.ones(2), ("a", "b"), (1, 2), "converged", True, 3, Inner(2.0, np.zeros(3)), "x", ())
+ROWS = replace(OUTER, rows=(Row("a", 1.5), Row("b", 2.5)))
 
 
 @pytest.mark.parametrize(
     "value",
-    [OUTER, replace(OUTER, inner=None), replace(OUTER, inner=Inner(1.0)), replace(OUTER, optional=np.eye(2)[0])],
+    [OUTER, replace(OUTER, inner=None), replace(OUTER, inner=Inner(1.0)), replace(OUTER, optional=np.eye(2)[0]), ROWS],
 )
 def test_any_dataclass_of_plain_values_comes_back(tmp_path: Path, value: Outer) -> None:
     datasets, attributes = to_datasets(value, TABLE)

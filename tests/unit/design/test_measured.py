@@ -72,9 +72,7 @@ def test_information_is_the_inverse_covariance_of_the_optimally_weighted_fit(frf
 
 def soft(robot, factor=2.0):
     """The robot with springs that are off by a factor."""
-    return replace(
-        robot, springs=tuple(replace(each, stiffness_nm_rad=each.stiffness_nm_rad / factor) for each in robot.springs)
-    )
+    return replace(robot, springs=tuple(replace(each, stiffness=each.stiffness / factor) for each in robot.springs))
 
 
 def with_friction(frf, deviation=1e-4):
@@ -345,6 +343,6 @@ def test_what_cannot_be_designed_for_is_refused(frf):
     with pytest.raises(SettingsError, match="`fixed` names elbow, which"):
         measured_information(ROBOT, frf, DELAY_S, fixed=("elbow",))
     with pytest.raises(DataError, match="the robot's motors"):
-        measured_information(ROBOT, replace(frf, input_names=("elbow", "shoulder")), DELAY_S)
+        measured_information(ROBOT, replace(frf, input_channels=frf.input_channels[::-1]), DELAY_S)
     with pytest.raises(ValueError, match="weights"):
         measured_information(ROBOT, frf, DELAY_S, weights=np.ones((3, 25, 2, 1)))

@@ -91,6 +91,18 @@ def test_the_excursion_limit_is_a_setting():
     predict(excitation, loop, replace(OPTIONS, max_excursion_deg=1.01 * peak_deg))
 
 
+def test_the_excursion_of_a_linear_axis_has_a_limit_of_its_own():
+    excitation = design_excitation(OPTIONS, 2, 1, STEP)
+    turning = make_robot()
+    robot = replace(turning, joints=tuple(replace(joint, type="prismatic") for joint in turning.joints))
+    loop = make_loop(excitation, robot=robot)
+    options = replace(OPTIONS, max_excursion_deg=1e-9)
+    peak_m = predict(excitation, loop, options).plan.excursion_peak.max()
+    with pytest.raises(SettingsError, match=rf"arm excursion peak {peak_m:.4g} m exceeds"):
+        predict(excitation, loop, replace(options, max_excursion_m=0.99 * peak_m))
+    predict(excitation, loop, replace(options, max_excursion_m=1.01 * peak_m))
+
+
 def test_a_share_that_the_static_torque_uses_up_is_refused():
     options = replace(OPTIONS, limit_share=0.5)
     excitation = design_excitation(options, 2, 1, STEP)

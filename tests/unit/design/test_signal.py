@@ -204,7 +204,7 @@ def test_ripple_and_friction_of_the_slow_motion_stay_off_the_excited_lines(grid)
         detection_lines=excitation.detection_lines,
         periods=1,
     )
-    torque = simulate(experiment, np.zeros(1), 0).torque[0, 0, 0, 0, :, 0]
+    torque = simulate(experiment, np.zeros(1), 0).inputs[0, 0, 0, 0, :, 0]
     size = np.abs(np.fft.rfft(torque)) * 2 / len(torque)
     stirred = size[8:121:2]
     assert np.sort(stirred)[-5] > 1e-2

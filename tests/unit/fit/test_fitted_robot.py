@@ -49,7 +49,7 @@ def test_the_fitted_robot_has_the_fitted_response(fitted):
     # Without the inertias in the right place it would be off by far more.
     assert np.abs(exact_frf(nominal, CONFIGURATIONS, FREQUENCY_HZ, delay_s=delay).response / found - 1).max() > 0.05
     for spring, wanted in zip(robot.springs, true.springs, strict=True):
-        assert spring.stiffness_nm_rad == pytest.approx(wanted.stiffness_nm_rad, rel=1e-3)
+        assert spring.stiffness == pytest.approx(wanted.stiffness, rel=1e-3)
 
 
 def test_what_was_not_estimated_stays(fitted):

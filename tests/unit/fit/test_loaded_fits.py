@@ -36,7 +36,7 @@ def floor_standing():
 def stiffened(robot, *per_rad2):
     springs = list(robot.springs)
     for index, share in enumerate(per_rad2):
-        springs[index] = replace(springs[index], cubic_nm_rad3=share * springs[index].stiffness_nm_rad)
+        springs[index] = replace(springs[index], cubic=share * springs[index].stiffness)
     return replace(robot, springs=tuple(springs))
 
 
@@ -45,7 +45,7 @@ def loaded_frf(robot, torque_nm, configurations=CONFIGURATIONS):
     frf = exact_frf(robot, configurations, FREQUENCY_HZ, delay_s=DELAY_S)
     generator = np.random.default_rng(1)
     phases = np.exp(2j * np.pi * generator.uniform(size=(len(configurations), FREQUENCY_HZ.size, 2, 8)))
-    frf = replace(frf, torque_amplitude=torque_nm * phases / np.sqrt(2 * FREQUENCY_HZ.size))
+    frf = replace(frf, input_amplitude=torque_nm * phases / np.sqrt(2 * FREQUENCY_HZ.size))
     for _ in range(30):
         model = rest_model(robot, frf, ElasticOptions(), DELAY_S)
         values = nominal_parameters(robot, model, DELAY_S)
@@ -54,7 +54,7 @@ def loaded_frf(robot, torque_nm, configurations=CONFIGURATIONS):
 
 
 def relative_errors(solution, robot, kind):
-    field = {"cubic": "cubic_nm_rad3", "stiffness": "stiffness_nm_rad"}[kind]
+    field = {"cubic": "cubic", "stiffness": "stiffness"}[kind]
     return {s.name: solution.found[f"{s.name}.{kind}"] / getattr(s, field) - 1
             for s in robot.springs if f"{s.name}.{kind}" in solution.found}  # fmt: skip
 
@@ -66,7 +66,7 @@ def test_power_through_a_gear_is_that_of_its_own_spring():
     model = rest_model(robot, frf, ElasticOptions(), DELAY_S)
     values = nominal_parameters(robot, model, DELAY_S)
     bare = response(model, values, FREQUENCY_HZ, None)
-    deflection = bare.inputs[:, :, 2:4] @ frf.torque_amplitude * frf_hold()[:, None, None]
+    deflection = bare.inputs[:, :, 2:4] @ frf.input_amplitude * frf_hold()[:, None, None]
     dynamic = values.stiffness[:2] + 2j * np.pi * FREQUENCY_HZ[:, None] * values.damping[:2]
     wanted = 2 * (np.abs(dynamic[..., None] * deflection) ** 2).mean(axis=-1)
     found = spring_load(robot, frf, values)
@@ -95,7 +95,7 @@ def test_cubic_gears_come_back_from_two_amplitudes(statics):
     for kind in ("cubic", "stiffness"):
         assert max(map(abs, relative_errors(solution, true, kind).values())) < RECOVERY
     robot = fitted_robot(nominal, solution)
-    assert robot.springs[1].cubic_nm_rad3 == solution.found["gear_2.cubic"]
+    assert robot.springs[1].cubic == solution.found["gear_2.cubic"]
     fitted = fitted_model(nominal, solution, frfs[1], options, DELAY_S)
     found = fitted.problem.model_response(fitted.internal)
     np.testing.assert_allclose(found, frfs[1].response, rtol=1e-3)
@@ -134,7 +134,7 @@ def test_tied_springs_move_together_and_a_bound_holds():
     solution = fit_elastic(nominal, frf, options, DELAY_S)
     assert solution.tied_names == ("bearing_1.stiffness",)
     for spring, wanted in zip(fitted_robot(nominal, solution).springs, true.springs, strict=True):
-        assert spring.stiffness_nm_rad == pytest.approx(wanted.stiffness_nm_rad, rel=RECOVERY)
+        assert spring.stiffness == pytest.approx(wanted.stiffness, rel=RECOVERY)
     held = replace(options, bounds={"gear_1.stiffness": (1e4, 2.5e4)})
     solution = fit_elastic(nominal, frf, held, DELAY_S)
     assert solution.found["gear_1.stiffness"] == pytest.approx(2.5e4)

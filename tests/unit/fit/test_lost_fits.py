@@ -21,7 +21,7 @@ def test_a_delay_of_many_samples_costs_no_spring():
     true = with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
     frf = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=24e-3)
     found = fit_elastic(two_joint_robot(), frf, ElasticOptions(), 1e-3)
-    stiffness = [spring.stiffness_nm_rad for spring in true.springs]
+    stiffness = [spring.stiffness for spring in true.springs]
     assert found.status == "converged"
     np.testing.assert_allclose(found.estimate[:4], stiffness, rtol=RECOVERY)
     np.testing.assert_allclose(found.found["delay"], 24e-3, rtol=RECOVERY)

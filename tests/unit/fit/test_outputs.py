@@ -26,7 +26,7 @@ def test_springs_come_back_from_motors_link_encoder_tracker_and_accelerometer():
     true, solution = fitted(OUTPUTS, 0.0)
     values = dict(zip(solution.names, solution.estimate, strict=True))
     for spring in true.springs:
-        np.testing.assert_allclose(values[f"{spring.name}.stiffness"], spring.stiffness_nm_rad, rtol=RECOVERY)
+        np.testing.assert_allclose(values[f"{spring.name}.stiffness"], spring.stiffness, rtol=RECOVERY)
 
 
 def test_further_outputs_sharpen_the_estimate():

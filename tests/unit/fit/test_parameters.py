@@ -13,7 +13,7 @@ from robid.fit.options import ElasticOptions
 from robid.fit.parameters import map_parameters
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.names import element_names
+from robid.robot.parameters import element_names
 from robid.robot.response import nominal_parameters
 
 CONFIGURATIONS = np.array([[-0.3, 0.5]])
@@ -45,7 +45,7 @@ def test_tied_parameters_share_their_factor():
 
 
 def two_joint_stiffness():
-    return [spring.stiffness_nm_rad for spring in two_joint_robot().springs]
+    return [spring.stiffness for spring in two_joint_robot().springs]
 
 
 @pytest.mark.parametrize("tied", [{}, {"gear_2.cubic": "gear_1.cubic", "forearm.damping": "gear_1.damping"}])
@@ -65,8 +65,8 @@ def test_a_cubic_gear_of_scale_one_carries_twice_the_torque_at_its_limit():
     values = mapped(free=("cubic",)).parameters(np.ones(2))
     for spring, cubic, joint in zip(robot.springs[:2], values.cubic[:2], robot.joints, strict=True):
         limit = joint.motor.max_torque_nm * joint.motor.gear_ratio
-        deflection = limit / spring.stiffness_nm_rad
-        assert spring.stiffness_nm_rad * deflection + cubic * deflection**3 == pytest.approx(2 * limit)
+        deflection = limit / spring.stiffness
+        assert spring.stiffness * deflection + cubic * deflection**3 == pytest.approx(2 * limit)
 
 
 def test_bounds_are_those_of_the_internal_values():

@@ -66,7 +66,7 @@ def test_torques_that_were_not_compensated_right_do_not_mislead_the_coarse_stage
     staged = strategy._staged(strategy.coarse, np.zeros(len(problem.parameters.names)))
     found = dict(zip(problem.parameters.names, problem.parameters.values(staged.parameters), strict=True))
     for spring in robot.springs:
-        assert found[f"{spring.name}.stiffness"] == pytest.approx(spring.stiffness_nm_rad, rel=1e-2)
+        assert found[f"{spring.name}.stiffness"] == pytest.approx(spring.stiffness, rel=1e-2)
 
 
 @pytest.mark.parametrize(("names", "ways"), [

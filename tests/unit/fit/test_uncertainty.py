@@ -198,8 +198,8 @@ def test_estimated_model_error_weighs_the_wrong_element_down(exact):
     errors = {}
     for kind in ("optimal", "estimated"):
         solution = fit_elastic(nominal, frf, replace(OPTIONS, weights=Weights(kind)), 0.0)
-        truth = np.concatenate([[s.stiffness_nm_rad for s in two_joint_robot().springs],
-                                [s.damping_nms_rad for s in two_joint_robot().springs]])  # fmt: skip
+        truth = np.concatenate([[s.stiffness for s in two_joint_robot().springs],
+                                [s.damping for s in two_joint_robot().springs]])  # fmt: skip
         errors[kind] = np.abs(solution.estimate / truth - 1)
     assert np.median(errors["estimated"]) < 0.2 * np.median(errors["optimal"])
     assert solution.model_error.level[:, 1, 0] == pytest.approx(0.1, rel=0.2)

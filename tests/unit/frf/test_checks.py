@@ -15,7 +15,7 @@ NOISE = 1e-5  # of angles that move by 1e-2
 
 def stream_of(record: Record):
     """Torque and position (1, n_real, n_exp, n_time, n_channel) without the cuts between the periods."""
-    joined = (one.reshape(*one.shape[:3], -1, one.shape[-1]) for one in (record.torque, record.position))
+    joined = (one.reshape(*one.shape[:3], -1, one.shape[-1]) for one in (record.inputs, record.outputs))
     return [one.copy() for one in joined]
 
 
@@ -24,7 +24,7 @@ def cut(record: Record, streams, n_sample=N_SAMPLE, periods=2) -> Record:
     shaped = [
         one[:, :, :, : periods * n_sample].reshape(*one.shape[:3], periods, n_sample, one.shape[-1]) for one in streams
     ]
-    return replace(record, torque=shaped[0], position=shaped[1])
+    return replace(record, inputs=shaped[0], outputs=shaped[1])
 
 
 def without(stream, experiment, sample, count):
@@ -111,10 +111,10 @@ def test_jitter_is_measured(std):
 
 
 def test_saturated_torque_is_named(good):
-    torque = good.torque.copy()
+    torque = good.inputs.copy()
     limit = np.quantile(np.abs(torque[0, 2, 1, ..., 0]), 0.97)
     torque[0, 2, 1, ..., 0] = np.clip(torque[0, 2, 1, ..., 0], -limit, limit)
-    found = single(replace(good, torque=torque))
+    found = single(replace(good, inputs=torque))
     assert (found.kind, found.fatal) == ("saturation", False)
     assert found.what.startswith("first: torque saturates for 3")
     assert "realization 3, experiment 2" in found.what
@@ -122,18 +122,18 @@ def test_saturated_torque_is_named(good):
 
 @pytest.mark.parametrize("levels", [40, 400])
 def test_coarse_torque_is_not_saturated(good, levels):
-    step = np.ptp(good.torque) / levels
-    assert check_record(replace(good, torque=np.round(good.torque / step) * step)) == []
+    step = np.ptp(good.inputs) / levels
+    assert check_record(replace(good, inputs=np.round(good.inputs / step) * step)) == []
 
 
 def test_motor_that_stands_still_is_named(good):
-    position = good.position.copy()
+    position = good.outputs.copy()
     dwell = position[0, 3, 0, :, :200, 1]
     dwell[:] = dwell.mean(axis=-1, keepdims=True)
-    found = single(replace(good, position=position))
+    found = single(replace(good, outputs=position))
     assert (found.kind, found.fatal) == ("still", False)
     assert found.what.startswith("second: the motor stood still for")
     assert "realization 4, experiment 1" in found.what
     position[..., 0] = NOISE * np.random.default_rng(1).standard_normal(position.shape[:-1])
-    found = check_record(replace(good, position=position))
+    found = check_record(replace(good, outputs=position))
     assert "first: the motor did not move beyond the noise of its angle" in [one.what for one in found]

@@ -44,7 +44,7 @@ def test_nonlinearity_shows_at_lines_of_its_parity_with_its_level(kind, power, p
     assert frf.silent_level[0, ~shows].max() < 1e-2 * np.median(frf.silent_level[0, shows])
     assert (frf.silent_doubt[0, shows] < frf.silent_level[0, shows]).all()
     lines = frf.silent_lines[shows]
-    raw = np.fft.rfft(record.position[0, :, :, 0], axis=-2, norm="forward")[..., lines, :]
+    raw = np.fft.rfft(record.outputs[0, :, :, 0], axis=-2, norm="forward")[..., lines, :]
     raw = np.sqrt((np.abs(raw) ** 2).mean(axis=(0, 1))) * OMEGA[lines - 1, None] ** 2
     assert np.median(np.abs(raw / expected[shows] - 1)) > 0.25  # without the correction for feedback
 

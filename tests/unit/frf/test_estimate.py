@@ -12,6 +12,7 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.friction import TorqueLaw
 from robid.signals.multisine import multisine, time_signal
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 from tolerances import IDENTITY
 
@@ -49,21 +50,24 @@ def make_record(*, noise=0.0, realizations=4, periods=2, seed=0, response=None, 
     return Record(
         sampling_period_s=PERIOD_S / N_SAMPLE,
         configurations=np.zeros((1, motors)),
-        torque=np.broadcast_to(torque[None, :, :, None], shape).copy(),
-        position=position[None, :, :, None] + errors,
+        inputs=np.broadcast_to(torque[None, :, :, None], shape).copy(),
+        outputs=position[None, :, :, None] + errors,
         reference=None,
-        reference_kind="",
         excited_lines=LINES,
         detection_lines=np.zeros(0, int),
-        input_names=names,
-        output_names=names,
-        position_offset_rad=np.zeros((1, motors)),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(names, "angle"),
+        output_offset=np.zeros((1, motors)),
     )
 
 
 def with_reference(record, mixing=((2.0, 1.0), (-1.0, 1.5))):
     """The record with a reference that the torque follows through a constant matrix."""
-    return replace(record, reference=record.torque[:, :, :, 0] @ np.array(mixing), reference_kind="speed_reference")
+    return replace(
+        record,
+        reference=record.inputs[:, :, :, 0] @ np.array(mixing),
+        reference_channels=motor_channels(record.input_names, "speed_reference"),
+    )
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
@@ -80,7 +84,7 @@ def test_exact_data_give_the_exact_response(estimator, realizations):
 def test_drift_leaves_no_trace():
     record = make_record(periods=4)
     ramp = 0.01 * np.arange(4 * N_SAMPLE).reshape(4, N_SAMPLE, 1) / N_SAMPLE
-    frf = estimate_frf(replace(record, position=record.position + ramp), PLAIN)
+    frf = estimate_frf(replace(record, outputs=record.outputs + ramp), PLAIN)
     np.testing.assert_allclose(frf.response[0], true_response(), rtol=1e-9)
 
 
@@ -214,16 +218,16 @@ def test_pooling_is_a_mean_over_neighbours():
 
 def test_block_that_does_not_excite_every_motor_is_refused():
     record = make_record()
-    torque = record.torque.copy()
+    torque = record.inputs.copy()
     torque[..., 1] = 2 * torque[..., 0]
     with pytest.raises(DataError, match=r"do not excite every motor at .* Hz"):
-        estimate_frf(replace(record, torque=torque), PLAIN)
+        estimate_frf(replace(record, inputs=torque), PLAIN)
 
 
 def test_missing_experiment_is_refused():
     record = make_record()
     with pytest.raises(DataError, match="1 experiments per block cannot separate 2 inputs"):
-        estimate_frf(replace(record, torque=record.torque[:, :, :1], position=record.position[:, :, :1]), PLAIN)
+        estimate_frf(replace(record, inputs=record.inputs[:, :, :1], outputs=record.outputs[:, :, :1]), PLAIN)
 
 
 @pytest.mark.parametrize("estimator", ["joint", "indirect"])
@@ -238,7 +242,7 @@ def test_instrument_that_is_missing_or_excites_too_little_is_refused(estimator):
 
 
 def part_of(record, realizations=slice(None), experiments=slice(None)):
-    fields = {name: getattr(record, name)[:, realizations, experiments] for name in ("torque", "position", "reference")}
+    fields = {name: getattr(record, name)[:, realizations, experiments] for name in ("inputs", "outputs", "reference")}
     return replace(record, **fields)
 
 
@@ -255,7 +259,7 @@ def test_joint_weighs_by_the_references_power_and_indirect_does_not():
     record = make_record(realizations=2, noise=1e-3)
     gain = np.array([1.0, 30.0])[:, None, None, None, None]
     # The second realization is louder and its noise with it.
-    record = with_reference(replace(record, torque=record.torque * gain, position=record.position * gain))
+    record = with_reference(replace(record, inputs=record.inputs * gain, outputs=record.outputs * gain))
 
     def response(part, estimator):
         return estimate_frf(part, replace(PLAIN, estimator=estimator)).response[0]
@@ -265,7 +269,7 @@ def test_joint_weighs_by_the_references_power_and_indirect_does_not():
     assert np.abs(response(record, "indirect") - loud).max() > 0.2 * np.abs(quiet - loud).max()
 
 
-@pytest.mark.parametrize("channel", ["torque", "position"])
+@pytest.mark.parametrize("channel", ["inputs", "outputs"])
 def test_nan_is_refused(channel):
     record = make_record()
     samples = getattr(record, channel).copy()

@@ -10,6 +10,7 @@ from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.multisine import multisine, time_signal
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 
 STEP_S = 0.01
@@ -59,15 +60,15 @@ def as_record(torque, angle, lines, reference=None, periods=1):
     return Record(
         sampling_period_s=STEP_S,
         configurations=np.zeros((1, 2)),
-        torque=torque.reshape(shape),
-        position=angle.reshape(shape),
+        inputs=torque.reshape(shape),
+        outputs=angle.reshape(shape),
         reference=None if reference is None else reference[None, None],
-        reference_kind="" if reference is None else "torque",
+        reference_channels=() if reference is None else motor_channels(names, "torque"),
         excited_lines=lines,
         detection_lines=np.zeros(0, int),
-        input_names=names,
-        output_names=names,
-        position_offset_rad=np.zeros((1, 2)),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(names, "angle"),
+        output_offset=np.zeros((1, 2)),
     )
 
 
@@ -91,7 +92,7 @@ def random_record(n_sample, n_exp=2, seed=0, **loop):
 
 def welch_response(record, n_segment):
     """SciPy's Hann-windowed H1 of all experiments, half overlapping; frequencies and response (n_freq, 2, 2)."""
-    torque, angle = record.torque[0, 0, :, 0], record.position[0, 0, :, 0]
+    torque, angle = record.inputs[0, 0, :, 0], record.outputs[0, 0, :, 0]
 
     def cross(x, y):
         frequency, density = signal.csd(x, y, 1 / STEP_S, "hann", n_segment, axis=0, detrend=False)
@@ -178,7 +179,7 @@ def multisine_record(n_exp, *, spacing=2, noise=0.0, seed=0, realizations=1):
     record = as_record(np.tile(torque, (1, 1, 2, 1))[0], periods[0].reshape(n_exp, -1, 2), lines, torque[0], 2)
     shape = (1, realizations, n_exp, 2, n_sample, 2)
     both = np.broadcast_to(torque[:, :, None], shape[1:])[None]
-    return replace(record, torque=both, position=(periods + errors)[None], reference=torque[None])
+    return replace(record, inputs=both, outputs=(periods + errors)[None], reference=torque[None])
 
 
 @pytest.mark.parametrize(("order", "denominator"), [(2, 0), (2, 2)])
@@ -238,7 +239,7 @@ def test_scale_of_realizations_gathers_what_errs_alike_in_one():
         record = multisine_record(2, realizations=4, noise=1e-4, seed=seed)
         share = 0.01 * np.random.default_rng([7, seed]).standard_normal((4, 1, 1, 1, 1))
         own = np.array([1.0, 0.0])  # only the first motor's torque is wrong, by a factor of each realization's own
-        frf = estimate_frf(replace(record, torque=record.torque * (1 + share * own)), PERIODIC)
+        frf = estimate_frf(replace(record, inputs=record.inputs * (1 + share * own)), PERIODIC)
         found.append(frf.response[0])
         claimed.append(frf.element_variance()[0])
     spread = np.var(found, axis=0, ddof=1).mean(axis=0)

@@ -14,6 +14,7 @@ from robid.frf.silent import identify_laws, start_laws
 from robid.frf.spectra import line_amplitudes, record_blocks
 from robid.signals.friction import KINDS, TorqueLaw
 from robid.signals.multisine import multisine, time_signal
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 
 PERIOD_S, N_SAMPLE = 2.0, 2000
@@ -56,15 +57,14 @@ def make_record(laws, *further, noise=0.0, unexplained=0.0, seed=0):
     record = Record(
         sampling_period_s=SAMPLING_S,
         configurations=np.zeros((1, MOTORS)),
-        torque=np.zeros(shape),
-        position=np.broadcast_to(position[None, :, :, None], shape).copy(),
+        inputs=np.zeros(shape),
+        outputs=np.broadcast_to(position[None, :, :, None], shape).copy(),
         reference=None,
-        reference_kind="",
         excited_lines=EXCITED,
         detection_lines=np.zeros(0, int),
-        input_names=NAMES,
-        output_names=NAMES,
-        position_offset_rad=np.array([[0.3, -0.2]]),
+        input_channels=motor_channels(NAMES, "torque"),
+        output_channels=motor_channels(NAMES, "angle"),
+        output_offset=np.array([[0.3, -0.2]]),
     )
     law_torque = whole_torque(record, BAND, (laws, *further))
     linear = np.einsum("kij,rekj->reki", inverse_response(BAND), moved)
@@ -72,7 +72,7 @@ def make_record(laws, *further, noise=0.0, unexplained=0.0, seed=0):
     stray = generator.standard_normal((2, *command.shape))
     command += unexplained * (stray[0] + 1j * stray[1])
     torque = np.broadcast_to(time_signal(command, BAND, N_SAMPLE)[None, :, :, None], shape)
-    return replace(record, torque=torque + noise * generator.standard_normal(shape))
+    return replace(record, inputs=torque + noise * generator.standard_normal(shape))
 
 
 def identify(record, stated):
@@ -158,7 +158,7 @@ def level_errors(seed):
     laws, _ = identify(record, UNKNOWN)
     moved = disturbance(record_motion(record, EXCITED, DELAY_S), laws)
     error = whole_torque(record, EXCITED, true) - moved.torque
-    acceleration = record_blocks(record, EXCITED).acceleration
+    acceleration = record_blocks(record, EXCITED).outputs
     rate = 2j * np.pi * EXCITED[:, None] / PERIOD_S
     found = []
     for motor, law in enumerate(laws):
@@ -197,7 +197,7 @@ def test_a_level_that_no_motor_could_overcome_is_refused():
     record = make_record((BRISTLE, CURVE))
     start = start_laws(record, UNKNOWN, DELAY_S)
     found = identify_laws(record, start, DELAY_S)
-    torque = record.torque[0]
+    torque = record.inputs[0]
     highest = np.abs(torque - torque.mean(axis=(2, 3), keepdims=True)).max(axis=(0, 1, 2, 3))
     np.testing.assert_allclose(found.torque_peak, highest)
     combine_laws([found], start, UNKNOWN, NAMES)
@@ -210,8 +210,8 @@ def test_a_level_that_no_motor_could_overcome_is_refused():
 
 def test_experiments_that_determine_no_response_are_refused():
     record = make_record((BRISTLE, CURVE))
-    still = replace(record, position=record.position * np.array([1.0, 0.0]))
-    single = replace(record, torque=record.torque[:, :, :1], position=record.position[:, :, :1])
+    still = replace(record, outputs=record.outputs * np.array([1.0, 0.0]))
+    single = replace(record, inputs=record.inputs[:, :, :1], outputs=record.outputs[:, :, :1])
     for poor in (still, single):
         with pytest.raises(DataError, match="friction cannot be identified"):
             start_laws(poor, UNKNOWN, DELAY_S)

@@ -10,6 +10,7 @@ from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.multisine import multisine, time_signal
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 
 PERIOD_S, N_SAMPLE = 4.0, 1024
@@ -59,15 +60,15 @@ def transient_record(*, periods=2, realizations=2, dropped=0):
     return Record(
         sampling_period_s=STEP_S,
         configurations=np.zeros((1, 2)),
-        torque=torque.reshape(shape),
-        position=angle.reshape(shape),
+        inputs=torque.reshape(shape),
+        outputs=angle.reshape(shape),
         reference=reference[None],
-        reference_kind="torque",
+        reference_channels=motor_channels(names, "torque"),
         excited_lines=LINES,
         detection_lines=np.zeros(0, int),
-        input_names=names,
-        output_names=names,
-        position_offset_rad=np.zeros((1, 2)),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(names, "angle"),
+        output_offset=np.zeros((1, 2)),
     )
 
 
@@ -93,8 +94,8 @@ def test_noise_covariance_against_monte_carlo():
     runs, found, claimed = 300, [], []
     record, generator = transient_record(dropped=8, realizations=1), np.random.default_rng(1)
     for _ in range(runs):
-        noise = 1e-4 * generator.standard_normal(record.position.shape)
-        frf = estimate_frf(replace(record, position=record.position + noise), ROBUST)
+        noise = 1e-4 * generator.standard_normal(record.outputs.shape)
+        frf = estimate_frf(replace(record, outputs=record.outputs + noise), ROBUST)
         found.append(frf.response[0])
         claimed.append(frf.element_variance()[0])
     ratio = np.var(found, axis=0) / np.mean(claimed, axis=0)

@@ -10,8 +10,9 @@ from scipy.io import savemat
 
 from robid.errors import DataError, SettingsError
 from robid.logs.checks import format_lines
-from robid.logs.importing import import_log
-from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, TimeChannel
+from robid.logs.importing import import_log, import_shot, join_shots
+from robid.logs.mapping import LogMapping
+from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel, TimeChannel
 
 STEP = 1e-3
 PERIOD = 1000
@@ -36,7 +37,7 @@ def make_mapping(file):
         file=file,
         sampling_period_s=STEP,
         drop_periods=1,
-        time=TimeChannel("time", 1e-6),
+        time=TimeChannel("time", "us"),
         inputs=(InputChannel("motor", "iq", "A", torque_constant_nm_a=0.5, torque_constant_relative_std=0.02),),
         outputs=(OutputChannel("motor", "q_motor"), OutputChannel("load", "q_load", "deg", sign=-1)),
     )
@@ -74,16 +75,16 @@ def refused(folder, signals, **arguments):
 def test_a_good_log_becomes_a_record(tmp_path):
     signals = make_signals()
     record = run(tmp_path, signals)
-    assert record.torque.shape == (1, 1, 1, 4, PERIOD, 1)
-    assert record.position.shape == (1, 1, 1, 4, PERIOD, 2)
-    np.testing.assert_allclose(record.torque.ravel(), 0.5 * signals["iq"][PERIOD:], rtol=1e-12)
+    assert record.inputs.shape == (1, 1, 1, 4, PERIOD, 1)
+    assert record.outputs.shape == (1, 1, 1, 4, PERIOD, 2)
+    np.testing.assert_allclose(record.inputs.ravel(), 0.5 * signals["iq"][PERIOD:], rtol=1e-12)
     measured = np.stack([signals["q_motor"], -np.radians(signals["q_load"])], axis=1)[PERIOD:]
-    np.testing.assert_allclose(record.position_offset_rad[0], measured[0], rtol=1e-12)
-    absolute = record.position + record.position_offset_rad[:, None, None, None, None]
+    np.testing.assert_allclose(record.output_offset[0], measured[0], rtol=1e-12)
+    absolute = record.outputs + record.output_offset[:, None, None, None, None]
     np.testing.assert_allclose(absolute.reshape(-1, 2), measured, rtol=1e-12)
     assert (record.input_names, record.output_names) == (("motor",), ("motor", "load"))
     assert record.reference is None
-    assert record.torque_unit == "N m"
+    assert record.input_channels[0].unit == "N m"
     notes = " ".join(record.notes)
     assert "2 % (1 sigma)" in notes
 
@@ -92,8 +93,8 @@ def test_an_unknown_torque_constant_leaves_a_current(tmp_path):
     signals = make_signals()
     mapping = replace(make_mapping(Path()), inputs=(InputChannel("motor", "iq", "A", normalised=True, sign=-1),))
     record = run(tmp_path, signals, mapping=mapping)
-    assert record.torque_unit == "A"
-    np.testing.assert_allclose(record.torque.ravel(), -signals["iq"][PERIOD:], rtol=1e-12)
+    assert record.input_channels[0].unit == "A"
+    np.testing.assert_allclose(record.inputs.ravel(), -signals["iq"][PERIOD:], rtol=1e-12)
     assert any("only ratios to K_t" in note for note in record.notes)
 
 
@@ -108,7 +109,7 @@ def test_a_wrong_period_is_refused_and_the_real_one_proposed(tmp_path, stated, n
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.3])
 @pytest.mark.parametrize("seed", range(5))
 def test_the_right_period_is_never_refused(tmp_path, noise, seed):
-    assert run(tmp_path, make_signals(noise=noise, seed=seed)).torque.shape[3] == 4
+    assert run(tmp_path, make_signals(noise=noise, seed=seed)).inputs.shape[3] == 4
 
 
 def test_a_slow_excitation_off_by_one_sample_is_caught(tmp_path):
@@ -116,14 +117,14 @@ def test_a_slow_excitation_off_by_one_sample_is_caught(tmp_path):
     signals = make_signals(lines=lines, noise=0.01)
     message = refused(tmp_path, signals, period=PERIOD + 1, periods=3, lines=lines)
     assert f"repeats every {PERIOD} samples" in message
-    assert run(tmp_path, signals, lines=lines).torque.shape[4] == PERIOD
+    assert run(tmp_path, signals, lines=lines).inputs.shape[4] == PERIOD
 
 
 def test_a_double_period_holds_twice_the_lines(tmp_path):
     signals = make_signals(periods=8)
     message = refused(tmp_path, signals, period=2 * PERIOD, periods=3)
     assert f"repeats every {PERIOD} samples" in message
-    assert run(tmp_path, signals, period=2 * PERIOD, periods=3, lines=2 * LINES).torque.shape[3:5] == (3, 2 * PERIOD)
+    assert run(tmp_path, signals, period=2 * PERIOD, periods=3, lines=2 * LINES).inputs.shape[3:5] == (3, 2 * PERIOD)
 
 
 def test_a_period_with_a_fraction_of_a_sample_is_refused(tmp_path):
@@ -194,7 +195,7 @@ def test_too_few_periods_are_counted(tmp_path):
 
 
 def test_a_time_unit_off_by_a_thousand_is_named(tmp_path):
-    mapping = replace(make_mapping(Path()), time=TimeChannel("time", 1e-3))
+    mapping = replace(make_mapping(Path()), time=TimeChannel("time", "ms"))
     assert "time unit is off by a factor of 1000" in refused(tmp_path, make_signals(), mapping=mapping)
 
 
@@ -236,7 +237,7 @@ def test_all_problems_come_at_once(tmp_path):
     signals = make_signals()
     signals["q_motor"][10] = np.nan
     signals["q_load"][:] = 1.0
-    mapping = replace(make_mapping(Path()), time=TimeChannel("tmie", 1e-6))
+    mapping = replace(make_mapping(Path()), time=TimeChannel("tmie", "us"))
     message = refused(tmp_path, signals, mapping=mapping, period=1001, periods=3)
     assert "4 problems" in message
     for words in ("`q_motor`, sample 10", "`q_load`: It is constant", "`tmie`", "repeats every 1000 samples"):
@@ -245,12 +246,14 @@ def test_all_problems_come_at_once(tmp_path):
 
 def test_the_mapping_is_checked_before_the_file(tmp_path):
     mapping = LogMapping(
-        tmp_path / "absent.mat",
-        STEP,
-        0,
-        None,
-        (InputChannel("motor", "iq", "kA", sign=2), InputChannel("motor", "iq", "N m", torque_constant_nm_a=2)),
-        (),
+        file=tmp_path / "absent.mat",
+        sampling_period_s=STEP,
+        inputs=(
+            InputChannel("motor", "iq", "kA"),
+            InputChannel("motor", "iq", "N m", sign=2),
+            InputChannel("motor", "iq", "N m", torque_constant_nm_a=2),
+        ),
+        outputs=(),
     )
     with pytest.raises(SettingsError) as caught:
         import_log(
@@ -309,6 +312,76 @@ def test_a_truncated_file_is_refused(tmp_path):
         )
 
 
+def shot_of(file, **changes):
+    mapping = LogMapping(
+        file=file,
+        sampling_period_s=STEP,
+        time=TimeChannel("time", "us"),
+        inputs=(InputChannel("motor", "iq", "mA", torque_constant_nm_a=0.5),),
+        outputs=(
+            OutputChannel("motor", "count", "counts", counts_per_turn=8192),
+            OutputChannel("motor.tacho", "speed", "rpm"),
+            OutputChannel("slide", "stage", "mm", side="tool"),
+        ),
+        references=(ReferenceChannel("motor", "told", "deg"),),
+        one_shot=True,
+    )
+    return import_shot(replace(mapping, **changes))
+
+
+def write_shot(file, n_sample=700):
+    time = np.arange(n_sample) * STEP
+    angle = 2.0 + time**2
+    columns = {
+        "time": np.round(1e6 * time),
+        "iq": 1e3 * np.cos(time),
+        "count": 8192 * angle / (2 * np.pi),
+        "speed": 2 * time * 30 / np.pi,
+        "stage": 1e3 * 0.3 * angle,
+        "told": np.degrees(angle + 0.1),
+    }
+    savemat(file, {name: values[:, None] for name, values in columns.items()})
+    return time, angle
+
+
+def test_one_shot_is_read_whole_in_si_units(tmp_path):
+    time, angle = write_shot(tmp_path / "log.mat")
+    record = shot_of(tmp_path / "log.mat")
+    assert record.is_one_shot
+    assert record.configurations is None
+    assert record.inputs.shape == (1, 1, 1, 1, 700, 1)
+    np.testing.assert_allclose(record.inputs[0, 0, 0, 0, :, 0], 0.5 * np.cos(time), rtol=1e-12)
+    absolute = (record.outputs + record.output_offset)[0, 0, 0, 0]
+    np.testing.assert_allclose(absolute, np.stack([angle, 2 * time, 0.3 * angle], axis=1), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(record.reference[0, 0, 0, :, 0], angle + 0.1, rtol=1e-12)
+    assert [str(one.quantity) for one in record.output_channels] == ["angle", "speed", "position"]
+    assert [(one.quantity, one.unit) for one in record.reference_channels] == [("position_command", "rad")]
+    assert record.output_channels[2].side == "tool"
+
+
+def test_repeated_shots_are_realizations_cut_to_the_shortest(tmp_path):
+    records = []
+    for index, length in enumerate((700, 640)):
+        write_shot(tmp_path / f"{index}.mat", length)
+        records.append(shot_of(tmp_path / f"{index}.mat"))
+    joined = join_shots(records)
+    assert joined.inputs.shape == (1, 2, 1, 1, 640, 1)
+    assert joined.reference.shape == (1, 2, 1, 640, 1)
+    assert joined.notes[-1] == "The shots have 640 to 700 samples; all were cut to the shortest."
+    np.testing.assert_allclose(joined.outputs[0, 0], joined.outputs[0, 1], atol=1e-12)
+    assert join_shots(records[:1] * 2).notes == records[0].notes
+
+
+def test_a_shot_is_checked_as_other_logs_are(tmp_path):
+    write_shot(tmp_path / "log.mat")
+    with pytest.raises(DataError, match=r"a sampling period of 0\.002 s was stated"):
+        shot_of(tmp_path / "log.mat", sampling_period_s=2e-3)
+    with pytest.raises(SettingsError, match="counts need either"):
+        shot_of(tmp_path / "log.mat", outputs=(OutputChannel("motor", "count", "counts"),))
+    with pytest.raises(DataError, match="no such variable"):
+        shot_of(tmp_path / "log.mat", outputs=(OutputChannel("motor", "angle"),))
+
+
 def test_lines_are_written_as_runs():
     assert format_lines(np.array([11, 12, 13, 20, 22, 24, 50])) == "11-13, 20-24 by 2, 50"
     assert format_lines(np.array([], int)) == ""
@@ -320,7 +393,7 @@ def motor_bench(data_folder):
         file=data_folder("motor_bench") / "MultisineTypeA.mat",
         sampling_period_s=4e-4,
         drop_periods=1,
-        time=TimeChannel("time", 1e-6),
+        time=TimeChannel("time", "us"),
         inputs=(InputChannel("motor", "iq_adx", "A", normalised=True),),
         outputs=(OutputChannel("motor", "theta_mx"), OutputChannel("load", "theta_my", sign=-1)),
     )
@@ -338,9 +411,9 @@ def import_bench(mapping, samples_per_period=2500, periods=19):
 
 def test_the_motor_bench_is_imported(motor_bench):
     record = import_bench(motor_bench)
-    assert record.torque.shape == (1, 1, 1, 19, 2500, 1)
-    assert record.torque_unit == "A"
-    spectrum = np.fft.rfft(record.position.mean(axis=3)[0, 0, 0], axis=0)[11:251]
+    assert record.inputs.shape == (1, 1, 1, 19, 2500, 1)
+    assert record.input_channels[0].unit == "A"
+    spectrum = np.fft.rfft(record.outputs.mean(axis=3)[0, 0, 0], axis=0)[11:251]
     ratio = spectrum[:, 1] / spectrum[:, 0]
     assert np.abs(np.angle(ratio[:20])).max() < 0.2
     np.testing.assert_allclose(np.abs(ratio[:5]), 1 / (1 - (np.arange(11, 16) / 53.97) ** 2), rtol=0.05)

@@ -8,8 +8,9 @@ from scipy.io import savemat
 
 from robid.errors import DataError
 from robid.logs.importing import import_log, join_experiments
-from robid.logs.mapping import InputChannel, LogMapping, OutputChannel, ReferenceChannel
+from robid.logs.mapping import LogMapping
 from robid.logs.match import Played, correlation, find_periods
+from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
 from robid.signals.multisine import multisine, time_signal
 
 N_SAMPLE, LINES, NAMES = 500, np.arange(5, 61, 2), ("turn", "lift")
@@ -72,9 +73,9 @@ def test_whole_periods_are_cut_where_the_excitation_begins(tmp_path, before, lea
     record = bring(tmp_path, log, take=take)
     begin = before + lead + (2 if take == "last" else 1) * N_SAMPLE
     wanted = log["u"][begin : begin + 2 * N_SAMPLE].reshape(2, N_SAMPLE, 2)
-    np.testing.assert_array_equal(record.torque[0, 0, 0], wanted)
+    np.testing.assert_array_equal(record.inputs[0, 0, 0], wanted)
     np.testing.assert_array_equal(record.reference[0, 0, 0], designed()[1, 0])
-    assert record.reference_kind == "speed_reference"
+    assert [channel.quantity for channel in record.reference_channels] == 2 * ["speed_reference"]
 
 
 def test_the_correlation_is_that_of_each_stretch():
@@ -162,7 +163,7 @@ def test_lost_samples_are_located(tmp_path):
     log = {key: np.delete(values, slice(1600, 1630), axis=0) for key, values in log.items()}
     message = refused(tmp_path, log, periods=3)
     assert "from sample 0 to 1500, 3 whole periods, fewer than the 4" in message or "repeats" in message
-    assert bring(tmp_path, log, periods=2).torque.shape[3] == 2
+    assert bring(tmp_path, log, periods=2).inputs.shape[3] == 2
 
 
 def test_a_clock_that_is_off_by_a_sample_per_period_is_measured(tmp_path):
@@ -191,7 +192,7 @@ def test_experiments_are_joined_realization_by_realization(tmp_path):
     reference = designed()
     parts = [bring(tmp_path, log_of(reference[at]), at=at) for at in np.ndindex(2, 2)]
     joined = join_experiments(parts, 2)
-    assert joined.torque.shape == (1, 2, 2, 2, N_SAMPLE, 2)
+    assert joined.inputs.shape == (1, 2, 2, 2, N_SAMPLE, 2)
     np.testing.assert_array_equal(joined.reference[0], reference)
-    absolute = [(part.position + part.position_offset_rad)[0, 0, 0] for part in parts]
-    np.testing.assert_allclose((joined.position + joined.position_offset_rad)[0, 1, 0], absolute[2], atol=1e-12)
+    absolute = [(part.outputs + part.output_offset)[0, 0, 0] for part in parts]
+    np.testing.assert_allclose((joined.outputs + joined.output_offset)[0, 1, 0], absolute[2], atol=1e-12)

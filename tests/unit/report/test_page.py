@@ -116,7 +116,7 @@ def test_every_row_is_on_the_page(arm_page, arm):
         assert stage.artifact in text
         assert stage.content_hash in text
     for configuration in arm.configurations:
-        for angle in np.rad2deg(configuration.angles_rad):
+        for angle in np.rad2deg(configuration.positions):
             assert f"{angle:.1f}".replace("-", "\N{MINUS SIGN}") in text
     for words in (
         *arm.robot_notes,

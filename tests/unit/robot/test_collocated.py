@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot
-from robid.robot.collocated import KINDS, Collocated, is_collocated
+from robid.robot.collocated import Collocated, is_collocated
 from robid.robot.derivatives import jacobian
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
+from robid.robot.parameters import DIRECT
 from robid.robot.response import nominal_parameters, response
 from tolerances import IDENTITY
 
@@ -34,7 +35,7 @@ def moved_parameters(robot, model, seed):
 
 
 @pytest.mark.parametrize("period_s", [None, 1e-3])
-@pytest.mark.parametrize("kinds", [KINDS, ("stiffness", "damping")])
+@pytest.mark.parametrize("kinds", [DIRECT, ("stiffness", "damping")])
 @pytest.mark.parametrize("robot", [two_joint_robot(), springs_everywhere()], ids=["few springs", "many springs"])
 def test_response_and_derivatives_are_the_general_ones(robot, kinds, period_s):
     model = linear_of(robot)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot
+from exact_systems import arm_on_rail, two_joint_robot, without_spring
 from robid.robot.description import Friction
 from robid.robot.export import to_mjcf
 from robid.robot.linearize import solve_statics
@@ -37,7 +37,7 @@ FIELDS = [
 def full_robot():
     """Every number with many digits, cubic springs, friction and ripple with a phase."""
     robot = two_joint_robot()
-    springs = tuple(replace(s, stiffness_nm_rad=s.stiffness_nm_rad / 3, cubic_nm_rad3=1e6 / 7) for s in robot.springs)
+    springs = tuple(replace(s, stiffness=s.stiffness / 3, cubic=1e6 / 7) for s in robot.springs)
     joints = tuple(
         replace(joint, motor=replace(joint.motor, friction=friction, ripple_nm=0.1 / 3, ripple_phase_rad=phase))
         for joint, friction, phase in zip(
@@ -60,6 +60,17 @@ def test_numbers_keep_twelve_digits(written, field):
     found = getattr(mujoco.MjModel.from_xml_string(text), field)
     wanted = {"key_qpos": rest.position, "key_ctrl": rest.motor_torque}.get(field, getattr(model.mujoco, field, None))
     np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-12 * np.abs(wanted).max(initial=0.0))
+
+
+@pytest.mark.parametrize("field", ["dof_armature", "dof_damping", "actuator_gear", "jnt_type", "jnt_axis", "wrap_prm"])
+def test_numbers_of_rigid_and_sliding_joints_keep_twelve_digits(field):
+    robot = without_spring(arm_on_rail(), "gear_rail")
+    motor = replace(robot.joints[0].motor, inertia_kgm2=2e-3 / 7, gear_ratio=-2000 / 3)
+    robot = replace(robot, joints=(replace(robot.joints[0], motor=motor), *robot.joints[1:]))
+    model = build_model(robot)
+    rest = solve_statics(model, np.array([[0.5, 0.4, -0.9]]))
+    found = mujoco.MjModel.from_xml_string(to_mjcf(model, rest, ("rest",), ""))
+    np.testing.assert_allclose(getattr(found, field), getattr(model.mujoco, field), rtol=1e-11)
 
 
 def test_orientations_and_options(written):

@@ -102,8 +102,8 @@ def test_an_awkward_file_keeps_inertia_and_gravity_at_every_angle(tmp_path):
         np.testing.assert_allclose(mass, wanted_mass, rtol=1e-10)
         np.testing.assert_allclose(gravity, wanted_gravity, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(sum(joint.link.mass_kg for joint in chain), 6 + 1.5 + 3 + 0.8 + 0.2)
-    assert chain[0].range_rad == (-2, 2)
-    assert chain[1].range_rad is None
+    assert chain[0].range == (-2, 2)
+    assert chain[1].range is None
 
 
 def test_the_tool_frame_is_where_the_file_has_it(tmp_path):
@@ -132,7 +132,7 @@ def test_what_cannot_stay_is_listed_and_limits_are_kept(tmp_path):
         "2 shapes and their contacts left out",
     ):
         assert f"robot.xml: {words}" in told
-    assert model.torque_nm == {"turn": 100.0}
+    assert model.torque == {"turn": 100.0}
     assert not model.compiled.dof_damping.any()
     assert not model.compiled.dof_armature.any()
     assert not model.compiled.dof_frictionloss.any()
@@ -164,7 +164,7 @@ def test_a_urdf_takes_no_mass_from_its_shapes(tmp_path):
     model = read_model(write(tmp_path, text, "r.urdf"))
     assert model.massless == {"a": "arm"}
     assert model.fixed == ("weld",)
-    assert (model.speed_rad_s, model.torque_nm) == ({"a": 2.0}, {"a": 30.0})
+    assert (model.speed, model.torque) == ({"a": 2.0}, {"a": 30.0})
 
 
 @pytest.mark.parametrize("text", ["no xml", "<mujoco><worldbody><body/><oops/></worldbody></mujoco>"])

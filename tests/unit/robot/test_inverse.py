@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot, two_mass_robot
+from exact_systems import two_joint_robot, two_mass_robot, without_spring
 from robid.errors import DataError
 from robid.robot.inverse import inverse_motion
 from robid.robot.linearize import solve_statics
@@ -29,12 +29,35 @@ def bump(width=0.06):
 
 def drive(damping=0.0, cubic=0.0):
     robot = two_mass_robot(MOTOR, LOAD, STIFFNESS, damping, RATIO, VISCOUS)
-    return replace(robot, springs=(replace(robot.springs[0], cubic_nm_rad3=cubic),))
+    return replace(robot, springs=(replace(robot.springs[0], cubic=cubic),))
 
 
 def invert(robot, motion, configuration, stride=1):
     model = build_model(with_tool_point(robot, POINT))
     return inverse_motion(model, solve_statics(model, configuration[None]), motion, STEP, stride)
+
+
+def test_a_rigid_drive_is_the_closed_form():
+    rigid = without_spring(drive(), "coupling")
+    arm, speed, acceleration = bump()[:3]
+    found = invert(rigid, bump()[:3, :, None], np.zeros(1))
+    np.testing.assert_allclose(found.angle[:, 0], RATIO * arm, atol=1e-9)
+    torque = (LOAD / RATIO + MOTOR * RATIO) * acceleration + VISCOUS * RATIO * speed
+    np.testing.assert_allclose(found.torque[:, 0], torque, atol=1e-4 * np.abs(torque).max())
+
+
+def test_a_rigid_joint_is_the_limit_of_a_stiff_one():
+    elastic, at = two_joint_robot(), np.array([0.4, -0.9])
+    motion = bump()[:3, :, None] * np.array([1.0, -0.5])
+    wanted, errors = invert(without_spring(elastic, "gear_2"), motion, at, 10), []
+    for factor in (1e3, 1e4):
+        springs = tuple(
+            replace(s, stiffness=factor * s.stiffness) if s.name == "gear_2" else s for s in elastic.springs
+        )
+        found = invert(replace(elastic, springs=springs), motion, at, 10)
+        errors.append(np.abs(found.torque - wanted.torque).max() / np.abs(wanted.torque).max())
+    assert errors[0] < 1e-2
+    np.testing.assert_allclose(np.log10(errors[1] / errors[0]), -1.0, atol=0.1)
 
 
 @pytest.mark.parametrize("stride", [1, 10])

@@ -40,7 +40,7 @@ def test_first_locked_motor_mode_lies_between_5_and_12_hz(loaded):
     robot, configurations = default_configurations(loaded)
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, configurations))
-    stiffness = np.diag([spring.stiffness_nm_rad for spring in robot.springs])
+    stiffness = np.diag([spring.stiffness for spring in robot.springs])
     links = np.einsum("l,clij->cij", linear.axial, linear.link_inertia)
     for mass, gravity in zip((linear.mass + links)[:, 6:, 6:], linear.gravity_stiffness[:, 6:, 6:], strict=True):
         lowest = np.sqrt(eigh(gravity + stiffness, mass, eigvals_only=True)[0]) / (2 * np.pi)

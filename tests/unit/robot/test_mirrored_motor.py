@@ -82,9 +82,9 @@ def simulated(robot):
 
 def test_a_simulation_with_friction_and_ripple_is_mirrored():
     record, turned = simulated(two_joint_robot()), simulated(mirrored(two_joint_robot()))
-    np.testing.assert_allclose(turned.torque, SIGNS * record.torque, atol=1e-6 * np.abs(record.torque).max())
+    np.testing.assert_allclose(turned.inputs, SIGNS * record.inputs, atol=1e-6 * np.abs(record.inputs).max())
     signs = np.concatenate([SIGNS, [1, 1]])
-    np.testing.assert_allclose(turned.position, signs * record.position, atol=1e-6 * np.abs(record.position).max())
+    np.testing.assert_allclose(turned.outputs, signs * record.outputs, atol=1e-6 * np.abs(record.outputs).max())
 
 
 def test_an_exported_model_turns_its_motor_the_other_way():

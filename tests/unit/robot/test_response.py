@@ -51,7 +51,7 @@ def test_every_spring_and_damper_changes_the_response(name):
     model = linear_model(robot, at)
     nominal = nominal_parameters(robot, model, 0.0)
     before = response(model, nominal, FREQUENCY_HZ, None).sampled
-    for field in ("stiffness_nm_rad", "damping_nms_rad"):
+    for field in ("stiffness", "damping"):
         springs = tuple(
             replace(spring, **{field: 1.1 * getattr(spring, field)}) if spring.name == name else spring
             for spring in robot.springs

@@ -25,7 +25,7 @@ PERIOD_S = 1e-3
 def stiffening(robot, per_rad2=300.0):
     """The robot with cubic gears; it deflects some ten milliradians under gravity."""
     springs = tuple(
-        replace(spring, cubic_nm_rad3=per_rad2 * spring.stiffness_nm_rad) if spring.place == "transmission" else spring
+        replace(spring, cubic=per_rad2 * spring.stiffness) if spring.place == "transmission" else spring
         for spring in robot.springs
     )
     return replace(robot, springs=springs)
@@ -55,7 +55,7 @@ def changed(robot, kind, index, by):
     if kind == "location":
         spring = robot.springs[index // 3]
         return with_springs_at(robot, {spring.name: spring.point_m + by * np.eye(3)[index % 3]})
-    field = {"stiffness": "stiffness_nm_rad", "damping": "damping_nms_rad", "cubic": "cubic_nm_rad3"}[kind]
+    field = {"stiffness": "stiffness", "damping": "damping", "cubic": "cubic"}[kind]
     springs = list(robot.springs)
     springs[index] = replace(springs[index], **{field: getattr(springs[index], field) + by})
     return replace(robot, springs=tuple(springs))
@@ -65,8 +65,8 @@ def step_of(robot, kind, index):
     if kind == "location":
         return 4e-4
     spring = robot.springs[index]
-    size = {"stiffness": spring.stiffness_nm_rad, "damping": spring.damping_nms_rad, "cubic": spring.cubic_nm_rad3}
-    return 1e-3 * size[kind] or 15.0 * spring.stiffness_nm_rad
+    size = {"stiffness": spring.stiffness, "damping": spring.damping, "cubic": spring.cubic}
+    return 1e-3 * size[kind] or 15.0 * spring.stiffness
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -56,7 +56,7 @@ def exact(robot, law, torque=1.5, omega=20.0):
 
     def slope(_time, state, held):
         angle, arm, speed, arm_speed = state
-        twist = spring.stiffness_nm_rad * (angle - arm) + spring.damping_nms_rad * (speed - arm_speed)
+        twist = spring.stiffness * (angle - arm) + spring.damping * (speed - arm_speed)
         friction = static_friction(motor.friction, law, speed) + motor.friction.viscous_nms_rad * speed
         return [speed, arm_speed, (held - twist - friction) / motor.inertia_kgm2, twist / load]
 

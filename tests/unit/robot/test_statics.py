@@ -15,7 +15,7 @@ CONFIGURATIONS = np.array([[0.0, 0.0], [-0.7, 1.1], [1.2, -0.4]])
 
 
 def stiffening(robot):
-    return replace(robot, springs=tuple(replace(spring, cubic_nm_rad3=3e7) for spring in robot.springs))
+    return replace(robot, springs=tuple(replace(spring, cubic=3e7) for spring in robot.springs))
 
 
 @pytest.mark.parametrize("rotor", ["spong", "on_link"])
@@ -46,7 +46,7 @@ def test_arm_sags_below_what_the_encoders_show():
     whole = robot.joints[1].link
     moment = 9.81 * (whole.mass_kg * whole.com_m[0] + robot.payload.mass_kg * robot.payload.com_m[0])
     np.testing.assert_allclose(rest.motor_torque[0, 1] * 100.0, moment, rtol=5e-3)
-    np.testing.assert_allclose(rest.deflection[0, 1] * robot.springs[1].stiffness_nm_rad, moment, rtol=5e-3)
+    np.testing.assert_allclose(rest.deflection[0, 1] * robot.springs[1].stiffness, moment, rtol=5e-3)
 
 
 def test_coupled_encoders_show_the_arm_angles_of_stiff_gears():
@@ -73,7 +73,7 @@ def test_held_robot_with_springs_everywhere_does_not_accelerate():
 
 def test_softer_springs_sag_in_proportion():
     model = build_model(with_spring_factors(two_joint_robot(), 1e3))
-    nominal = np.array([1e3 * spring.stiffness_nm_rad for spring in two_joint_robot().springs])
+    nominal = np.array([1e3 * spring.stiffness for spring in two_joint_robot().springs])
     stiff = solve_statics(model, CONFIGURATIONS).deflection
     soft = solve_statics(model, CONFIGURATIONS, nominal / 2).deflection
     np.testing.assert_allclose(soft, 2 * stiff, rtol=1e-3, atol=1e-9)

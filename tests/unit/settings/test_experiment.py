@@ -7,7 +7,8 @@ from robid.design.options import DesignOptions
 from robid.families.elastic.settings import ElasticFit
 from robid.families.files import load_experiment
 from robid.fit.options import ElasticOptions, Weights
-from robid.settings.experiment import Acquire, Configurations, Design, Execution
+from robid.settings.acquire import Acquire
+from robid.settings.experiment import Configurations, Design, Execution
 from robid.settings.slices import settings_hash, settings_slice, to_plain
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -16,7 +17,7 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 def _log(file: str) -> Acquire:
     channel = {"name": "one", "variable": "x"}
     data = {"file": file, "format": "mat", "sampling_period_s": 1, "inputs": [channel], "outputs": [channel]}
-    return Acquire.model_validate(data)
+    return TypeAdapter(Acquire).validate_python(data)
 
 
 def test_fits_and_designs_give_the_plain_options_they_were_written_with():

@@ -71,8 +71,8 @@ def test_limits_come_from_the_model_unless_the_file_has_its_own(tmp_path):
         data["joints"][1]["motor"]["max_torque_nm"] = 3
 
     first, second = load_robot(written(tmp_path, change)).to_robot().joints
-    np.testing.assert_allclose([first.lower_rad, first.upper_rad], [-1.5, 1.5])
-    np.testing.assert_allclose([second.lower_rad, second.upper_rad], np.deg2rad([-20, 30]))
+    np.testing.assert_allclose([first.lower, first.upper], [-1.5, 1.5])
+    np.testing.assert_allclose([second.lower, second.upper], np.deg2rad([-20, 30]))
     np.testing.assert_allclose([first.motor.max_speed_rad_s, first.motor.max_torque_nm], [300, 2])
     np.testing.assert_allclose([second.motor.max_speed_rad_s, second.motor.max_torque_nm], [300, 3])
 
@@ -131,7 +131,7 @@ def test_gears_are_springs_named_after_their_joint(tmp_path):
 
     robot = load_robot(written(tmp_path, change)).to_robot()
     assert [spring.name for spring in robot.springs] == ["gear_lift", "gear_swing"]
-    assert robot.springs[0].stiffness_nm_rad == 2e4
+    assert robot.springs[0].stiffness == 2e4
     assert robot.assumed == ("gear_lift.damping_nms_rad",)
 
 

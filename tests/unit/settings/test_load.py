@@ -305,6 +305,13 @@ def test_what_cannot_work_together_is_told(tmp_path, old, new, field, words):
         (REFERENCES, REFERENCES.replace("one, v", "six, v"), "references", "named in this order: one, two"),
         ("{name: two, variable: u2}", "{name: three, variable: u2}", "inputs", "named in this order: one, two"),
         ("name: two.arm", "name: to.arm", "outputs[1].name", "did you mean `two.arm`?"),
+        ("name: two.arm", "name: two.amr", "outputs[1].name", "did you mean `two.arm`?"),
+        ("name: two.arm", "side: tool, name: two.arm", "outputs[1].side", "is the arm side of `two`"),
+        ("name: two.arm", "quantity: torque, name: two.arm", "outputs[1]", "is no unit of a torque"),
+        ("name: two.arm", "unit: counts, name: two.arm", "outputs[1]", "`counts_per_turn` or `resolution_m`"),
+        ("name: two.arm", "counts_per_turn: 0, name: two.arm", "outputs[1].counts_per_turn", "greater than 0"),
+        ("name: two.arm", "unit: kg, name: two.arm", "outputs[1].unit", "'rpm'"),
+        ("name: two.arm", "one_shot: true, name: two.arm", "outputs[1].one_shot", "unknown key"),
         ("name: two.arm", "name: one", "outputs[1].name", "there twice"),
         ("variable: u1", "variable: u1, unit: A", "inputs[0]", "needs `torque_constant_nm_a`"),
         ("variable: u1", "variable: u1, normalised: true", "inputs[0]", "neither"),
@@ -320,6 +327,15 @@ def test_wrong_logs_are_told(tmp_path, old, new, field, words):
     place = f"campaigns.fresh.source.acquire.{field}" if field else "campaigns.fresh.excitation"
     told = [text for text in _refused(_write(tmp_path, _replaced(experiment, old, new))) if f": {place}: " in text]
     assert any(words in text for text in told)
+
+
+def test_other_quantities_may_be_logged(tmp_path):
+    experiment = _replaced(EXPERIMENT, "{list_deg: [[10, 20], [-80, 40]]}", "{list_deg: [[10, 20]]}")
+    experiment = _replaced(_replaced(experiment, "source: *source\n", LOG), ", validate_on: fresh", "")
+    further = "{name: two.tacho, variable: w, unit: rpm}, {name: X, variable: x, unit: mm, side: tool}, {name: two.arm"
+    loaded = load_experiment(_write(tmp_path, _replaced(experiment, "{name: two.arm", further)))
+    acquire = loaded.experiment.campaigns["fresh"].source.acquire
+    assert [one.channel.quantity for one in acquire.outputs] == ["angle", "speed", "position", "angle"]
 
 
 def test_references_need_the_controller_and_its_sampling_period(tmp_path):

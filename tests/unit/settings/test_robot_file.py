@@ -173,10 +173,10 @@ def test_values_arrive_in_their_units():
     robot = load_robot(CONFIGS / "robots" / "kr300.yaml").to_robot()
     assert len(robot.joints) == 6
     assert len(robot.springs) == 13
-    np.testing.assert_allclose([robot.joints[0].lower_rad, robot.joints[0].upper_rad], np.deg2rad([-147, 147]))
+    np.testing.assert_allclose([robot.joints[0].lower, robot.joints[0].upper], np.deg2rad([-147, 147]))
     assert robot.joints[0].motor.friction.coulomb_nm == 0.73192436
     assert robot.joints[0].motor.inertia_relative_std == 0.05
-    assert robot.springs[0].stiffness_nm_rad == 4577800
+    assert robot.springs[0].stiffness == 4577800
     assert robot.notes
 
 
@@ -353,7 +353,7 @@ def test_gravity_on_the_motors_of_the_puma():
     """Virtual work on the textbook's chain, through gears whose springs are almost rigid."""
     file = load_robot(CONFIGS / "robots" / "puma560.yaml")
     robot = file.to_robot()
-    stiff = tuple(replace(spring, stiffness_nm_rad=1e5 * spring.stiffness_nm_rad) for spring in robot.springs)
+    stiff = tuple(replace(spring, stiffness=1e5 * spring.stiffness) for spring in robot.springs)
     angles = np.deg2rad([20.0, 40.0, 70.0, 30.0, -50.0, 10.0])
 
     def energy(angles):

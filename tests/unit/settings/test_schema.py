@@ -37,5 +37,7 @@ def test_constraints_and_file_names_of_fields_reach_the_schema():
     assert schema["MultisineOptions"]["properties"]["period_s"]["exclusiveMinimum"] == 0
     assert schema["ElasticFit"]["properties"]["confidence"]["exclusiveMaximum"] == 1
     assert "from" in schema["ElasticFit"]["required"]
-    assert {"from", "list_deg", "random", "grid_deg", "mirror", "join"} == set(schema["Configurations"]["properties"])
+    assert {"from", "list_deg", "list", "random", "grid_deg", "grid", "mirror", "join"} == set(
+        schema["Configurations"]["properties"]
+    )
     assert schema["Configurations"]["maxProperties"] == 1

@@ -81,7 +81,7 @@ def test_kr300_in_closed_loop_is_the_analytic_response():
 def test_springs_everywhere_in_closed_loop_are_the_analytic_response():
     run = experiment(springs_everywhere(), rms=2.0, transient_periods=3)
     record = simulate(run, CONFIGURATION, 0)
-    np.testing.assert_allclose(record.position_offset_rad[0] @ run.robot.arm_per_motor.T, CONFIGURATION)
+    np.testing.assert_allclose(record.output_offset[0] @ run.robot.arm_per_motor.T, CONFIGURATION)
     frf = estimate_frf(record, PLAIN)
     exact = analytic(run.robot, CONFIGURATION, frf.frequency_hz, run.controller)
     assert np.median(np.abs(diagonal(frf.response) / diagonal(exact) - 1)) < 1e-5
@@ -93,7 +93,13 @@ def test_sensors_in_closed_loop_are_the_analytic_response(steps):
     run = experiment(sensed_everywhere(), rms=0.5, transient_periods=3, steps_per_sample=steps)
     record = simulate(replace(run, outputs=outputs), CONFIGURATION, 0)
     assert record.output_names == ("shoulder", "elbow", *outputs)
-    assert record.accelerations == ("felt",)
+    assert [(one.quantity, one.unit, one.side) for one in record.output_channels] == [
+        ("angle", "rad", "motor"),
+        ("angle", "rad", "motor"),
+        ("angle", "rad", "arm"),
+        ("position", "m", "tool"),
+        ("acceleration", "m/s^2", "tool"),
+    ]
     frf = estimate_frf(record, PLAIN)
     exact = analytic(run.robot, CONFIGURATION, frf.frequency_hz, run.controller, record.output_names)
     error = np.abs(frf.response / exact - 1)[0].max(axis=-1)
@@ -101,14 +107,14 @@ def test_sensors_in_closed_loop_are_the_analytic_response(steps):
     # The accelerometer's aliases are neglected.
     assert np.median(error[:, 4]) < 5e-3
     plain = simulate(run, CONFIGURATION, 0)
-    np.testing.assert_allclose(record.position[..., :2], plain.position, atol=1e-9)
+    np.testing.assert_allclose(record.outputs[..., :2], plain.outputs, atol=1e-9)
 
 
 def test_noise_of_the_sensors_is_theirs_alone():
     run = replace(experiment(sensed_everywhere(), rms=0.5), outputs=("elbow.arm", "tip", "felt"))
     flaws = Imperfections(link_encoder_noise_rad=1e-4, tracker_noise_m=1e-3, accelerometer_noise_m_s2=0.1)
     noisy = simulate(replace(run, options=SimulateOptions(imperfections=flaws)), CONFIGURATION, 0)
-    difference = noisy.position - simulate(run, CONFIGURATION, 0).position
+    difference = noisy.outputs - simulate(run, CONFIGURATION, 0).outputs
     assert not difference[..., :2].any()
     np.testing.assert_allclose(difference[..., 2:].std(axis=(0, 1, 2, 3, 4)), [1e-4, 1e-3, 0.1], rtol=0.05)
 
@@ -143,8 +149,8 @@ def test_halving_the_step_changes_little(plain_record):
 def test_a_wrong_torque_constant_or_sign_is_in_the_record_alone(plain_record):
     truth = Truth(torque_constant_factor={"shoulder": 1.25}, reversed_torque=("elbow",))
     record = simulate(experiment(truth=truth), CONFIGURATION, 0)
-    np.testing.assert_array_equal(record.position, plain_record.position)
-    np.testing.assert_allclose(record.torque, plain_record.torque * [0.8, -1.0])
+    np.testing.assert_array_equal(record.outputs, plain_record.outputs)
+    np.testing.assert_allclose(record.inputs, plain_record.inputs * [0.8, -1.0])
 
 
 @pytest.mark.parametrize("law", ["tanh", "stribeck"])
@@ -158,15 +164,15 @@ def test_friction_without_memory_hardly_depends_on_the_step(law):
         simulate(experiment(robot, imperfections=flaw, steps_per_sample=steps), CONFIGURATION, 0)
         for flaw, steps in ((flaws, 2), (flaws, 4), (Imperfections(), 2))
     )
-    size = np.abs(coarse.torque - none.torque).max()
+    size = np.abs(coarse.inputs - none.inputs).max()
     assert size > 0.2
-    assert np.sqrt(np.mean((coarse.torque - fine.torque) ** 2)) < 2e-3 * size
+    assert np.sqrt(np.mean((coarse.inputs - fine.inputs) ** 2)) < 2e-3 * size
 
 
 def test_records_hold_what_the_controller_did(plain_record):
     run = experiment()
     spectra = [
-        np.fft.rfft(x[0, 0, :, 0], axis=1)[:, run.excited_lines] for x in (plain_record.torque, plain_record.position)
+        np.fft.rfft(x[0, 0, :, 0], axis=1)[:, run.excited_lines] for x in (plain_record.inputs, plain_record.outputs)
     ]
     reference = np.fft.rfft(plain_record.reference[0, 0], axis=1)[:, run.excited_lines]
     omega = 2 * np.pi * run.excited_lines / plain_record.period_s
@@ -180,18 +186,18 @@ def test_same_bits_with_any_number_of_threads():
     flaws = Imperfections(encoder_noise_rad=1e-5, torque_noise_nm=0.05, friction="lugre", ripple=True)
     run = experiment(period_s=0.5, count=8, imperfections=flaws)
     one, two = simulate(run, CONFIGURATION, 3, threads=1), simulate(run, CONFIGURATION, 3, threads=2)
-    np.testing.assert_array_equal(one.torque, two.torque)
-    np.testing.assert_array_equal(one.position, two.position)
+    np.testing.assert_array_equal(one.inputs, two.inputs)
+    np.testing.assert_array_equal(one.outputs, two.outputs)
 
 
 def test_noise_is_seeded_by_configuration_and_campaign():
     flaws = Imperfections(encoder_noise_rad=1e-5)
     run = experiment(period_s=0.2, count=4, imperfections=flaws)
-    first = simulate(run, CONFIGURATION, 0).position
-    np.testing.assert_array_equal(first, simulate(run, CONFIGURATION, 0).position)
-    assert not np.array_equal(first, simulate(run, CONFIGURATION, 1).position)
+    first = simulate(run, CONFIGURATION, 0).outputs
+    np.testing.assert_array_equal(first, simulate(run, CONFIGURATION, 0).outputs)
+    assert not np.array_equal(first, simulate(run, CONFIGURATION, 1).outputs)
     reseeded = replace(run, options=replace(run.options, seed=2))
-    assert not np.array_equal(first, simulate(reseeded, CONFIGURATION, 0).position)
+    assert not np.array_equal(first, simulate(reseeded, CONFIGURATION, 0).outputs)
 
 
 def test_explosion_is_refused_and_leaves_no_file(tmp_path, monkeypatch, capfd):
@@ -229,7 +235,7 @@ def test_every_imperfection_acts(flaws):
     joints = tuple(replace(joint, motor=motor) for joint, motor in zip(robot.joints, motors, strict=True))
     run = experiment(replace(robot, joints=joints), period_s=0.5, count=8)
     flawed = replace(run, options=replace(run.options, imperfections=Imperfections(**flaws)))
-    clean, torque = (simulate(each, CONFIGURATION, 0).torque for each in (run, flawed))
+    clean, torque = (simulate(each, CONFIGURATION, 0).inputs for each in (run, flawed))
     assert np.sqrt(np.mean((torque - clean) ** 2)) > 1e-3 * clean.std()
 
 
@@ -244,7 +250,7 @@ def test_encoder_shows_resolver_error_noise_and_steps():
 def test_torque_stays_within_the_limit():
     robot = two_joint_robot()
     run = experiment(rms=400.0, period_s=0.5, count=8)
-    torque = simulate(run, CONFIGURATION, 0).torque
+    torque = simulate(run, CONFIGURATION, 0).inputs
     limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])
     np.testing.assert_allclose(np.abs(torque).max(axis=(0, 1, 2, 3, 4)), limit, rtol=1e-12)
 

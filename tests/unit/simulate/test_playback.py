@@ -72,7 +72,7 @@ def test_noise_is_on_what_it_belongs_to():
 
 def test_an_explosion_names_its_configuration():
     robot, motion = two_joint_robot(), standstill()
-    springs = tuple(replace(spring, damping_nms_rad=1e4 * spring.damping_nms_rad) for spring in robot.springs)
+    springs = tuple(replace(spring, damping=1e4 * spring.damping) for spring in robot.springs)
     torque = motion.torque.copy()
     torque[50:] += 1.0
     with pytest.raises(DataError, match="blew up"):

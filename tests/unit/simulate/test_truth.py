@@ -21,7 +21,7 @@ def robot():
 
 
 def values(robot):
-    springs = [(spring.stiffness_nm_rad, spring.damping_nms_rad) for spring in robot.springs]
+    springs = [(spring.stiffness, spring.damping) for spring in robot.springs]
     laws = [joint.motor.friction for joint in robot.joints]
     friction = [
         (law.viscous_nms_rad, law.coulomb_nm, law.static_nm, law.stribeck_rad_s, law.presliding_rad) for law in laws
@@ -69,7 +69,7 @@ def test_imperfections_of_the_description(robot):
     flawed = with_imperfections(robot, Imperfections(stiffening_1_rad2=50.0, unmodelled_payload_kg=2.0))
     for spring, before in zip(flawed.springs, robot.springs, strict=True):
         share = 50.0 if spring.place == "transmission" else 0.0
-        assert spring.cubic_nm_rad3 == share * before.stiffness_nm_rad
+        assert spring.cubic == share * before.stiffness
     assert flawed.payload.mass_kg == pytest.approx(robot.payload.mass_kg + 2.0)
     np.testing.assert_allclose(flawed.payload.inertia_kgm2, 1.5 * robot.payload.inertia_kgm2)
     assert with_imperfections(robot, Imperfections()).payload is robot.payload
@@ -98,8 +98,8 @@ def test_springs_that_the_file_lacks_are_the_truths_own(robot):
     with_tilt, without = true_robot(robot, truth, (tilt,)), true_robot(robot, truth)
     assert with_tilt.springs[-1] == tilt
     for one, other in zip(with_tilt.springs[:-1], without.springs, strict=True):
-        assert one.stiffness_nm_rad == other.stiffness_nm_rad
-        assert one.damping_nms_rad == other.damping_nms_rad
+        assert one.stiffness == other.stiffness
+        assert one.damping == other.damping
 
 
 def test_recorded_torques_have_the_wrong_constant_and_sign(robot):

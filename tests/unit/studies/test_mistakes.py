@@ -8,6 +8,7 @@ import pytest
 
 from robid.settings.load import load_robot
 from robid.settings.study import Mistake
+from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 from robid.studies.mistaken import mistaken_record, mistaken_robot, mistaken_truth
 from robid.studies.mistakes import Case
@@ -28,15 +29,14 @@ def record():
     return Record(
         sampling_period_s=1e-3,
         configurations=PLACES[:1],
-        torque=signal,
-        position=0.1 * signal,
+        inputs=signal,
+        outputs=0.1 * signal,
         reference=None,
-        reference_kind="",
         excited_lines=np.array([3, 5]),
         detection_lines=np.zeros(0, int),
-        input_names=("turn", "lift"),
-        output_names=("turn", "lift"),
-        position_offset_rad=np.array([[10.0, 20.0]]),
+        input_channels=motor_channels(("turn", "lift"), "torque"),
+        output_channels=motor_channels(("turn", "lift"), "angle"),
+        output_offset=np.array([[10.0, 20.0]]),
     )
 
 
@@ -46,17 +46,17 @@ def read(record, index=0, campaign="estimation", **mistake):
 
 def test_nothing_wrong_changes_nothing(record):
     same = read(record)
-    assert np.array_equal(same.torque, record.torque)
-    assert np.array_equal(same.position, record.position)
-    assert np.array_equal(same.position_offset_rad, record.position_offset_rad)
+    assert np.array_equal(same.inputs, record.inputs)
+    assert np.array_equal(same.outputs, record.outputs)
+    assert np.array_equal(same.output_offset, record.output_offset)
     assert mistaken_robot(ROBOT, Mistake()) == ROBOT
 
 
 def test_factors_reach_their_channel_alone(record):
     wrong = read(record, torque_factor={"lift": -1}, angle_factor={"turn": -1})
-    assert np.array_equal(wrong.torque, record.torque * [1, -1])
-    assert np.array_equal(wrong.position, record.position * [-1, 1])
-    assert np.array_equal(wrong.position_offset_rad, record.position_offset_rad * [-1, 1])
+    assert np.array_equal(wrong.inputs, record.inputs * [1, -1])
+    assert np.array_equal(wrong.outputs, record.outputs * [-1, 1])
+    assert np.array_equal(wrong.output_offset, record.output_offset * [-1, 1])
 
 
 def test_the_truth_is_told_relative_to_the_file_that_is_read():
@@ -80,9 +80,9 @@ def test_late_angles_turn_every_line_by_its_delay(record):
     late = read(record, delay_samples=7)
     lines, channel = np.array([3, 5]), np.arange(2)
     for period in range(2):
-        before, after = (np.fft.rfft(each.position[0, 0, 0, period], axis=0)[lines, channel] for each in (record, late))
+        before, after = (np.fft.rfft(each.outputs[0, 0, 0, period], axis=0)[lines, channel] for each in (record, late))
         assert after / before == pytest.approx(np.exp(-2j * np.pi * lines * 7 / 50), rel=1e-9)
-    assert np.array_equal(late.torque, record.torque)
+    assert np.array_equal(late.inputs, record.inputs)
 
 
 def test_a_robot_file_loses_springs_and_gets_other_ratios():

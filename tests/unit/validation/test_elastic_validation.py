@@ -22,8 +22,8 @@ OPTIONS = ElasticOptions()
 
 
 def truth_of(robot):
-    springs = {f"{spring.name}.stiffness": spring.stiffness_nm_rad for spring in robot.springs}
-    dampers = {f"{spring.name}.damping": spring.damping_nms_rad for spring in robot.springs}
+    springs = {f"{spring.name}.stiffness": spring.stiffness for spring in robot.springs}
+    dampers = {f"{spring.name}.damping": spring.damping for spring in robot.springs}
     return springs | dampers | {"delay": DELAY_S}
 
 

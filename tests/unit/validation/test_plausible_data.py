@@ -17,6 +17,7 @@ from robid.robot.description import Friction, Inertial, Joint, Motor, Robot, Spr
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.signals.multisine import multisine, time_signal
+from robid.signals.quantities import motor_channels
 from robid.simulate.experiment import Experiment, simulate
 from robid.simulate.truth import true_robot
 from robid.validation.plausible import data_doubts, evidence_doubts
@@ -38,7 +39,7 @@ def with_means(frf, robot, *, offset=0.0, swing=0.3):
     """The response with the means of a robot that holds its configurations exactly."""
     held = solve_statics(build_model(robot), frf.configurations).motor_torque
     angle = frf.configurations @ robot.motor_per_arm.T + offset
-    return replace(frf, mean_torque=held, mean_position=angle, motion_rms=np.full_like(angle, swing))
+    return replace(frf, mean_input=held, mean_output=angle, motion_rms=np.full_like(angle, swing))
 
 
 def exact(robot=None, configurations=CONFIGURATIONS):
@@ -48,17 +49,17 @@ def exact(robot=None, configurations=CONFIGURATIONS):
 
 def torque_reversed(frf, motor):
     sign = np.where(np.arange(frf.response.shape[-1]) == motor, -1.0, 1.0)
-    return replace(frf, response=frf.response * sign, mean_torque=frf.mean_torque * sign)
+    return replace(frf, response=frf.response * sign, mean_input=frf.mean_input * sign)
 
 
 def angle_reversed(frf, motor):
     sign = np.where(np.arange(frf.response.shape[-2]) == motor, -1.0, 1.0)
-    return replace(frf, response=frf.response * sign[:, None], mean_position=frf.mean_position * sign)
+    return replace(frf, response=frf.response * sign[:, None], mean_output=frf.mean_output * sign)
 
 
 def relative(frf):
     """Every log's angles count from where it began."""
-    return replace(frf, mean_position=np.zeros_like(frf.mean_position) + 0.02)
+    return replace(frf, mean_output=np.zeros_like(frf.mean_output) + 0.02)
 
 
 def causes(robot, frf):
@@ -129,9 +130,9 @@ def test_swapped_configurations_are_paired():
 
 def test_a_configuration_that_nobody_stated():
     frf = exact()
-    away = frf.mean_position.copy()
+    away = frf.mean_output.copy()
     away[2, 0] += 120.0 * np.deg2rad(166.0)
-    doubt, *_ = data_doubts(two_joints(), replace(frf, mean_position=away))
+    doubt, *_ = data_doubts(two_joints(), replace(frf, mean_output=away))
     assert doubt.cause == "configurations"
     assert "166 deg (shoulder in configuration 3)" in doubt.message
 
@@ -146,13 +147,13 @@ def test_a_gear_ratio_is_read_from_the_angles(factor):
 
 def test_a_gear_ratio_is_read_from_encoders_without_a_reference():
     frf = exact(with_ratio(two_joints(), 1, 1.1))
-    frf = replace(frf, mean_position=frf.mean_position + np.array([400.0, -90.0]))
+    frf = replace(frf, mean_output=frf.mean_output + np.array([400.0, -90.0]))
     assert causes(two_joints(), frf) == ["gear_ratio"]
 
 
 def test_encoders_without_a_reference_are_noted_only():
     robot, frf = two_joints(), exact()
-    doubts, notes = evidence_doubts(robot, gather_evidence(replace(frf, mean_position=frf.mean_position + 300.0)))
+    doubts, notes = evidence_doubts(robot, gather_evidence(replace(frf, mean_output=frf.mean_output + 300.0)))
     assert doubts == ()
     assert "as those of encoders without a reference do" in notes[0]
     doubts, notes = evidence_doubts(robot, gather_evidence(relative(frf)))
@@ -175,9 +176,9 @@ def test_the_expected_torque_is_that_of_a_pendulum():
     # What holds a pendulum is m g l cos(q) over the gear ratio, here written out.
     angle = np.array([[-1.0], [0.2], [0.8]])
     held = 9.81 * (5.0 * 0.5 + 2.0 * 0.8) * np.cos(angle) / 100.0
-    frf = replace(exact(pendulum(), angle), mean_torque=held)
+    frf = replace(exact(pendulum(), angle), mean_input=held)
     assert causes(pendulum(), frf) == []
-    assert causes(pendulum(), replace(frf, mean_torque=1.2 * held)) != []
+    assert causes(pendulum(), replace(frf, mean_input=1.2 * held)) != []
     light = data_doubts(
         pendulum(payload_kg=0.5), replace(frf, response=exact(pendulum(payload_kg=0.5), angle).response)
     )
@@ -195,7 +196,7 @@ def test_a_payload_is_weighed():
 def test_a_torque_constant_belongs_to_one_motor(factor, decisive):
     scale = np.array([1.0, factor])
     frf = exact()
-    doubt, *more = data_doubts(two_joints(), replace(frf, mean_torque=frf.mean_torque * scale))
+    doubt, *more = data_doubts(two_joints(), replace(frf, mean_input=frf.mean_input * scale))
     assert (doubt.cause, doubt.decisive, more) == ("torque_constant", decisive, [])
     assert doubt.message.startswith(f"elbow: its mean torques are {factor:.3g} times")
 
@@ -204,16 +205,16 @@ def test_friction_that_holds_a_part_of_the_weight_is_no_payload():
     robot, frf = two_joints(), exact()
     stuck = replace(frf, motion_rms=np.full_like(frf.motion_rms, 0.005))
     for sign in (1, -1):  # a robot that came to rest on the way up, or down
-        held = stuck.mean_torque + sign * 0.03 * np.sign(stuck.mean_torque)
-        assert causes(robot, replace(stuck, mean_torque=held)) == []
+        held = stuck.mean_input + sign * 0.03 * np.sign(stuck.mean_input)
+        assert causes(robot, replace(stuck, mean_input=held)) == []
 
 
 def test_robots_without_weight_and_foreign_motors_are_left_alone():
     free = replace(two_joints(), gravity_m_s2=np.zeros(3))
     frf = exact(free)
-    assert causes(free, replace(frf, mean_torque=frf.mean_torque + 0.05)) == []
-    assert data_doubts(two_joints(), replace(frf, input_names=("a", "b"))) == ()
-    old = replace(exact(), mean_torque=None, mean_position=None, motion_rms=None)
+    assert causes(free, replace(frf, mean_input=frf.mean_input + 0.05)) == []
+    assert data_doubts(two_joints(), replace(frf, input_channels=motor_channels(("a", "b"), "torque"))) == ()
+    old = replace(exact(), mean_input=None, mean_output=None, motion_rms=None)
     assert data_doubts(two_joints(), old) == ()
 
 
@@ -307,7 +308,7 @@ def simulated(seed, *, friction=1.0, rms=8.0):
         detection_lines=detection,
         periods=2,
     )
-    angles = generator.uniform(0.8 * robot.lower_rad, 0.8 * robot.upper_rad, (5, 2))
+    angles = generator.uniform(0.8 * robot.lower, 0.8 * robot.upper, (5, 2))
     plain = EstimateOptions(compensation="none")
     frfs = [estimate_frf(simulate(experiment, angle, index), plain) for index, angle in enumerate(angles)]
     return robot, join(frfs, ["arm"] * 5)
@@ -333,7 +334,7 @@ def test_means_are_those_of_the_record():
     _, frf = simulated(1)
     robot = simulated(1)[0]
     held = solve_statics(build_model(robot), frf.configurations).motor_torque
-    assert frf.mean_torque == pytest.approx(held, abs=0.03)  # some per cent of the friction's 0.24 N m
-    assert frf.mean_position == pytest.approx(frf.configurations @ robot.motor_per_arm.T, abs=0.05)
+    assert frf.mean_input == pytest.approx(held, abs=0.03)  # some per cent of the friction's 0.24 N m
+    assert frf.mean_output == pytest.approx(frf.configurations @ robot.motor_per_arm.T, abs=0.05)
     # The injected speed of 8 rad/s RMS lies at 4 to 80 Hz.
     assert np.all((frf.motion_rms > 8 / (2 * np.pi * 80)) & (frf.motion_rms < 8 / (2 * np.pi * 4)))

@@ -30,7 +30,7 @@ def gears(robot, factor):
 
 
 def stiffened(robot, share):
-    springs = (replace(s, cubic_nm_rad3=share * s.stiffness_nm_rad) for s in robot.springs)
+    springs = (replace(s, cubic=share * s.stiffness) for s in robot.springs)
     return replace(robot, springs=tuple(springs))
 
 
@@ -141,8 +141,8 @@ def test_configurations_may_run_in_parallel():
     there, here = step_responses(*arguments, parallel_map), step_responses(*arguments)
     assert counted == [2]
     np.testing.assert_array_equal(there.tool_true, here.tool_true)
-    assert (drawn > robot.lower_rad).all()
-    assert (drawn + np.deg2rad(options.step_deg) < robot.upper_rad).all()
+    assert (drawn > robot.lower).all()
+    assert (drawn + np.deg2rad(options.step_deg) < robot.upper).all()
 
 
 def weak(max_torque_nm):
@@ -172,7 +172,7 @@ def test_ramps_last_as_long_as_the_torque_demands():
 
 def test_a_step_turns_back_from_the_joint_limit():
     robot = two_joint_robot()
-    near = np.array([[robot.upper_rad[0] - 0.001, 0.0]])
+    near = np.array([[robot.upper[0] - 0.001, 0.0]])
     (profiles,) = step_profiles(robot, Controller(), PLAIN, near, SHORT)
     assert [np.sign(profile.size_rad) for profile in profiles] == [-1, 1]
 

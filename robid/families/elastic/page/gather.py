@@ -18,16 +18,8 @@ from robid.fit.model_error import ModelError
 from robid.fit.solution import Solution
 from robid.report.costs import CostRow, StartRow
 from robid.report.parameters import Estimates, ParameterRow
+from robid.robot.parameters import PARAMETER_KINDS, owner_of
 from robid.validation.resonances import ResonanceTable
-
-_ASSUMED = {
-    "cubic": "cubic_nm_rad3",
-    "stiffness": "stiffness_nm_rad",
-    "damping": "damping_nms_rad",
-    "viscous": "motor.friction.viscous_nms_rad",
-    "motor_inertia": "motor.inertia_kgm2",
-    "link_inertia": "link.inertia_kgm2",
-}
 
 
 def fit_content(shown: Shown) -> FitContent:
@@ -45,9 +37,9 @@ def fit_content(shown: Shown) -> FitContent:
         frf=replace(frf, response=solution.measured),
         model_response=solution.modelled,
         estimates=Estimates(
-            rows=_parameters(solution, frf.torque_unit, shown.true, robot.assumed),
+            rows=_parameters(solution, frf.input_unit, shown.true, robot.assumed),
             level=solution.confidence,
-            torque_unit=frf.torque_unit,
+            torque_unit=frf.input_unit,
             misfit=solution.misfit,
             undetermined=solution.undetermined,
             identifiable_relative_std=settings.identifiable_relative_std,
@@ -115,7 +107,7 @@ def _parameters(
     rows = []
     for index, name in enumerate(solution.names):
         kind = solution.kinds[index]
-        owner = name.removesuffix(f".{kind}")
+        owner = owner_of(name, kind)
         true, lower, upper = truth.get(name), float(solution.lower[index]), float(solution.upper[index])
         shared = [tied for tied, leader in zip(solution.tied_names, solution.tied_to, strict=True) if leader == name]
         rows.append(
@@ -136,8 +128,8 @@ def _parameters(
                 covered=None if true is None else lower <= true <= upper,
                 bootstrap=_pair(solution.bootstrap_lower, solution.bootstrap_upper, index),
                 realization_relative_std=_at(solution.realization_relative_std, index),
-                assumed=f"{owner}.{_ASSUMED.get(kind, kind)}" in assumed,
-                note=f"shared by {', '.join(tied.removesuffix(f'.{kind}') for tied in shared)}" if shared else "",
+                assumed=any(f"{owner}.{field}" in assumed for field in PARAMETER_KINDS[kind].fields),
+                note=f"shared by {', '.join(owner_of(tied, kind) for tied in shared)}" if shared else "",
             )
         )
     return tuple(rows)

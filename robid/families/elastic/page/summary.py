@@ -11,6 +11,7 @@ from robid.families.elastic.page.content import FitContent
 from robid.families.elastic.page.resonances import resonance_errors
 from robid.report.costs import average_and_worst, effort
 from robid.report.parameters import ParameterRow
+from robid.robot.parameters import name_of
 from robid.validation.elastic import Validation
 
 _CLOSE = 0.02
@@ -60,7 +61,7 @@ def _fit(fit: FitContent) -> dict[str, float]:
     if fit.grade is not None:
         found["grade"] = fit.grade.value
     for row in fit.estimates.rows:
-        name = row.name if row.kind in ("delay", "friction", "location") else f"{row.name}.{row.kind}"
+        name = name_of(row.name, row.kind)
         found |= {f"parameters.{name}.{key}": value for key, value in _parameter(row).items()}
     found["undetermined"] = len(fit.estimates.undetermined)
     if fit.element_errors is not None:

@@ -1,0 +1,68 @@
+"""The actuators of the elastic robot in MuJoCo: motor torques, and friction and ripple as passive ones."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from robid.robot.description import Joint, Motor, Robot
+from robid.robot.static_friction import StaticLaw, friction_ramps
+
+
+def motor_drives(robot: Robot) -> list[tuple[str, float]]:
+    """The MuJoCo joint that each motor drives, and the motor's angle per unit of it."""
+    return [
+        (f"q_a_{joint.name}", joint.motor.gear_ratio) if rigid else (f"q_m_{joint.name}", 1.0)
+        for joint, rigid in zip(robot.joints, robot.rigid, strict=True)
+    ]
+
+
+def add_torque(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], *, friction: bool, ripple: bool) -> None:
+    """Adds a motor's torque, and LuGre friction and ripple inside the integrator."""
+    actuator = _add_actuator(spec, f"torque_{joint.name}", drive)
+    actuator.set_to_motor()
+    motor = joint.motor
+    lugre = _lugre(motor) if friction and motor.friction.coulomb_nm > 0 else None
+    cogging = [motor.ripple_nm, motor.ripple_order, motor.ripple_phase_rad] if ripple and motor.ripple_nm > 0 else None
+    if lugre or cogging:
+        passive = _add_actuator(spec, f"friction_{joint.name}", drive)
+        set_passive(passive, lugre=lugre, cogging=cogging)
+
+
+def _add_actuator(spec: mujoco.MjSpec, name: str, drive: tuple[str, float]) -> mujoco.MjsActuator:
+    """Adds an actuator whose length is the motor's angle."""
+    actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=drive[0])
+    actuator.gear = [drive[1], 0.0, 0.0, 0.0, 0.0, 0.0]
+    return actuator
+
+
+def add_static_friction(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], law: StaticLaw) -> None:
+    """Adds friction without memory to a motor, as clipped ramps."""
+    if joint.motor.friction.coulomb_nm == 0:
+        return
+    ramps = friction_ramps(joint.motor.friction, law)
+    for number, (slope, level) in enumerate(zip(ramps.slope.tolist(), ramps.level.tolist(), strict=True)):
+        ramp = _add_actuator(spec, f"friction_{joint.name}_{number}", drive)
+        # The gain of 1 on a control that stays zero keeps MuJoCo from reading the slope as a damping ratio.
+        ramp.set_to_motor()
+        ramp.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        ramp.biasprm = np.concatenate([[0.0, 0.0, -slope], np.zeros(7)])
+        ramp.forcelimited, ramp.forcerange = 1, [-level, level]
+
+
+def _lugre(motor: Motor) -> list[float]:
+    law = motor.friction
+    return [law.coulomb_nm / law.presliding_rad, 0.0, law.coulomb_nm, law.static_nm, law.stribeck_rad_s]
+
+
+def set_passive(
+    actuator: mujoco.MjsActuator, *, lugre: list[float] | None = None, cogging: list[float] | None = None
+) -> None:
+    """Makes an actuator passive: it has no control, only bristles and cogging."""
+    actuator.set_to_dcmotor(
+        motorconst=[0.0, 0.0],
+        resistance=1.0,
+        lugre=lugre or [0.0] * 5,
+        cogging=cogging or [0.0] * 3,
+        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
+    )

@@ -1,0 +1,190 @@
+"""The kinds of parameters of an elastic robot: whose they are, units, titles, bounds, and the parameters' names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.robot.description import LOCATED, Robot
+
+LogarithmicKind = Literal["stiffness", "damping", "motor_inertia", "link_inertia"]
+ResponseNuisance = Literal["viscous", "delay"]
+ElasticKind = Literal["stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"]
+Owner = Literal["spring", "transmission", "point", "motor", "link", "drives", "torque"]
+
+_AXIS_TOLERANCE = 1e-9
+_BARE: tuple[Owner, ...] = ("point", "drives", "torque")
+
+
+@dataclass(frozen=True)
+class ParameterKind:
+    """What a kind of parameters is.
+
+    Attributes:
+        title: Heading of a table of them.
+        owner: What has one each: springs, transmissions, the joints' motors or links; points of springs have one for
+            each axis, the drives one together. Compensated torques have theirs by coefficient.
+        unit: SI unit where it belongs to a hinge or a motor.
+        linear_unit: SI unit where it belongs to a prismatic joint.
+        field: Where the robot file states it, from its spring or joint on.
+        linear_field: The same of a prismatic joint.
+        logarithmic: Whether it is positive and estimated as the logarithm of a factor.
+        is_free: Whether a fit estimates it unless something else is said.
+        through_rest: Whether it only acts through where springs rest and how stiff they are there.
+        symbol: Its letter, where it is a ratio to an unknown torque constant.
+        panel: Heading of the figure that shows it as a ratio to the robot file; empty for none.
+    """
+
+    title: str
+    owner: Owner
+    unit: str
+    linear_unit: str
+    field: str = ""
+    linear_field: str = ""
+    logarithmic: bool = False
+    is_free: bool = False
+    through_rest: bool = False
+    symbol: str = ""
+    panel: str = ""
+
+    @property
+    def fields(self) -> tuple[str, str]:
+        """Where the robot file states it, of joints that turn and of those that slide."""
+        return self.field, self.linear_field
+
+    @property
+    def lower(self) -> float:
+        """What every value of this kind lies above."""
+        return 0.0 if self.logarithmic else -np.inf
+
+
+PARAMETER_KINDS = {
+    "stiffness": ParameterKind(
+        "Springs", "spring", "N m/rad", "N/m", "stiffness_nm_rad", "stiffness_n_m",
+        logarithmic=True, is_free=True, symbol="k", panel="Springs",
+    ),
+    "damping": ParameterKind(
+        "Dampers", "spring", "N m s/rad", "N s/m", "damping_nms_rad", "damping_ns_m",
+        logarithmic=True, is_free=True, symbol="d", panel="Dampers",
+    ),
+    "viscous": ParameterKind(
+        "Equivalent viscous friction", "motor", "N m s/rad", "N m s/rad",
+        "motor.friction.viscous_nms_rad", "motor.friction.viscous_nms_rad", is_free=True, symbol="d",
+    ),
+    "motor_inertia": ParameterKind(
+        "Motor inertias", "motor", "kg m^2", "kg m^2", "motor.inertia_kgm2", "motor.inertia_kgm2",
+        logarithmic=True, is_free=True, symbol="J1", panel="Inertias",
+    ),
+    "link_inertia": ParameterKind(
+        "Link inertias", "link", "kg m^2", "kg", "link.inertia_kgm2", "link.mass_kg",
+        logarithmic=True, symbol="J2", panel="Inertias",
+    ),
+    "delay": ParameterKind("Delay", "drives", "s", "s", is_free=True),
+    "cubic": ParameterKind(
+        "Cubic stiffness", "transmission", "N m/rad^3", "N/m^3", "cubic_nm_rad3", "cubic_n_m3",
+        through_rest=True, symbol="k3",
+    ),
+    "location": ParameterKind("Locations of springs", "point", "m", "m", through_rest=True),
+    "friction": ParameterKind("Torque nonlinearities (nuisance)", "torque", "1", "1"),
+}  # fmt: skip
+"""All kinds by name, in the order in which tables show them."""
+
+ELASTIC: tuple[ElasticKind, ...] = (
+    "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location",
+)  # fmt: skip
+"""Kinds that the elastic model has; the others belong to the measured torques."""
+FREE: tuple[ElasticKind, ...] = tuple(kind for kind in ELASTIC if PARAMETER_KINDS[kind].is_free)
+"""Kinds that a fit estimates unless something else is said."""
+LOGARITHMIC = tuple(name for name, kind in PARAMETER_KINDS.items() if kind.logarithmic)
+"""Kinds that are positive and estimated as logarithms."""
+DIRECT = tuple(kind for kind in ELASTIC if not PARAMETER_KINDS[kind].through_rest)
+"""Kinds that the dynamic stiffness holds itself."""
+OF_SPRINGS = tuple(kind for kind in ELASTIC if PARAMETER_KINDS[kind].owner == "spring")
+"""Kinds of which every spring has one."""
+RESPONSE_NUISANCE = tuple(kind for kind in DIRECT if kind not in LOGARITHMIC)
+"""Kinds that are of no interest themselves: a response shows them, and a robot file says little of them."""
+NUISANCE = "friction"
+"""Errors of the torques that were subtracted, which a fit estimates only to get them out of the way."""
+
+
+class NamedSpring(Protocol):
+    """What a spring's name and place are read from."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def place(self) -> str:
+        """Where it sits."""
+
+
+def names_of(kind: str, springs: Sequence[NamedSpring], joints: Sequence[str]) -> list[str | None]:
+    """Names of a kind's elements, in the order of its values; None for what no spring of that place has.
+
+    Args:
+        kind: Of `ELASTIC`.
+        springs: The robot's springs.
+        joints: Names of its joints.
+    """
+    owner = PARAMETER_KINDS[kind].owner
+    if owner == "drives":
+        return [kind]
+    if owner == "point":
+        return [f"{s.name}.{kind}_{axis}" if s.place in LOCATED else None for s in springs for axis in "xyz"]
+    if owner == "transmission":
+        return [f"{s.name}.{kind}" if s.place == "transmission" else None for s in springs]
+    owners = [s.name for s in springs] if owner == "spring" else joints
+    return [f"{name}.{kind}" for name in owners]
+
+
+def element_names(robot: Robot, kind: str) -> list[str | None]:
+    """Names of a kind's elements, in the order of its values; None for what no fit estimates."""
+    names = names_of(kind, robot.springs, [joint.name for joint in robot.joints])
+    if PARAMETER_KINDS[kind].owner != "point":
+        return names
+    # A spring that moves along its own axis stays the same spring.
+    along = [share > 1 - _AXIS_TOLERANCE for spring in robot.springs for share in np.abs(spring.axis).tolist()]
+    return [None if same else name for name, same in zip(names, along, strict=True)]
+
+
+def element_units(robot: Robot, kind: str) -> list[str]:
+    """Units of a kind's elements, in the order of its values."""
+    about = PARAMETER_KINDS[kind]
+    if about.owner == "drives":
+        return [about.unit]
+    if about.owner == "point":
+        return [about.unit] * (3 * len(robot.springs))
+    if about.owner in ("spring", "transmission"):
+        return [about.linear_unit if robot.is_linear(spring) else about.unit for spring in robot.springs]
+    return [about.linear_unit if slides else about.unit for slides in robot.prismatic.tolist()]
+
+
+def coefficient_unit(name: str) -> str:
+    """Unit of a coefficient of a compensated torque, by its name."""
+    return "samples" if name.endswith(".lag") else PARAMETER_KINDS[NUISANCE].unit
+
+
+def kind_of_name(name: str) -> str:
+    """Kind of a parameter of the elastic model by its name."""
+    suffix = name.rpartition(".")[2]
+    return next((kind for kind in ELASTIC if suffix.startswith(f"{kind}_")), suffix)
+
+
+def owner_of(name: str, kind: str) -> str:
+    """What a parameter belongs to, where its name is made of that and its kind; else its whole name."""
+    return name.removesuffix(f".{kind}")
+
+
+def name_of(owner: str, kind: str) -> str:
+    """Returns the name of a parameter from what `owner_of` made of it."""
+    return owner if PARAMETER_KINDS[kind].owner in _BARE else f"{owner}.{kind}"
+
+
+def viscous_scale(motor_inertia_kgm2: FloatArray) -> FloatArray:
+    """What is natural to viscous friction (n_joint,): the rotor's own at 1 Hz [N m s/rad]."""
+    return np.asarray(2 * np.pi * motor_inertia_kgm2)

@@ -1,0 +1,268 @@
+"""What the variables of a log are: channels with their units and signs, and the log's own time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from robid.signals.quantities import QUANTITIES, UNITS, Channel, QuantityName, Side, units_of
+
+UnitName: TypeAlias = Literal[
+    "N m",
+    "mN m",
+    "kN m",
+    "A",
+    "mA",
+    "N",
+    "kN",
+    "rad",
+    "mrad",
+    "urad",
+    "deg",
+    "turn",
+    "m",
+    "mm",
+    "um",
+    "rad/s",
+    "deg/s",
+    "rpm",
+    "m/s",
+    "mm/s",
+    "rad/s^2",
+    "deg/s^2",
+    "m/s^2",
+    "mm/s^2",
+    "counts",
+    "counts/s",
+]
+_COMMANDS: dict[str, QuantityName] = {
+    "N m": "torque",
+    "A": "current",
+    "N": "force",
+    "rad": "position_command",
+    "m": "position_command",
+    "rad/s": "speed_reference",
+    "m/s": "speed_reference",
+    "rad/s^2": "acceleration",
+    "m/s^2": "acceleration",
+}
+_MEASURED: dict[str, QuantityName] = {
+    **_COMMANDS,
+    "rad": "angle",
+    "m": "position",
+    "rad/s": "speed",
+    "m/s": "speed",
+}
+_COUNTS = ("counts", "counts/s")
+_UNIT = {"description": "Unit in the log; `counts` and `counts/s` need `counts_per_turn` or `resolution_m`."}
+
+
+@dataclass(frozen=True)
+class TimeChannel:
+    """The log's own time, against which the sampling period is checked."""
+
+    variable: str = field(metadata={"description": "Name of the variable in the log."})
+    unit: Literal["s", "ms", "us"] = field(default="s", metadata={"description": "Unit of the time."})
+
+    @property
+    def to_seconds(self) -> float:
+        """Factor to seconds."""
+        return {"s": 1.0, "ms": 1e-3, "us": 1e-6}[self.unit]
+
+
+@dataclass(frozen=True)
+class LogChannel:
+    """A variable of a log, and how its numbers are to be read."""
+
+    name: str = field(
+        metadata={
+            "description": "Name of the channel: the joint's for its motor, `<joint>.arm` for its arm side.",
+            "pattern": r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}(\.[A-Za-z0-9_-]+)?$",
+        }
+    )
+    variable: str = field(metadata={"description": "Name of the variable in the log."})
+    unit: UnitName = field(default="rad", metadata=_UNIT)
+    sign: Literal[1, -1] = field(
+        default=1, metadata={"description": "Sign that turns the log's direction into the joint's."}
+    )
+    scale: float = field(
+        default=1.0,
+        metadata={"description": "Factor from the log's numbers to the unit, as for raw numbers.", "gt": 0},
+    )
+    quantity: QuantityName | None = field(
+        default=None, metadata={"description": "What it is; what its unit says when not given."}
+    )
+    side: Side | None = field(
+        default=None,
+        metadata={"description": "Side that it belongs to; `arm` for `<joint>.arm`, else `motor` when not given."},
+    )
+    counts_per_turn: float | None = field(
+        default=None, metadata={"description": "Counts of one turn, of a rotation in counts.", "gt": 0}
+    )
+    resolution_m: float | None = field(
+        default=None, metadata={"description": "Length of one count, of a translation in counts [m].", "gt": 0}
+    )
+
+    @property
+    def si_unit(self) -> str:
+        """SI unit of what the log holds."""
+        if self.unit not in _COUNTS:
+            return UNITS[self.unit].si
+        length = "m" if self.counts_per_turn is None else "rad"
+        return length + self.unit.removeprefix("counts")
+
+    @property
+    def factor(self) -> float:
+        """Factor from the log's numbers to the channel's unit."""
+        if self.unit not in _COUNTS:
+            return self.sign * self.scale * UNITS[self.unit].factor
+        size = 2 * np.pi / self.counts_per_turn if self.counts_per_turn else self.resolution_m or 1.0
+        return float(self.sign * self.scale * size)
+
+    @property
+    def channel(self) -> Channel:
+        """What the record holds of it."""
+        side: Side = self.side or ("arm" if self.name.endswith(".arm") else "motor")
+        return Channel(self.name, self.quantity or self._usual[self.si_unit], self.si_unit, side)
+
+    @property
+    def _usual(self) -> dict[str, QuantityName]:
+        """Quantity that a unit stands for where none is stated."""
+        return _MEASURED
+
+    def problems(self) -> list[str]:
+        """Finds what contradicts itself: unit, sign, size of a count, quantity."""
+        if self.unit not in UNITS and self.unit not in _COUNTS:
+            return [f"unknown unit `{self.unit}` (known: {', '.join([*UNITS, *_COUNTS])})"]
+        found = [] if self.sign in (-1, 1) else [f"sign {self.sign} is neither 1 nor -1"]
+        sizes = [name for name in ("counts_per_turn", "resolution_m") if getattr(self, name) is not None]
+        if self.unit in _COUNTS and len(sizes) != 1:
+            found.append("counts need either `counts_per_turn` or `resolution_m`")
+        elif self.unit not in _COUNTS and sizes:
+            found.append(f"`{sizes[0]}` belongs to `unit: counts`, not to {self.unit}")
+        if self.quantity is not None and self.si_unit not in QUANTITIES[self.quantity].units:
+            known = " or ".join(units_of(self.quantity))
+            found.append(f"{self.unit} is no unit of a {self.quantity.replace('_', ' ')}: use {known}")
+        return found
+
+
+@dataclass(frozen=True)
+class InputChannel(LogChannel):
+    """What drives the robot: a motor torque, the current that stands for it, a force, or a command."""
+
+    unit: UnitName = field(default="N m", metadata=_UNIT)
+    torque_constant_nm_a: float | None = field(
+        default=None,
+        metadata={"description": "Torque constant K_t of a current; 1 with `normalised` [N m/A].", "gt": 0},
+    )
+    torque_constant_relative_std: float = field(
+        default=0.0, metadata={"description": "Relative standard deviation of the torque constant.", "ge": 0}
+    )
+    normalised: bool = field(
+        default=False, metadata={"description": "The current stands for the torque: every result is a ratio to K_t."}
+    )
+    hold: Literal["zoh", "band_limited"] = field(
+        default="zoh", metadata={"description": "A command held for a sample, or measured like the outputs."}
+    )
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the log holds a current."""
+        return self.si_unit == "A"
+
+    @property
+    def factor(self) -> float:
+        """Factor from the log's numbers to the channel's unit."""
+        return super().factor * (self.torque_constant_nm_a or 1.0)
+
+    @property
+    def channel(self) -> Channel:
+        """What the record holds of it: the torque, where a torque constant is known."""
+        found = super().channel
+        known = self.is_current and not self.normalised
+        return Channel(found.name, "torque", "N m", found.side) if known else found
+
+    @property
+    def _usual(self) -> dict[str, QuantityName]:
+        return _COMMANDS
+
+    def problems(self) -> list[str]:
+        """Finds what contradicts itself, of the torque constant too."""
+        found = super().problems()
+        if found:
+            return found
+        if not self.is_current and (self.torque_constant_nm_a is not None or self.normalised):
+            found.append(
+                f"{self.unit} takes neither `torque_constant_nm_a` nor `normalised`: a torque constant needs a current"
+            )
+        elif self.is_current and self.normalised and self.torque_constant_nm_a not in (None, 1):
+            found.append("`normalised` needs a torque constant of 1")
+        elif self.is_current and not self.normalised and self.torque_constant_nm_a is None:
+            found.append(
+                "a current needs `torque_constant_nm_a` (1 together with `normalised: true` where it is unknown)"
+            )
+        return found
+
+
+def input_problems(inputs: tuple[InputChannel, ...]) -> list[str]:
+    """Finds what contradicts itself among the inputs of one log, each of which is sound for itself."""
+    found: list[str] = []
+    if any(channel.problems() for channel in inputs):
+        return found
+    if len({channel.normalised for channel in inputs if channel.is_current or channel.si_unit == "N m"}) > 1:
+        found.append("either all torques are normalised currents, or none")
+    if len({channel.hold for channel in inputs}) > 1:
+        found.append("all must have the same `hold`")
+    return found
+
+
+@dataclass(frozen=True)
+class OutputChannel(LogChannel):
+    """What was measured: an angle, a position, a speed or an acceleration."""
+
+
+@dataclass(frozen=True)
+class ReferenceChannel(LogChannel):
+    """What a motor was told to do; it is matched to the excitation, which says where its periods begin."""
+
+    unit: UnitName = field(default="rad/s", metadata=_UNIT)
+
+    @property
+    def _usual(self) -> dict[str, QuantityName]:
+        return _COMMANDS
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """What the variables of a log mean, and which part of it is used."""
+
+    format: Literal["mat", "csv"] = field(
+        metadata={"description": "Format of the log: MAT (version 5), or a table with a header."}
+    )
+    sampling_period_s: float = field(metadata={"description": "Sampling period of the log [s].", "gt": 0})
+    inputs: tuple[InputChannel, ...] = field(
+        metadata={"description": "What drives the robot: motor torques in the order of the joints.", "min_length": 1}
+    )
+    outputs: tuple[OutputChannel, ...] = field(metadata={"description": "What was measured.", "min_length": 1})
+    references: tuple[ReferenceChannel, ...] = field(
+        default=(),
+        metadata={
+            "description": "What the motors were told, in the order of the joints; the excitation is then designed"
+            " here, and each log is matched to it."
+        },
+    )
+    time: TimeChannel | None = field(default=None, metadata={"description": "The log's own time, if it has one."})
+    drop_periods: int = field(default=0, metadata={"description": "Periods dropped at the start of the log.", "ge": 0})
+    one_shot: bool = field(
+        default=False,
+        metadata={
+            "description": "The log does not repeat, as a trajectory: it is read whole, without excitation, periods and"
+            " frequency response."
+        },
+    )
+    take: Literal["first", "last"] = field(
+        default="first",
+        metadata={"description": "Which whole periods are used: the first after those dropped, or the last."},
+    )

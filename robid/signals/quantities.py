@@ -1,0 +1,195 @@
+"""What a channel is: its quantity, its unit and the side of the robot that it belongs to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+QuantityName: TypeAlias = Literal[
+    "torque",
+    "current",
+    "force",
+    "speed_reference",
+    "position_command",
+    "angle",
+    "position",
+    "speed",
+    "acceleration",
+]
+Side: TypeAlias = Literal["motor", "arm", "tool"]
+SIDES: tuple[Side, ...] = ("motor", "arm", "tool")
+
+_DEG = float(np.pi / 180)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A kind of signal.
+
+    Attributes:
+        units: SI units that it may have: of a rotation, then of a translation.
+        derivatives: How many times a motion is differentiated to an acceleration; None for what is no motion.
+    """
+
+    units: tuple[str, ...]
+    derivatives: int | None = None
+
+
+QUANTITIES: dict[QuantityName, Quantity] = {
+    "torque": Quantity(("N m",)),
+    "current": Quantity(("A",)),
+    "force": Quantity(("N",)),
+    "speed_reference": Quantity(("rad/s", "m/s")),
+    "position_command": Quantity(("rad", "m")),
+    "angle": Quantity(("rad",), 2),
+    "position": Quantity(("m",), 2),
+    "speed": Quantity(("rad/s", "m/s"), 1),
+    "acceleration": Quantity(("rad/s^2", "m/s^2"), 0),
+}
+
+INJECTED: dict[str, QuantityName] = {
+    "speed_reference": "speed_reference",
+    "position_reference": "position_command",
+    "torque": "torque",
+}
+"""What an excitation is, by where it is injected."""
+
+DRIVES = frozenset[str]({"torque", "current", "force"})
+"""Quantities whose response is that of the mechanics: from them, motions are brought to accelerations."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit that logs have: the SI unit that it stands for and the factor to it."""
+
+    si: str
+    factor: float = 1.0
+
+
+UNITS: dict[str, Unit] = {
+    "N m": Unit("N m"),
+    "mN m": Unit("N m", 1e-3),
+    "kN m": Unit("N m", 1e3),
+    "A": Unit("A"),
+    "mA": Unit("A", 1e-3),
+    "N": Unit("N"),
+    "kN": Unit("N", 1e3),
+    "rad": Unit("rad"),
+    "mrad": Unit("rad", 1e-3),
+    "urad": Unit("rad", 1e-6),
+    "deg": Unit("rad", _DEG),
+    "turn": Unit("rad", float(2 * np.pi)),
+    "m": Unit("m"),
+    "mm": Unit("m", 1e-3),
+    "um": Unit("m", 1e-6),
+    "rad/s": Unit("rad/s"),
+    "deg/s": Unit("rad/s", _DEG),
+    "rpm": Unit("rad/s", float(np.pi / 30)),
+    "m/s": Unit("m/s"),
+    "mm/s": Unit("m/s", 1e-3),
+    "rad/s^2": Unit("rad/s^2"),
+    "deg/s^2": Unit("rad/s^2", _DEG),
+    "m/s^2": Unit("m/s^2"),
+    "mm/s^2": Unit("m/s^2", 1e-3),
+}
+"""Units by their names, beside counts, whose size a channel states itself."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel of a record, or one input or output of a response.
+
+    Attributes:
+        name: Its name; collocated channels carry the name of their joint's motor.
+        quantity: What it is, one of `QUANTITIES`.
+        unit: Its SI unit.
+        side: The side of the robot that it belongs to: motor, arm or tool.
+    """
+
+    name: str
+    quantity: QuantityName
+    unit: str
+    side: Side = "motor"
+
+    @property
+    def title(self) -> str:
+        """The quantity in plain words."""
+        return _plain(self.quantity)
+
+    @property
+    def acceleration(self) -> Channel:
+        """The channel of this motion's acceleration; itself where it is no motion."""
+        known = QUANTITIES[self.quantity]
+        if known.derivatives is None:
+            return self
+        unit = QUANTITIES["acceleration"].units[0 if self.unit.startswith("rad") else 1]
+        return Channel(self.name, "acceleration", unit, self.side)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a family can use as the inputs or as the outputs of a response or of a record.
+
+    Attributes:
+        quantities: Quantities, any of which will do.
+        sides: Sides, any of which will do.
+    """
+
+    quantities: tuple[QuantityName, ...]
+    sides: tuple[Side, ...] = SIDES
+
+    def accepts(self, channels: Iterable[Channel]) -> bool:
+        """Whether all channels are of these quantities and sides."""
+        return all(channel.quantity in self.quantities and channel.side in self.sides for channel in channels)
+
+    def __str__(self) -> str:
+        names = " or ".join(_plain(quantity) for quantity in self.quantities)
+        return names if self.sides == SIDES else f"{' or '.join(self.sides)} {names}"
+
+
+MOTOR_TORQUE = Wanted(("torque", "current"), ("motor",))
+ACCELERATION = Wanted(("acceleration",))
+
+
+def motor_channels(names: Iterable[str], quantity: QuantityName) -> tuple[Channel, ...]:
+    """Returns one motor's channel for each name, in the quantity's unit of a rotation."""
+    return tuple(Channel(name, quantity, QUANTITIES[quantity].units[0]) for name in names)
+
+
+def channel_names(channels: Iterable[Channel]) -> tuple[str, ...]:
+    """Returns the names of some channels."""
+    return tuple(channel.name for channel in channels)
+
+
+def describe(channels: Sequence[Channel]) -> str:
+    """Says what some channels are, each kind with its names: `motor torque (turn, lift)`."""
+    kinds: dict[str, list[str]] = {}
+    for channel in channels:
+        kinds.setdefault(f"{channel.side} {_plain(channel.quantity)}", []).append(channel.name)
+    return ", ".join(f"{kind} ({', '.join(names)})" for kind, names in kinds.items()) or "nothing"
+
+
+def units_of(quantity: QuantityName, *, rotation: bool = False) -> tuple[str, ...]:
+    """Returns the names of the units that a quantity may have in a log, or those of a rotation alone."""
+    known = QUANTITIES[quantity].units
+    return tuple(name for name, unit in UNITS.items() if unit.si in (known[:1] if rotation else known))
+
+
+def units_text(channels: Iterable[Channel]) -> str:
+    """Returns the units of some channels, each once."""
+    return "; ".join(dict.fromkeys(channel.unit for channel in channels)) or "1"
+
+
+def response_unit(output: str, inputs: str) -> str:
+    """Returns the unit of a response, as in `rad/(s^2 N m)`."""
+    above, _, below = output.partition("/")
+    if below:
+        return f"{above}/({below} {inputs})" if "/" not in inputs else f"{above}/({below}) / ({inputs})"
+    return f"{output}/{inputs}" if inputs.isalnum() else f"{output}/({inputs})"
+
+
+def _plain(quantity: str) -> str:
+    return quantity.replace("_", " ")
