@@ -34,7 +34,7 @@ def test_a_run_makes_everything_and_recovers_the_springs(done):
     summary = json.loads((done.runs / "summary.json").read_text())
     assert all(isinstance(value, int | float) for value in summary.values())
     truth = json.loads((done.runs / "estimation" / "truth.json").read_text())
-    stiffness = {spring["name"]: spring["stiffness_nm_rad"] for spring in truth["robot"]["springs"]}
+    stiffness = {spring["name"]: spring["stiffness"] for spring in truth["robot"]["springs"]}
     for name in ("gear_turn", "gear_lift"):
         prefix = f"fits.elastic.parameters.{name}.stiffness"
         assert summary[f"{prefix}.truth"] == stiffness[name] != summary[f"{prefix}.nominal"]
