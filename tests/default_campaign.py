@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robid.design.lines import choose_lines
+from robid.design.excitation.lines import choose_lines
 from robid.families.files import load_experiment
 from robid.signals.multisine import multisine, time_signal
 from robid.simulate.experiment import Experiment

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import expm
 
-from robid.design.excitation import design_excitation
-from robid.design.excitation_options import MultisineOptions
+from robid.design.excitation.excitation import design_excitation
+from robid.design.excitation.options import MultisineOptions
 from robid.families.files import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model

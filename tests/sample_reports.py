@@ -104,7 +104,7 @@ def synthetic_frf(response, frequency_hz, configurations, relative, inputs, outp
         silent_lines=np.arange(2 * n_freq),
         silent_level=np.repeat(level, 2, axis=1) * np.where(np.arange(2 * n_freq) % 2, 0.7, 0.2)[:, None],
         silent_noise=np.repeat(level, 2, axis=1) / 10,
-        silent_doubt=np.zeros((n_conf, 2 * n_freq, n_out)),
+        silent_interpolation=np.zeros((n_conf, 2 * n_freq, n_out)),
         uncompensated_response=1.2 * response,
     )
 

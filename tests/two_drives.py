@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.design.excitation_options import MultisineOptions
-from robid.design.loop import NominalLoop
+from robid.design.excitation.loop import NominalLoop
+from robid.design.excitation.options import MultisineOptions
 from robid.robot.description import Inertial, Joint, Motor, Robot
 from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.options import Controller

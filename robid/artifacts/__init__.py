@@ -1,1 +1,1 @@
-"""Artifacts: what one stage hands to the next, as checked HDF5 files; the only place that knows h5py."""
+"""Artifacts, as checked HDF5 files; only here is h5py known. Read `artifact`, `store`, `mapping`, then one as `frf`."""

@@ -15,7 +15,7 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, position_units, to_datasets
 
 if TYPE_CHECKING:
-    from robid.design.information import ConfigurationDesign
+    from robid.design.configurations.information import ConfigurationDesign
 
 DESIGN = Kind("design", "1.3", "robid design-configs")
 
@@ -44,6 +44,6 @@ def design_to_artifact(design: ConfigurationDesign, provenance: Provenance) -> A
 
 def design_from_artifact(artifact: Artifact) -> ConfigurationDesign:
     """The inverse of `design_to_artifact`."""
-    from robid.design.information import ConfigurationDesign
+    from robid.design.configurations.information import ConfigurationDesign
 
     return from_datasets(ConfigurationDesign, artifact)

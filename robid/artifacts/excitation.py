@@ -13,14 +13,14 @@ from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 
 if TYPE_CHECKING:
-    from robid.design.excitation import CampaignExcitation
+    from robid.design.excitation.excitation import CampaignExcitation
 
 EXCITATION = Kind("excitation", "1.1", "robid design-excitation")
 
 
 def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) -> Artifact:
     """Turns a campaign's excitation into an artifact."""
-    from robid.design.excitation import UNITS
+    from robid.design.excitation.excitation import UNITS
 
     unit = UNITS[content.excitation.kind]
     block = ("realization", "experiment")
@@ -40,7 +40,7 @@ def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) 
 
 def excitation_from_artifact(artifact: Artifact) -> CampaignExcitation:
     """The inverse of `excitation_to_artifact`, up to the rounding of the reference to float32."""
-    from robid.design.excitation import CampaignExcitation
+    from robid.design.excitation.excitation import CampaignExcitation
 
     return from_datasets(CampaignExcitation, artifact)
 

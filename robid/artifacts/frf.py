@@ -73,7 +73,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "silent_lines": Column("1", ("silent",), "Lines of the band that were not excited"),
         "silent_level": Column(outputs, silent, "RMS amplitude of the output residual there"),
         "silent_noise": Column(outputs, silent, "The part of it that is noise"),
-        "silent_doubt": Column(outputs, silent, "What interpolating the response may add"),
+        "silent_interpolation": Column(outputs, silent, "What interpolating the response may add"),
         "input_amplitude": Column(
             inputs, ("configuration", "frequency", "input", "block"), "Half amplitudes in every experiment"
         ),

@@ -1,1 +1,1 @@
-"""Where tasks run: one ordered map, in this process or in several."""
+"""Where tasks run: `map`, in this process or in several; `progress` tells how far they are."""

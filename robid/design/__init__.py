@@ -1,1 +1,1 @@
-"""Design of excitation and of the configurations to measure."""
+"""Design of experiments: `excitation/` is what the motors are told to do, `configurations/` where it is worth doing."""

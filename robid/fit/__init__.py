@@ -1,1 +1,1 @@
-"""Fits: problem, solution, optimizer, uncertainty, families."""
+"""Fits. Read `options`, `parameters`, `problem`, `elastic`, `strategy`, then what it is worth: `uncertainty`, `result`."""

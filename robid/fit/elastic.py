@@ -12,8 +12,8 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.bootstrap import Map
 from robid.fit.checks import check_data, check_influence, check_inputs
+from robid.fit.cubic_uncertainty import load_doubt
 from robid.fit.levenberg import Minimum
-from robid.fit.load_doubt import load_doubt
 from robid.fit.model_error import element_level
 from robid.fit.optimizers import optimise
 from robid.fit.options import ElasticOptions

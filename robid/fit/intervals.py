@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import norm, t
 
 from robid.arrays import FloatArray
-from robid.fit.load_doubt import load_doubt
+from robid.fit.cubic_uncertainty import load_doubt
 from robid.fit.model_error import ModelError
 from robid.fit.places import group_places
 from robid.fit.problem import Problem

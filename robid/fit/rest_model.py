@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.options import ElasticOptions
-from robid.fit.shape import Swinging, line_frequencies, spring_compliance, swing_shape
+from robid.fit.swing_distribution import Swinging, line_frequencies, spring_compliance, swing_shape
 from robid.fit.weights import make_weights
 from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian

@@ -23,7 +23,7 @@ _COARSE_TOLERANCE = 1e-3
 _HEAVY_TOLERANCE = 1e-2
 _COARSE_ITERATIONS = 60
 _DECADE = np.log(10)
-_PUT_BACKS = tuple((decades, share) for decades in (1, 2) for share in (1.0, 0.5, 0.0))
+_RESTARTS = tuple((decades, share) for decades in (1, 2) for share in (1.0, 0.5, 0.0))
 _LOST_INFLUENCE = 1e-2  # of the cost, by a factor of two
 _BETTER = 1e-2
 
@@ -73,7 +73,7 @@ class Strategy:
         own = start[shared]
         dampers = np.array(coarse.parameters.kind_of) == "damping"
         best, paid = _heavy_to_true(coarse, own), True
-        for decades, share in _PUT_BACKS:
+        for decades, share in _RESTARTS:
             lost = _lost(coarse, best.parameters)
             small = lost.sum() == 1 and (lost & dampers).any()
             if not lost.any() or (small and not paid):

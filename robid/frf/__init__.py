@@ -1,1 +1,1 @@
-"""Frequency responses and their estimators."""
+"""Frequency responses. Read `frf`, `estimate`, `blocks`, `local`, then friction: `compensation`, `silent`, `laws`."""

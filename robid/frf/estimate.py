@@ -131,7 +131,7 @@ def estimate_frf(
         silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
-        silent_doubt=levels.doubt[None],
+        silent_interpolation=levels.doubt[None],
         input_amplitude=np.concatenate(list(blocks.inputs), axis=-1)[None],
         compensation=_used(laws),
         freedom_share=np.array([found.freedom_share]),

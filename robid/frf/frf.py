@@ -30,7 +30,7 @@ CONFIGURATION_WISE = (
     "coherence",
     "silent_level",
     "silent_noise",
-    "silent_doubt",
+    "silent_interpolation",
     "uncompensated_response",
     "input_amplitude",
     "mean_input",
@@ -89,7 +89,7 @@ class Frf:
         silent_level (n_conf, n_silent, n_out): RMS amplitude of `Y - G U` there, see `robid.frf.distortion`
             [unit of the output].
         silent_noise (n_conf, n_silent, n_out): The part of it that is noise, or None with a single period.
-        silent_doubt (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
+        silent_interpolation (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
             a level that does not exceed it says nothing.
         input_amplitude (n_conf, n_freq, n_in, n_block): Half the complex amplitude of every input in every
             experiment of all realizations, compensation subtracted; its power is twice its square. NaN for an
@@ -134,7 +134,7 @@ class Frf:
     silent_lines: IntArray = field(default_factory=lambda: np.zeros(0, int))
     silent_level: FloatArray | None = None
     silent_noise: FloatArray | None = None
-    silent_doubt: FloatArray | None = None
+    silent_interpolation: FloatArray | None = None
     realization_error: ComplexArray | None = None
     input_amplitude: ComplexArray | None = None
     mean_input: FloatArray | None = None

@@ -1,1 +1,1 @@
-"""Vendor log files, imported into records."""
+"""Vendor log files, imported into records. Read `files`, `mapping`, `importing`, then `match` and `checks`."""

@@ -1,1 +1,1 @@
-"""Figures and the page: plain values in, one offline HTML file or terminal tables out."""
+"""The page. Read `section`, `content`, `page`, then what lays out rows: `parameters`, `costs`, `experiment`, `design`."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.design.information import ConfigurationDesign, Stability
+from robid.design.configurations.information import ConfigurationDesign, Stability
 from robid.report.design_figures import information_figure, skeleton_figure, weight_figure
 from robid.report.numbers import duration, joint_text, number_of, percent, significant
 from robid.report.section import Section, Table

@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robid.arrays import FloatArray
-from robid.design.excitation import UNITS, Excitation
+from robid.design.excitation.excitation import UNITS, Excitation
 from robid.report.numbers import duration, significant
 from robid.signals.positions import readable, readable_units
 

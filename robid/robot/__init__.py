@@ -1,1 +1,1 @@
-"""The robot: description, elastic MuJoCo model, equilibrium and linearization."""
+"""The robot. Read `description`, `parameters`, `model`, `linearize`, `response`, then `export` and `foreign`."""

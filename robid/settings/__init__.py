@@ -1,1 +1,1 @@
-"""The experiment and robot files: pydantic models, YAML loading, checks, JSON schema."""
+"""The experiment and robot files. Read `experiment`, `robot`, `fits`, `load`; what must hold is in `checks/`."""

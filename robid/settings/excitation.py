@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import Discriminator, GetJsonSchemaHandler, Tag
 from pydantic_core import CoreSchema
 
-from robid.design.excitation_options import ChirpOptions, FourierOptions, MultisineOptions, SteppedSineOptions
+from robid.design.excitation.options import ChirpOptions, FourierOptions, MultisineOptions, SteppedSineOptions
 
 _DEFAULT = "multisine"
 

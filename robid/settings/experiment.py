@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Union
 import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
-from robid.design.excitation_options import MultisineOptions
-from robid.design.options import CostOptions, DesignOptions, InformationOptions
+from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions
+from robid.design.excitation.options import MultisineOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.acquire import Acquire
 from robid.settings.base import STRICT, Name, Section

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from robid.errors import SettingsError
-from robid.settings.checks import check_experiment
+from robid.settings.checks.experiment import check_experiment
+from robid.settings.checks.robot import check_robot
+from robid.settings.checks.robot_missing import missing_keys
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
 from robid.settings.problems import Problem, problem_at, raise_problems, validate
 from robid.settings.robot import RobotFile
-from robid.settings.robot_checks import check_robot
-from robid.settings.robot_missing import missing_keys
 from robid.settings.slices import to_plain
 from robid.settings.yaml import Document, load_yaml
 

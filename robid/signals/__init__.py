@@ -1,1 +1,1 @@
-"""Signals: the record, excitation spectra, friction laws."""
+"""Signals. Read `record`, `quantities`, `multisine`, `friction`."""

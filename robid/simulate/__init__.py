@@ -1,1 +1,1 @@
-"""The simulated experiment: controller, imperfections, closed loop."""
+"""The simulated experiment. Read `options`, `experiment`, `controller`, `engine`, `truth`."""

@@ -1,1 +1,1 @@
-"""The stages: one module per command, from settings and input artifacts to an output artifact."""
+"""The stages. Read `stage`, then `chain/`: what each reads, writes and says; what it does is in its namesake here."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robid.design.excitation import CampaignExcitation
+from robid.design.excitation.excitation import CampaignExcitation
 from robid.logs.importing import import_log, import_shot, join_experiments, join_shots
 from robid.logs.mapping import LogMapping
 from robid.logs.match import Played

@@ -11,9 +11,9 @@ from rich.console import Group
 
 from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.cost import visit_cost_s
-from robid.design.information import ConfigurationDesign, design_configurations
-from robid.design.stability import Trial, stability
+from robid.design.configurations.cost import visit_cost_s
+from robid.design.configurations.information import ConfigurationDesign, design_configurations
+from robid.design.configurations.stability import Trial, stability
 from robid.report.design import design_numbers, design_tables, stability_sentence
 from robid.report.numbers import percent
 from robid.stages.chain.design_configs import STAGE, visit_s

@@ -10,11 +10,11 @@ from rich.console import Group
 from robid.arrays import FloatArray
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.excitation import CampaignExcitation, Excitation
-from robid.design.lines import samples_per_period
-from robid.design.loop import nominal_loop
-from robid.design.prediction import predict
-from robid.design.signal import design_signal
+from robid.design.excitation.excitation import CampaignExcitation, Excitation
+from robid.design.excitation.lines import samples_per_period
+from robid.design.excitation.loop import nominal_loop
+from robid.design.excitation.prediction import predict
+from robid.design.excitation.signal import design_signal
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign

@@ -12,16 +12,16 @@ from robid.arrays import FloatArray
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
-from robid.design.candidates import candidate_information
-from robid.design.fitted import FittedInformation
-from robid.design.measured import fitted_information, measured_information
-from robid.design.options import DesignWeights, InformationOptions
-from robid.design.stability import halves
+from robid.design.configurations.candidates import candidate_information
+from robid.design.configurations.fitted import FittedInformation
+from robid.design.configurations.measured import fitted_information, measured_information
+from robid.design.configurations.options import DesignWeights, InformationOptions
+from robid.design.configurations.stability import halves
 from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
 from robid.fit.options import ElasticOptions
 from robid.fit.weights import assumed_error, make_whitening
 from robid.frf.frf import Frf
-from robid.frf.halves import by_realizations
+from robid.frf.realization_subsets import by_realizations
 from robid.robot.description import Robot
 from robid.settings.experiment import Design
 from robid.settings.robot_parts import delay_s

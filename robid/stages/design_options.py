@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robid.design.options import InformationOptions
+from robid.design.configurations.options import InformationOptions
 from robid.fit.options import ElasticOptions, Weights
 
 if TYPE_CHECKING:

@@ -14,7 +14,14 @@ from robid.artifacts.store import read_artifact, read_outline
 from robid.fit.options import ElasticOptions
 from robid.fit.weights import make_weights
 
-UNREAD = ("coherence", "silent_level", "silent_noise", "silent_doubt", "uncompensated_response", "input_amplitude")
+UNREAD = (
+    "coherence",
+    "silent_level",
+    "silent_noise",
+    "silent_interpolation",
+    "uncompensated_response",
+    "input_amplitude",
+)
 """What no design reads of a response."""
 _WEIGHED = ("configurations", "response", "input_factor", "element_scale", "total_covariance", "noise_covariance")
 

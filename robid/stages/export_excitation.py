@@ -11,7 +11,7 @@ import numpy as np
 import robid
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.design.excitation import UNITS, CampaignExcitation
+from robid.design.excitation.excitation import UNITS, CampaignExcitation
 from robid.errors import ArtifactError, SettingsError
 from robid.families.encode import encode_mat, encode_table
 from robid.settings.experiment import Campaign

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from robid.arrays import IntArray
-from robid.design.signal_lines import signal_lines
-from robid.settings.checks import sampling_period_s
+from robid.design.excitation.signal_lines import signal_lines
+from robid.settings.checks.experiment import sampling_period_s
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import require_controller

@@ -18,8 +18,8 @@ from robid.artifacts.model import MODEL
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION
-from robid.design.excitation import UNITS, CampaignExcitation, Plan
-from robid.design.information import ConfigurationDesign
+from robid.design.configurations.information import ConfigurationDesign
+from robid.design.excitation.excitation import UNITS, CampaignExcitation, Plan
 from robid.families.family import Data, Shown, family_of
 from robid.frf.frf import Frf
 from robid.report.content import FitReport, ReportContent, Verdict, fit_sections

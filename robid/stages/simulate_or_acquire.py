@@ -14,7 +14,7 @@ from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
 from robid.artifacts.truth import truth_sha256, write_truth
-from robid.design.excitation import CampaignExcitation
+from robid.design.excitation.excitation import CampaignExcitation
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part

@@ -28,22 +28,20 @@ from robid.stages.replacing import check_replaceable, settings_files
 from robid.stages.report import write_page
 from robid.stages.stage import counted
 from robid.stages.stamp import read_stamp
-from robid.studies import (
-    frf,
-    frf_report,
-    mistakes,
-    mistakes_cases,
-    mistakes_report,
-    mistakes_responses,
-    wernholt2008,
-    wernholt2008_report,
-    zimmermann2023,
-    zimmermann2023_models,
-    zimmermann2023_report,
-    zimmermann2023_steps,
-)
 from robid.studies.conclusion import Conclusion
+from robid.studies.frf import report as frf_report
+from robid.studies.frf import study as frf
+from robid.studies.mistakes import cases as mistakes_cases
+from robid.studies.mistakes import report as mistakes_report
+from robid.studies.mistakes import responses as mistakes_responses
+from robid.studies.mistakes import study as mistakes
 from robid.studies.tasks import Function, Results, Task, run_tasks
+from robid.studies.wernholt2008 import report as wernholt2008_report
+from robid.studies.wernholt2008 import study as wernholt2008
+from robid.studies.zimmermann2023 import models as zimmermann2023_models
+from robid.studies.zimmermann2023 import report as zimmermann2023_report
+from robid.studies.zimmermann2023 import steps as zimmermann2023_steps
+from robid.studies.zimmermann2023 import study as zimmermann2023
 
 REPORT, SUMMARY, TASKS = "report.html", "summary.json", "tasks"
 

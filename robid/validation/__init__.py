@@ -1,1 +1,1 @@
-"""Metrics and tests on data that no fit saw."""
+"""What a model is worth. Read `elastic`, `measures`, `assessment` with `grade`, `plausible`, `causes`."""

@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from robid.design.criteria import worth
-from robid.design.packed import Packed, pack
-from robid.design.relaxed import relaxed_design
+from robid.design.configurations.criteria import worth
+from robid.design.configurations.packed import Packed, pack
+from robid.design.configurations.relaxed import relaxed_design
 
 _SIZE = 26
 _SAME_OPTIMUM = 1e-6

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robid.design.criteria import worth
-from robid.design.relaxed import relaxed_design
+from robid.design.configurations.criteria import worth
+from robid.design.configurations.relaxed import relaxed_design
 
 cp = pytest.importorskip("cvxpy", reason="cvxpy is not installed")
 

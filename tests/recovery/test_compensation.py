@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.design.excitation import design_excitation
+from robid.design.excitation.excitation import design_excitation
 from robid.families.files import load_experiment
 from robid.frf.estimate import estimate_frf
 from robid.frf.laws import combine_laws

@@ -13,7 +13,7 @@ from scipy.signal import cont2discrete
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.candidates import candidate_information
+from robid.design.configurations.candidates import candidate_information
 from robid.families.files import load_experiment
 from tolerances import IDENTITY
 

@@ -11,7 +11,7 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL, model_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.design.measured import measured_information
+from robid.design.configurations.measured import measured_information
 from robid.families.files import load_experiment
 from robid.fit.elastic import set_up
 from robid.fit.fitted_robot import fitted_delay_s, fitted_robot

@@ -7,7 +7,7 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.design.candidates import candidate_information
+from robid.design.configurations.candidates import candidate_information
 from robid.families.files import load_experiment
 from tolerances import IDENTITY
 

@@ -13,7 +13,7 @@ import pytest
 from robid.families.files import load_experiment
 from robid.pipeline import Run
 from robid.stages import terminal
-from robid.studies import frf
+from robid.studies.frf import study as frf
 
 _HERE = Path(__file__).parent
 TASKS = {f"configuration_{index}_chunk_{chunk}" for index in (1, 2) for chunk in (1, 2)}

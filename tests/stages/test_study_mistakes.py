@@ -6,7 +6,7 @@ import pytest
 
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
-from robid.studies import mistakes_cases
+from robid.studies.mistakes import cases as mistakes_cases
 
 _HERE = Path(__file__).parent
 CASES = {

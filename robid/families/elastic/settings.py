@@ -11,9 +11,9 @@ from pydantic import Field
 from robid.fit.names import name_problems
 from robid.fit.options import ElasticOptions
 from robid.settings.base import STRICT
+from robid.settings.checks.limits import TORQUE, missing_limits
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings, part
-from robid.settings.limit_checks import TORQUE, missing_limits
 from robid.settings.load import LoadedExperiment
 from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import suggest

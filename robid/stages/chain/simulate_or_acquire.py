@@ -43,7 +43,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
 
 def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
     """Torque and angle of all samples, once in the parts and once merged."""
-    from robid.settings.configuration_checks import configuration_count
+    from robid.settings.checks.configurations import configuration_count
 
     n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
     n_channel = 2 * n_motor + len(campaign.outputs) - 1
@@ -55,7 +55,7 @@ def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
 
 def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) -> dict[str, Path]:
     """Returns the path of every log by a name that says which it is; `log` where there is only one."""
-    from robid.settings.configuration_checks import configuration_count
+    from robid.settings.checks.configurations import configuration_count
 
     counts = (
         configuration_count(loaded.experiment, campaign) or 0,

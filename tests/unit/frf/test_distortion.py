@@ -42,7 +42,7 @@ def test_nonlinearity_shows_at_lines_of_its_parity_with_its_level(kind, power, p
     shows = frf.silent_lines % 2 == parity
     np.testing.assert_allclose(frf.silent_level[0, shows], expected[shows], rtol=0.02)
     assert frf.silent_level[0, ~shows].max() < 1e-2 * np.median(frf.silent_level[0, shows])
-    assert (frf.silent_doubt[0, shows] < frf.silent_level[0, shows]).all()
+    assert (frf.silent_interpolation[0, shows] < frf.silent_level[0, shows]).all()
     lines = frf.silent_lines[shows]
     raw = np.fft.rfft(record.outputs[0, :, :, 0], axis=-2, norm="forward")[..., lines, :]
     raw = np.sqrt((np.abs(raw) ** 2).mean(axis=(0, 1))) * OMEGA[lines - 1, None] ** 2

@@ -6,8 +6,8 @@ from io import StringIO
 import numpy as np
 from rich.console import Console
 
-from robid.design.excitation import design_excitation
-from robid.design.prediction import predict
+from robid.design.excitation.excitation import design_excitation
+from robid.design.excitation.prediction import predict
 from robid.report.plan import plan_table
 from two_drives import OPTIONS, STEP, make_loop
 

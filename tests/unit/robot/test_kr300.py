@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from robid.design.candidates import candidate_information
-from robid.design.excitation import design_excitation
-from robid.design.information import design_configurations
+from robid.design.configurations.candidates import candidate_information
+from robid.design.configurations.information import design_configurations
+from robid.design.excitation.excitation import design_excitation
 from robid.families.files import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model

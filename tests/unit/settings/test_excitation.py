@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from robid.design.excitation_options import ChirpOptions, ExcitationOptions, FourierOptions, MultisineOptions
+from robid.design.excitation.options import ChirpOptions, ExcitationOptions, FourierOptions, MultisineOptions
 from robid.families.files import experiment_schema
 from robid.settings.excitation import ExcitationSettings
 from robid.settings.experiment import Experiment

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter
 
-from robid.design.options import DesignOptions
+from robid.design.configurations.options import DesignOptions
 from robid.families.elastic.settings import ElasticFit
 from robid.families.files import load_experiment
 from robid.fit.options import ElasticOptions, Weights

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import check_grad
 
-from robid.design.excitation_options import MultisineOptions
-from robid.design.lines import choose_lines
+from robid.design.excitation.lines import choose_lines
+from robid.design.excitation.options import MultisineOptions
 from robid.signals.crest import _BlockNorm, _CopiesNorm, _TurnedNorm, reduce_crest, reduce_crest_with_motion
 from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robid.studies.frf_figures import EstimatorFigures, bias_figures, estimator_figures
-from robid.studies.frf_report import default_sentence, following_default
+from robid.studies.frf.figures import EstimatorFigures, bias_figures, estimator_figures
+from robid.studies.frf.report import default_sentence, following_default
 
 GROUPS = (1, 50, 4, 2, 2)
 

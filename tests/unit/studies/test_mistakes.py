@@ -10,10 +10,10 @@ from robid.settings.load import load_robot
 from robid.settings.study import Mistake
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
-from robid.studies.mistaken import mistaken_record, mistaken_robot, mistaken_truth
-from robid.studies.mistakes import Case
-from robid.studies.mistakes_grades import Against, against_truth, refused_causes
-from robid.studies.mistakes_report import Row, summarise
+from robid.studies.mistakes.grades import Against, against_truth, refused_causes
+from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot, mistaken_truth
+from robid.studies.mistakes.report import Row, summarise
+from robid.studies.mistakes.study import Case
 from robid.validation.doubt import Doubt
 from tolerances import IDENTITY
 

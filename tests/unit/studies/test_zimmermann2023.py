@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from exact_systems import two_joint_robot
-from robid.design.information import ConfigurationDesign
+from robid.design.configurations.information import ConfigurationDesign
 from robid.settings.study import ModelChoice, ZimmermannStudy
-from robid.studies.zimmermann2023_effort import crossing, deviations, effort_curves
-from robid.studies.zimmermann2023_figures import Found, Model, differs, explained_springs, rivals, summarise
-from robid.studies.zimmermann2023_models import gravity_torque, model_sets, options_of
+from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
+from robid.studies.zimmermann2023.figures import Found, Model, differs, explained_springs, rivals, summarise
+from robid.studies.zimmermann2023.models import gravity_torque, model_sets, options_of
 
 N_SEED, N_CONF = 5, 6
 SCATTER = np.array([0.97, 1.01, 1.0, 1.02, 0.99])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from exact_systems import NO_PAYLOAD, exact_frf, two_joint_robot
-from robid.design.lines import choose_lines
+from robid.design.excitation.lines import choose_lines
 from robid.families.files import load_experiment
 from robid.frf.estimate import estimate_frf
 from robid.frf.joined import join

@@ -1,0 +1,262 @@
+"""The choice of configurations from their information matrices, with a certificate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
+from robid.design.configurations.fitted import FittedInformation, merged
+from robid.design.configurations.options import DesignOptions
+from robid.design.configurations.plan import Plan, checked_plan, choose_counts
+from robid.design.configurations.regularity import check_different, check_finite, checked_scale, is_regular
+
+_FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
+_TIGHTENED = 4
+"""How often the bound on a fit with its own weights is made tight at the weights found so far."""
+
+
+@dataclass(frozen=True)
+class ConfigurationDesign:
+    """The chosen configurations with what they promise.
+
+    Attributes:
+        weights (n_conf,): Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost.
+        gap: Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
+            `(max tr(M^-1 H_i) - n) / n`.
+        criterion: `d`, `a` or `e`.
+        slopes (n_conf,): What more weight of each candidate brings at the optimum; 1 for those that have weight.
+        chosen (n_chosen,): Indices of the chosen candidates, rising.
+        counts (n_conf,): Experiments (visits) in each candidate.
+        efficiency: Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is
+            also the price of few configurations and whole numbers.
+        choice_efficiency: The same over the certified bound on choices of as many different candidates with equal
+            effort; equal to `efficiency` where repeats or costs make no tighter bound.
+        rounding_loss: Share of the worth that whole numbers cost, against optimal weights of the chosen ones.
+        gain (n_conf,): What one experiment more of each candidate adds to `log det` of the information known
+            beforehand; where that alone does not determine all parameters, of it and the chosen ones together.
+        information (n_conf, n_param, n_param): Information of each candidate about the log-parameters, mean over the
+            draws.
+        predicted_relative_std (n_param,): Relative standard deviations that what is known beforehand and the chosen
+            numbers promise together.
+        parameter_names: Names of the parameters.
+        configurations (n_conf, n_joint): The candidates' arm-side joint positions [rad, or m].
+        cost_s (n_conf,): Cost of one experiment in each candidate [s]; None where they cost the same.
+        stability: Whether the choice would come out the same; None without other information to choose by.
+        joint_units: Unit of each joint's position; None where all are angles.
+    """
+
+    weights: FloatArray
+    gap: float
+    criterion: str
+    slopes: FloatArray
+    chosen: IntArray
+    counts: IntArray
+    efficiency: float
+    choice_efficiency: float
+    rounding_loss: float
+    gain: FloatArray
+    information: FloatArray
+    predicted_relative_std: FloatArray
+    parameter_names: tuple[str, ...]
+    configurations: FloatArray
+    cost_s: FloatArray | None = None
+    stability: Stability | None = None
+    joint_units: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Choices by other information than the one that was used, see `robid.design.configurations.stability`.
+
+    Attributes:
+        source: Where that comes from: `realizations` (each half of them) or `draws` (each one alone).
+        kept (n_trial,): Share of the chosen configurations that each trial chooses too.
+        efficiency (n_trial,): Efficiency of each trial's choice by information that it did not use: the other half, or
+            the mean over all draws.
+        chosen_often (n_conf,): Share of the trials that choose each candidate.
+    """
+
+    source: str
+    kept: FloatArray
+    efficiency: FloatArray
+    chosen_often: FloatArray
+
+
+def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> FloatArray:
+    """Sums the information of independent residuals per candidate.
+
+    Args:
+        jacobian (n_conf, ..., n_param): Derivative of each residual with respect to the log-parameters.
+        variance: Variance of each residual, `E|r|^2` for circular complex ones; broadcast to (n_conf, ...).
+
+    Returns:
+        Information (n_conf, n_param, n_param): `J' V^-1 J` for real, `2 Re(J^H V^-1 J)` for complex residuals.
+
+    Source:
+        Zimmermann et al. (2023), eq. 4.
+    """
+    scaled = jacobian / np.sqrt(np.broadcast_to(variance, jacobian.shape[:-1]))[..., None]
+    rows = scaled.reshape(len(scaled), -1, scaled.shape[-1])
+    if np.iscomplexobj(rows):
+        rows = np.sqrt(2) * np.concatenate([rows.real, rows.imag], axis=1)
+    return np.asarray(rows.swapaxes(1, 2) @ rows)
+
+
+def design_configurations(
+    matrices: FloatArray,
+    configurations: FloatArray,
+    parameter_names: tuple[str, ...],
+    options: DesignOptions,
+    *,
+    prior: FloatArray | None = None,
+    cost: FloatArray | None = None,
+    fitted: FittedInformation | None = None,
+) -> ConfigurationDesign:
+    """Chooses configurations by what they tell about the parameters.
+
+    The planned number of experiments N (or the budget, where candidates have costs) decides how much the prior
+    counts: the weights are those of `H_0 / N + sum w_i H_i`.
+
+    Args:
+        matrices (n_conf, n_param, n_param): Information of one experiment in each candidate about the log-parameters,
+            or (n_draw, n_conf, n_param, n_param) under draws of the parameters.
+        configurations (n_conf, n_joint): The candidates' arm-side joint angles [rad].
+        parameter_names: Names of the parameters.
+        options: Criterion, number of configurations and experiments, limits.
+        prior (n_param, n_param): Information known beforehand, such as the inverse covariance of an earlier fit.
+        cost (n_conf,): Cost of one experiment in each candidate.
+        fitted: The choice is made for a fit with its own weights. Such information does not add over candidates:
+            exchange maximises it, and its efficiency is against a bound on optimal weights of the same responses.
+            `matrices` are then only what each candidate tells alone.
+
+    Raises:
+        SettingsError: If there are fewer candidates than configurations to choose, or more of these than experiments,
+            or the budget does not pay them.
+        DataError: If the information is not finite, all candidates are alike, or they together, or the chosen ones,
+            leave a combination of parameters unseen.
+
+    Source:
+        METHODS sec. 6; Zimmermann et al. (2023), eq. 4-6.
+    """
+    n_conf, n_param = len(configurations), len(parameter_names)
+    draws = matrices if matrices.ndim == 4 else matrices[None]
+    check_shape("matrices", draws, "n_draw n_conf n_param n_param", n_conf=n_conf, n_param=n_param)
+    price = np.ones(n_conf) if cost is None else cost
+    known = np.zeros((n_param, n_param)) if prior is None else prior
+    experiments, budget = checked_plan(options, price)
+    check_finite(draws)
+    for draw in draws:
+        scale = checked_scale(known + draw.mean(axis=0), parameter_names, "the candidates", _FIX)
+    check_different(draws)
+    if options.criterion != "d":
+        # The other criteria depend on the parameters' scale: that of the log-parameters stays.
+        scale = np.full(n_param, scale.mean())
+    plan = _plan(draws, known, scale, fitted, options, price, experiments, budget)
+    if fitted is not None:
+        every = np.ones(n_conf, int)
+        for seen in plan.seen(every):
+            checked_scale(seen, parameter_names, "the candidates, by the weights of the fit,", _FIX)
+    relaxed = plan.relaxed()
+    counts = choose_counts(plan, relaxed)
+    chosen = np.flatnonzero(counts)
+    _check_chosen(plan, counts, parameter_names)
+    found, own = plan.worth(counts), plan.relaxed(chosen)
+    deviation = np.diagonal(np.linalg.inv(plan.totals(counts)), axis1=1, axis2=2).mean(axis=0)
+    beforehand = is_regular(known / np.outer(scale, scale))
+    return ConfigurationDesign(
+        weights=relaxed.weights,
+        gap=relaxed.gap,
+        criterion=options.criterion,
+        slopes=relaxed.slopes,
+        chosen=chosen,
+        counts=counts,
+        efficiency=found / plan.bound(relaxed),
+        choice_efficiency=_choice_efficiency(plan, found, found / plan.bound(relaxed)),
+        rounding_loss=1 - found / plan.bound(own),
+        gain=_gain(plan.parts, plan.sums(np.zeros_like(counts) if beforehand else counts), n_param),
+        information=draws.mean(axis=0),
+        predicted_relative_std=np.sqrt(deviation) / scale,
+        parameter_names=parameter_names,
+        configurations=configurations,
+    )
+
+
+def next_configuration(matrices: FloatArray, prior: FloatArray, parameter_names: tuple[str, ...]) -> FloatArray:
+    """What each candidate would add to what is known: measure the one that adds most.
+
+    Args:
+        matrices (n_conf, n_param, n_param): Information of each candidate about the log-parameters, or
+            (n_draw, n_conf, n_param, n_param) under draws of the parameters.
+        prior (n_param, n_param): Information known beforehand.
+        parameter_names: Names of the parameters.
+
+    Returns:
+        Gain of `log det` (n_conf,), its mean over the draws.
+
+    Raises:
+        DataError: If the information is not finite, or what is known leaves a combination of parameters unseen.
+    """
+    draws = matrices if matrices.ndim == 4 else matrices[None]
+    check_finite(draws)
+    remedy = "Choose configurations without prior first, or fix one of the named parameters in each combination."
+    scale = checked_scale(prior, parameter_names, "the earlier experiments", remedy)
+    unit = scale[:, None] * scale
+    return _gain(draws[:, :, None] / unit, np.repeat(prior[None, None] / unit, len(draws), axis=0), len(prior))
+
+
+def _plan(
+    draws: FloatArray,
+    known: FloatArray,
+    scale: FloatArray,
+    fitted: FittedInformation | None,
+    options: DesignOptions,
+    price: FloatArray,
+    experiments: int,
+    budget: float,
+) -> Plan:
+    """The choice to be made, over the scale of the log-parameters."""
+    unit = scale[:, None] * scale
+    known = known / unit
+    if fitted is None:
+        matrices = draws / unit
+        return Plan(options, matrices, matrices[:, :, None], known, known[None], price, experiments, budget)
+    own = fitted.scaled(scale)
+    visits = np.full(price.size, budget / price.sum())
+    lowest = np.inf
+    for _ in range(_TIGHTENED):
+        bound, beside = own.bound(known, visits)
+        plan = Plan(options, bound, own.parts(), beside, own.base(known), price, experiments, budget)
+        relaxed = plan.relaxed()
+        if plan.bound(relaxed) >= lowest:
+            break
+        best, lowest, visits = plan, plan.bound(relaxed), budget * relaxed.weights / price
+    return best
+
+
+def _gain(parts: FloatArray, here: FloatArray, count: int) -> FloatArray:
+    before = np.linalg.slogdet(merged(here, count))[1]
+    after = np.linalg.slogdet(merged(here[:, None] + parts, count))[1]
+    return np.asarray((after - before[:, None]).mean(axis=0))
+
+
+def _check_chosen(plan: Plan, counts: IntArray, names: tuple[str, ...]) -> None:
+    options = plan.options
+    by, remedy = f"the best {options.count} configurations", "Raise count."
+    if options.experiments is not None:
+        by = f"the best {options.experiments} experiments in at most {options.count} configurations"
+        remedy = "Raise experiments or count."
+    for total in plan.seen(counts):
+        checked_scale(total, names, by, remedy)
+
+
+def _choice_efficiency(plan: Plan, found: float, efficiency: float) -> float:
+    """Efficiency against the bound on different candidates with equal effort, where it is tighter."""
+    options = plan.options
+    if options.experiments is not None or np.ptp(plan.cost) > 0 or options.count == 1:
+        return efficiency
+    if options.count == plan.cost.size:
+        everything = np.ones(plan.cost.size, int)
+        return found / plan.worth(everything)
+    return max(found / plan.bound(plan.relaxed(limit=1 / options.count)), efficiency)

@@ -1,0 +1,165 @@
+"""Interior-point steps towards the optimal weights of a few candidates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from robid.arrays import FloatArray, IntArray
+from robid.design.configurations.criteria import Criterion, derivatives, loss, tangent
+from robid.design.configurations.packed import Packed
+
+STEPS = 80
+"""Limit on steps between two looks at all candidates."""
+_RIDGE = 1e-14
+"""Added to the Newton matrix of unit diagonal against rounding."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A relaxed design.
+
+    Attributes:
+        criterion: `d`, `a` or `e`.
+        candidates: Their information.
+        prior (n_param, n_param): What is added to it.
+        limit: Largest weight.
+    """
+
+    criterion: Criterion
+    candidates: Packed
+    prior: FloatArray
+    limit: float
+
+    def totals(self, weights: FloatArray) -> FloatArray:
+        """Weighted information (n_draw, n_param, n_param) with the prior."""
+        return np.asarray(self.candidates.total(weights) + self.prior)
+
+
+def most(slopes: FloatArray, limit: float) -> float:
+    """Largest product with weights on the simplex, none above the limit."""
+    whole = min(int(1 / limit * (1 + 1e-12)), slopes.size)
+    if whole >= slopes.size:
+        return float(slopes.mean())
+    top = -np.sort(-np.partition(slopes, slopes.size - whole - 1)[slopes.size - whole - 1 :])
+    return float(limit * top[:whole].sum() + max(1 - limit * whole, 0.0) * top[whole])
+
+
+def level(slopes: FloatArray, limit: float) -> float:
+    """Slope that a candidate needs to have weight."""
+    rank = min(round(1 / limit), slopes.size - 1) if limit < 1 else 0
+    return float(-np.partition(-slopes, rank)[rank])
+
+
+def descend(
+    problem: Problem,
+    working: IntArray,
+    weights: FloatArray,
+    smoothing: float,
+    wanted: float,
+    most_steps: int,
+) -> tuple[FloatArray, float, int]:
+    """Primal-dual interior-point steps on some candidates until their own gap is small.
+
+    Args:
+        problem: The design.
+        working (n,): The candidates to work on.
+        weights (n,): Their weights at first, sum 1, inside their limits.
+        smoothing: Smoothing of `e` at first.
+        wanted: Relative gap at which to stop.
+        most_steps: Limit on the steps.
+
+    Returns:
+        Weights (n,), the smoothing reached, and the number of steps.
+    """
+    matrices = problem.candidates.matrices(working)
+    flat = matrices.reshape(*matrices.shape[:2], -1)
+    bounded = problem.limit < 1
+    barrier, reduction, limit = smoothing, 0.1, min(STEPS, most_steps)
+    for step in range(limit + 1):
+        totals = (weights @ flat).reshape(-1, *matrices.shape[2:]) + problem.prior
+        room = problem.limit - weights if bounded else np.ones(weights.size)
+        bound = tangent(problem.criterion, totals, barrier)
+        slopes = (flat @ bound.factors.reshape(len(flat), -1, 1))[..., 0].sum(axis=0)
+        gap = (most(slopes, problem.limit) - slopes @ weights + bound.excess) / bound.scale
+        if gap <= wanted or step == limit:
+            break
+        if problem.criterion == "e":
+            barrier *= reduction if step else 1.0
+            lower, upper = barrier / weights, barrier / room if bounded else np.zeros(weights.size)
+        else:
+            if step == 0:
+                lower, upper = _first_duals(problem, slopes, 0.1 * gap * bound.scale)
+            barrier = (reduction if step else 0.3) * float(lower @ weights + upper @ room) / weights.size
+        slopes, root = derivatives(problem.criterion, totals, matrices, barrier)
+        force = slopes + barrier / weights - (barrier / room if bounded else 0)
+        direction = _constrained_step(root, lower / weights + upper / room, force)
+        lower_step = barrier / weights - lower - lower / weights * direction
+        upper_step = barrier / room - upper + upper / room * direction if bounded else upper
+        longest = _longest(weights, direction, room if bounded else None)
+        taken = _searched(problem, flat, weights, direction, longest, barrier, force)
+        if taken == 0.0:
+            break
+        dual = min(_longest(lower, lower_step, None), _longest(upper, upper_step, None) if bounded else 1.0)
+        weights = weights + taken * direction
+        weights = weights / weights.sum()
+        lower, upper = lower + dual * lower_step, upper + dual * upper_step
+        if problem.criterion == "e":
+            # The smoothing acts as a primal barrier: it may fall once the weights have followed.
+            reduction = 0.3 if taken == 1.0 and force @ direction < 1e-4 * barrier else 1.0
+        else:
+            reduction = 0.1 if min(taken, dual) > 0.8 else 0.3 if min(taken, dual) > 0.3 else 0.7
+    return weights, barrier, step
+
+
+def _first_duals(problem: Problem, slopes: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+    """Multipliers of the lower and upper limits that slopes suggest."""
+    needed = level(slopes, problem.limit)
+    above = least if problem.limit < 1 else 0.0
+    return np.maximum(needed - slopes, 0) + least, np.maximum(slopes - needed, 0) + above
+
+
+def _constrained_step(root: FloatArray, diagonal: FloatArray, force: FloatArray) -> FloatArray:
+    """Newton step that keeps the sum of the weights, with curvature `root root' + diag(diagonal)`."""
+    scale = np.sqrt((root**2).sum(axis=1) + diagonal)
+    scaled, added = root / scale[:, None], diagonal / scale**2
+    factor = cho_factor(scaled @ scaled.T + np.diag(added + _RIDGE), check_finite=False)
+    free, even = (cho_solve(factor, each / scale, check_finite=False) / scale for each in (force, np.ones_like(force)))
+    return np.asarray(free - even * (free.sum() / even.sum()))
+
+
+def _longest(values: FloatArray, change: FloatArray, room: FloatArray | None) -> float:
+    """Largest step up to 1 that keeps values positive, and within their room."""
+    ratio = float(np.max(-change / values))
+    if room is not None:
+        ratio = max(ratio, float(np.max(change / room)))
+    return min(1.0, 0.99 / ratio) if ratio > 0 else 1.0
+
+
+def _searched(
+    problem: Problem,
+    flat: FloatArray,
+    weights: FloatArray,
+    direction: FloatArray,
+    longest: float,
+    barrier: float,
+    force: FloatArray,
+) -> float:
+    """Step length at which loss and barrier together fall; 0 if there is none."""
+    size = problem.candidates.n_param
+
+    def merit(trial: FloatArray) -> float:
+        totals = (trial @ flat).reshape(-1, size, size) + problem.prior
+        value = loss(problem.criterion, totals, barrier) - barrier * float(np.log(trial).sum())
+        return value - (barrier * float(np.log(problem.limit - trial).sum()) if problem.limit < 1 else 0.0)
+
+    here, falling = merit(weights), -float(force @ direction)
+    noise = 1e-12 * (1 + abs(here))
+    taken = longest
+    while taken > 1e-6:
+        if merit(weights + taken * direction) <= here + 1e-4 * taken * falling + noise:
+            return taken
+        taken *= 0.5
+    return 0.0

@@ -1,0 +1,159 @@
+"""What a choice of configurations may spend, and the numbers of experiments that make most of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.design.configurations.criteria import worth
+from robid.design.configurations.exchange import Exchange, best_exchange, efficient_rounding
+from robid.design.configurations.fitted import merged, reduced
+from robid.design.configurations.options import DesignOptions
+from robid.design.configurations.regularity import is_regular
+from robid.design.configurations.relaxed import Relaxed, relaxed_design
+from robid.errors import SettingsError
+
+_POOL = 400
+"""Candidates of the largest slopes at the optimum that exchange looks at."""
+_FLOOR = 1e-9
+"""Share of the optimal information that keeps few experiments' worth comparable while they do not see everything."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A choice to be made.
+
+    Attributes:
+        options: Criterion, numbers and limits.
+        matrices (n_draw, n_cand, n_param, n_param): Information of one experiment in each candidate, or for a fit
+            with its own weights what its sums never exceed.
+        parts (n_draw, n_cand, n_part, n_all, n_all): What adds up over experiments: the information alone, or
+            bread and meat of a fit with its own weights, nuisances last.
+        prior (n_param, n_param): What is known beforehand, beside `matrices`; may be one for each draw.
+        base (n_part, n_all, n_all): The same beside `parts`.
+        cost (n_cand,): Cost of one experiment.
+        experiments: Number of experiments.
+        budget: What they may cost together.
+    """
+
+    options: DesignOptions
+    matrices: FloatArray
+    parts: FloatArray
+    prior: FloatArray
+    base: FloatArray
+    cost: FloatArray
+    experiments: int
+    budget: float
+
+    def totals(self, counts: IntArray) -> FloatArray:
+        """Total information (n_draw, n_param, n_param) of some numbers of experiments, a fit's own included."""
+        return merged(self.sums(counts), self.wanted)
+
+    def sums(self, counts: IntArray) -> FloatArray:
+        """Sums (n_draw, n_part, n_all, n_all) of the parts."""
+        used = np.flatnonzero(counts)
+        return np.asarray(self.base + np.tensordot(self.parts[:, used], counts[used], (1, 0)))
+
+    def seen(self, counts: IntArray) -> FloatArray:
+        """What some numbers of experiments see (n_draw, n_param, n_param), by the weights that are used."""
+        return reduced(self.sums(counts), self.wanted)[:, 0]
+
+    @property
+    def wanted(self) -> int:
+        """Number of parameters that the choice is about."""
+        return int(self.matrices.shape[-1])
+
+    def worth(self, counts: IntArray) -> float:
+        """Worth of some numbers of experiments."""
+        return float(worth(self.options.criterion, self.totals(counts)))
+
+    def bound(self, found: Relaxed) -> float:
+        """What no numbers of experiments within the weights' limits are worth more than."""
+        return float(self.budget * found.worth * (1 + found.gap))
+
+    def relaxed(self, candidates: IntArray | None = None, limit: float = 1.0) -> Relaxed:
+        """Optimal shares of the cost among all candidates, or some."""
+        chosen = slice(None) if candidates is None else candidates
+        return relaxed_design(
+            self.matrices[:, chosen] / self.cost[chosen][:, None, None],
+            criterion=self.options.criterion,
+            gap=self.options.gap,
+            iterations=self.options.iterations,
+            prior=self.prior / self.budget,
+            limit=limit,
+        )
+
+
+def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
+    """Number of experiments and what they may cost.
+
+    Raises:
+        SettingsError: If there are too few candidates, or the budget does not pay the cheapest.
+    """
+    if options.count > cost.size:
+        raise SettingsError(
+            f"{options.count} configurations cannot be chosen from {cost.size} candidates.",
+            where="design.count",
+            remedy="Lower count, or give the campaign more candidates.",
+        )
+    experiments = options.experiments or options.count
+    budget = options.budget or experiments * float(cost.mean())
+    cheapest = np.sort(cost)[: options.count].sum() if options.experiments is None else experiments * cost.min()
+    if cheapest > budget * (1 + 1e-12):
+        raise SettingsError(
+            f"The budget of {budget:g} does not pay {experiments} experiments: the cheapest cost {cheapest:g}.",
+            where="design.budget",
+            remedy="Raise budget, or ask for fewer experiments.",
+        )
+    return experiments, budget
+
+
+def choose_counts(plan: Plan, relaxed: Relaxed) -> IntArray:
+    """Numbers of experiments (n_cand,): different candidates by exchange, then shares of repeats among them."""
+    order = np.argsort(-relaxed.slopes, kind="stable")
+    pool = np.union1d(order[:_POOL], np.flatnonzero(relaxed.weights))
+    visits = relaxed.weights / plan.cost
+    problem = _exchange(plan, relaxed, pool)
+    distinct = min(problem.distinct, problem.experiments)
+    once = replace(problem, experiments=distinct, distinct=distinct, repeats=False)
+    counts = best_exchange(once, visits[pool], plan.options.restarts, plan.options.seed)
+    whole = np.zeros(plan.cost.size, int)
+    whole[pool] = counts
+    if problem.repeats and all(is_regular(total) for total in plan.seen(whole)):
+        used = np.flatnonzero(whole)
+        own = np.zeros(plan.cost.size)
+        own[used] = plan.relaxed(used).weights / plan.cost[used]
+        starts = [counts, *(_rounded(problem, each[pool]) for each in (own, visits))]
+        ends = [problem.improved(start) for start in starts]
+        whole[pool] = ends[int(np.argmax([problem.worth(end) for end in ends]))]
+    return whole
+
+
+def _exchange(plan: Plan, relaxed: Relaxed, pool: IntArray) -> Exchange:
+    visits = relaxed.weights / plan.cost
+    if plan.parts.shape[2] > 1:
+        # Other weights than the optimal ones may see nothing where these see all.
+        visits = np.full(visits.size, visits.mean())
+    return Exchange(
+        criterion=plan.options.criterion,
+        parts=plan.parts[:, pool],
+        base=plan.base + _FLOOR * np.einsum("i,dipjk->dpjk", visits, plan.parts),
+        experiments=plan.experiments,
+        distinct=plan.options.count,
+        repeats=plan.options.experiments is not None,
+        cost=plan.cost[pool],
+        budget=plan.budget,
+        wanted=plan.wanted,
+    )
+
+
+def _rounded(problem: Exchange, visits: FloatArray) -> IntArray:
+    """Most experiments that efficient rounding of the weights makes affordable; none if it makes too many kinds."""
+    kinds = int((visits > 0).sum())
+    for experiments in range(problem.experiments, kinds - 1, -1):
+        counts = efficient_rounding(visits, experiments)
+        if kinds <= problem.distinct and counts @ problem.cost <= problem.budget * (1 + 1e-12):
+            return counts
+    return np.zeros(visits.size, int)

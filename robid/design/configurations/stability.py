@@ -1,0 +1,79 @@
+"""Whether a choice of configurations would come out the same from other data or other parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.design.configurations.criteria import worth
+from robid.design.configurations.information import ConfigurationDesign, Stability, design_configurations
+from robid.design.configurations.options import DesignOptions
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Information (n_conf, n_param, n_param) to choose by, and by which that choice is judged."""
+
+    chosen_by: FloatArray
+    judged_by: FloatArray
+
+
+def halves(n_real: int, most: int = 3) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Ways to divide realizations into two halves of at least two each; none with fewer than four.
+
+    Args:
+        n_real: Number of realizations.
+        most: Number of ways at most.
+    """
+    if n_real < 4:
+        return []
+    size, found = n_real // 2, []
+    for partner in range(1, min(most, n_real - 1) + 1):
+        first = tuple(sorted((0, *((partner + step - 1) % (n_real - 1) + 1 for step in range(size - 1)))))
+        found.append((first, tuple(index for index in range(n_real) if index not in first)))
+    return found
+
+
+def stability(
+    source: str,
+    trials: Sequence[Trial],
+    design: ConfigurationDesign,
+    options: DesignOptions,
+    prior: FloatArray | None = None,
+    cost: FloatArray | None = None,
+) -> Stability:
+    """Chooses again by each trial's information.
+
+    Args:
+        source: Where the trials come from.
+        trials: The trials.
+        design: The choice in question.
+        options: Its options.
+        prior (n_param, n_param): Information known beforehand.
+        cost (n_conf,): Cost of one experiment in each candidate.
+
+    Raises:
+        DataError: If a trial's information leaves a combination of parameters unseen.
+    """
+    kept, efficiency = [], []
+    often = np.zeros(len(design.configurations))
+    for trial in trials:
+        own, other = (
+            design_configurations(each, design.configurations, design.parameter_names, options, prior=prior, cost=cost)
+            for each in (trial.chosen_by, trial.judged_by)
+        )
+        kept.append(np.isin(design.chosen, own.chosen).mean())
+        often[own.chosen] += 1 / len(trials)
+        ratio = _worth(own.counts, trial.judged_by, options, prior) / _worth(
+            other.counts, trial.judged_by, options, prior
+        )
+        efficiency.append(other.efficiency * ratio)
+    return Stability(source, np.array(kept), np.array(efficiency), often)
+
+
+def _worth(counts: IntArray, matrices: FloatArray, options: DesignOptions, prior: FloatArray | None) -> float:
+    total = np.tensordot(counts, matrices, 1) + (0.0 if prior is None else prior)
+    return float(worth(options.criterion, total[None]))

@@ -1,0 +1,263 @@
+"""Excitation of a campaign: what each motor is told to do, and the plan of what that will cause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.design.excitation.lines import choose_lines, samples_per_period
+from robid.design.excitation.loop import NominalLoop
+from robid.design.excitation.options import MultisineOptions
+from robid.design.excitation.shaping import sensitivity_amplitude
+from robid.errors import SettingsError
+from robid.signals.crest import reduce_crest, reduce_crest_with_motion
+from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
+
+_PLAYED_SHARE = 1e-6
+"""Size of a line, relative to the largest, below which it holds only rounding."""
+
+UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m"}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the excitation will do to the nominal robot, over all realizations and experiments.
+
+    Attributes:
+        speed_rms (n_conf, n_motor): Motor speed [rad/s].
+        speed_peak (n_conf, n_motor): Largest absolute motor speed [rad/s].
+        torque_rms (n_conf, n_motor): Motor torque with its static part [N m].
+        torque_peak (n_conf, n_motor): Largest absolute motor torque with its static part [N m].
+        excursion_rms (n_conf, n_motor): Arm excursion, motor angle over gear ratio [rad].
+        excursion_peak (n_conf, n_motor): Largest absolute arm excursion [rad].
+        speed_limit (n_motor,): Limit of the motor speed [rad/s].
+        torque_limit (n_motor,): Limit of the motor torque [N m].
+        excursion_limit (n_motor,): Limit of the arm excursion [rad].
+        admissible_scale (n_conf, n_motor): Factor on all motors' RMS at which this motor meets its first limit;
+            0 where the static torque alone does.
+        speed_crest (n_conf, n_motor): Largest crest factor of the motor speed, or None in older files.
+        snr_db (n_conf, n_freq, n_out, n_in): Power of each element of the response over the variance that the
+            assumed noise will give its estimate; None with fewer experiments than motors and in older files [dB].
+        duration_s: Time that the whole campaign takes, transients included; None in older files [s].
+    """
+
+    speed_rms: FloatArray
+    speed_peak: FloatArray
+    torque_rms: FloatArray
+    torque_peak: FloatArray
+    excursion_rms: FloatArray
+    excursion_peak: FloatArray
+    speed_limit: FloatArray
+    torque_limit: FloatArray
+    excursion_limit: FloatArray
+    admissible_scale: FloatArray
+    speed_crest: FloatArray | None = None
+    snr_db: FloatArray | None = None
+    duration_s: float | None = None
+
+    @property
+    def speed_margin(self) -> FloatArray:
+        """Share of the speed limit (n_conf, n_motor) that is left."""
+        return np.asarray(1 - self.speed_peak / self.speed_limit)
+
+    @property
+    def torque_margin(self) -> FloatArray:
+        """Share of the torque limit (n_conf, n_motor) that is left."""
+        return np.asarray(1 - self.torque_peak / self.torque_limit)
+
+    @property
+    def excursion_margin(self) -> FloatArray:
+        """Share of the excursion limit (n_conf, n_motor) that is left."""
+        return np.asarray(1 - self.excursion_peak / self.excursion_limit)
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What each motor is told to do, one period per realization and experiment.
+
+    Attributes:
+        reference (n_real, n_exp, n_sample, n_motor): Injected signal [rad/s, rad or N m].
+        kind: `speed_reference`, `position_reference` or `torque`.
+        excited_lines (n_freq,): Excited DFT lines.
+        detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
+        sampling_period_s: Sampling period of the controller [s].
+        spectrum (n_real, n_exp, n_freq, n_motor): Complex amplitudes at the excited lines [as reference].
+        rms (n_motor,): RMS of each motor's signal, a slow motion left out [as reference].
+        crest_factor (n_real, n_exp, n_motor): Peak over RMS, a slow motion left out.
+        plan: Predicted motion against the limits, or None before `predict`.
+    """
+
+    reference: FloatArray
+    kind: str
+    excited_lines: IntArray
+    detection_lines: IntArray
+    sampling_period_s: float
+    spectrum: ComplexArray
+    rms: FloatArray
+    crest_factor: FloatArray
+    plan: Plan | None = None
+
+    @property
+    def period_s(self) -> float:
+        """Length of one period [s]."""
+        return float(self.reference.shape[2]) * self.sampling_period_s
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Excited frequencies (n_freq,) [Hz]."""
+        return np.asarray(self.excited_lines / self.period_s)
+
+    @property
+    def played_lines(self) -> IntArray:
+        """All lines (n_played,) that `reference` holds: excited ones, a slow motion, a sweep's edges."""
+        size = np.abs(np.fft.rfft(self.reference, axis=2)).max(axis=(0, 1, 3))
+        size[0] = size[len(size) - 1 if self.reference.shape[2] % 2 == 0 else 0] = 0
+        return np.flatnonzero(size > _PLAYED_SHARE * size.max())
+
+    @property
+    def played_spectrum(self) -> ComplexArray:
+        """Complex amplitudes (n_real, n_exp, n_played, n_motor) at the played lines [as reference]."""
+        n_sample = self.reference.shape[2]
+        return np.asarray(np.fft.rfft(self.reference, axis=2)[:, :, self.played_lines] * (2 / n_sample))
+
+    def first_experiments(self, count: int | None) -> Excitation:
+        """Returns the first experiments of every block, all of them without a count."""
+        kept = slice(count)
+        return replace(
+            self,
+            reference=self.reference[:, kept],
+            spectrum=self.spectrum[:, kept],
+            crest_factor=self.crest_factor[:, kept],
+        )
+
+
+@dataclass(frozen=True)
+class CampaignExcitation:
+    """The excitation of one campaign.
+
+    Attributes:
+        configurations (n_conf, n_joint): Arm-side joint angles [rad].
+        excitation: The excitation; without realizations where a log was played by others.
+    """
+
+    configurations: FloatArray
+    excitation: Excitation
+
+
+def design_excitation(
+    options: MultisineOptions,
+    n_motor: int,
+    realizations: int,
+    sampling_period_s: float,
+    loop: NominalLoop | None = None,
+) -> Excitation:
+    """Designs orthogonal random-phase multisines with a low crest factor over each block of experiments.
+
+    Args:
+        options: Period, band, lines, RMS, amplitudes, crest-factor search and seed.
+        n_motor: Number of motors, and of experiments in a realization.
+        realizations: Number of realizations, each with new phases.
+        sampling_period_s: Sampling period of the controller [s].
+        loop: The nominal loop at the excited lines; needed for amplitudes shaped by sensitivity and for a low
+            crest factor of the motion, which is that of the configuration nearest the mean.
+
+    Raises:
+        SettingsError: If the lines cannot be chosen or the RMS does not fit the motors.
+        ValueError: If the loop is needed and not given.
+
+    Source:
+        Wernholt and Moberg (2008), sec. 4.
+    """
+    rms = rms_per_motor(options.rms, n_motor)
+    excited, detection = choose_lines(options, sampling_period_s)
+    # The vectors are short: on a busy machine BLAS threads would only wait for each other.
+    with threadpool_limits(1, user_api="blas"):
+        amplitude = _amplitude(options, rms, len(excited), loop)
+        turn = _turns(options, n_motor, len(excited), realizations)
+        phase = np.array([_phases(options, amplitude, excited, index, turn, loop) for index in range(realizations)])
+    spectrum = multisine(amplitude, phase, turn)
+    reference = time_signal(spectrum, excited, samples_per_period(options.period_s, sampling_period_s))
+    return Excitation(
+        reference=reference,
+        kind=options.inject,
+        excited_lines=excited,
+        detection_lines=detection,
+        sampling_period_s=sampling_period_s,
+        spectrum=spectrum,
+        rms=rms,
+        crest_factor=crest_factor(reference),
+    )
+
+
+def _amplitude(options: MultisineOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
+    """Amplitude (n_motor, n_lines) of each line."""
+    flat = np.repeat(rms[:, None] * np.sqrt(2 / n_lines), n_lines, axis=1)
+    if options.amplitude == "flat":
+        return flat
+    noise = options.assumed_angle_noise_rad, options.assumed_torque_noise_nm
+    return sensitivity_amplitude(flat, _needed(loop), options.inject, *noise)
+
+
+def _turns(options: MultisineOptions, n_motor: int, n_lines: int, realizations: int) -> FloatArray | None:
+    """Random phases (n_real, n_exp, n_lines) of each experiment and line, or None."""
+    if not options.random_block_phases:
+        return None
+    return np.random.default_rng([options.seed, 4]).uniform(0, 2 * np.pi, (realizations, n_motor, n_lines))
+
+
+def _phases(
+    options: MultisineOptions,
+    amplitude: FloatArray,
+    lines: IntArray,
+    realization: int,
+    turn: FloatArray | None,
+    loop: NominalLoop | None,
+) -> FloatArray:
+    """Phases (n_motor, n_lines) of one realization; a start beyond one per motor goes to the worst motor so far."""
+    n_motor, n_lines = amplitude.shape
+    shifts = np.angle(orthogonal_matrix(n_motor))
+    own = None if turn is None else turn[realization]
+    if own is not None:
+        shifts = shifts[:, :, None] + own
+    generators = [np.random.default_rng([options.seed, 2, realization, motor]) for motor in range(n_motor)]
+    phases, crest = np.zeros(amplitude.shape), np.full(n_motor, np.inf)
+    for _ in range(max(options.phase_starts, n_motor)):
+        motor = int(np.argmax(crest))
+        start = generators[motor].uniform(0, 2 * np.pi, (n_lines,))
+        found, peak = reduce_crest(start, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations)
+        if peak < crest[motor]:
+            phases[motor], crest[motor] = found, peak
+    if options.crest_at == "reference":
+        return phases
+    loop = _needed(loop)
+    speed = 1j * loop.omega[:, None, None] * loop.gains(loop.central(), options.inject)[1]
+    return reduce_crest_with_motion(phases, amplitude, lines, speed, own, iterations=options.phase_iterations)
+
+
+def _needed(loop: NominalLoop | None) -> NominalLoop:
+    if loop is None:
+        raise ValueError("The nominal loop is needed to shape amplitudes or motion.")
+    return loop
+
+
+def rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
+    """Returns the RMS of each motor's signal (n_motor,).
+
+    Raises:
+        SettingsError: If the values do not fit the motors or are not positive.
+    """
+    values = np.full(n_motor, rms, float) if np.ndim(rms) == 0 else np.asarray(rms, float)
+    problems = [] if len(values) == n_motor else [f"{len(values)} values for {n_motor} motors"]
+    problems += [
+        f"value {value:g} of motor {index + 1} is not positive" for index, value in enumerate(values) if value <= 0
+    ]
+    if problems:
+        raise SettingsError(
+            f"The RMS does not fit: {'; '.join(problems)}.",
+            where="excitation.rms",
+            remedy=f"Give one positive number, or a list of {n_motor}.",
+        )
+    return values

@@ -1,0 +1,106 @@
+"""Choice of excited and detection lines."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid.arrays import IntArray
+from robid.design.excitation.options import ChosenLineOptions
+from robid.errors import SettingsError
+
+
+def samples_per_period(period_s: float, sampling_period_s: float) -> int:
+    """Returns the whole number of samples in one period.
+
+    Raises:
+        SettingsError: If the period is not a whole number of samples.
+    """
+    ratio = period_s / sampling_period_s
+    count = round(ratio)
+    if count < 1 or abs(ratio - count) > 1e-6 * ratio:
+        raise SettingsError(
+            f"A period of {period_s:g} s is {ratio:.6g} samples of {sampling_period_s:g} s, not a whole number.",
+            where="excitation.period_s",
+            remedy=f"Use a period of {max(count, 1) * sampling_period_s:.9g} s.",
+        )
+    return count
+
+
+def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[IntArray, IntArray]:
+    """Chooses the excited lines and, interleaved with them, the detection lines.
+
+    Logarithmic spacing takes consecutive lines of the grid where it would be finer than the grid, so that the
+    numbers of lines come out exactly. One detection line is drawn in each of equal runs of the chosen lines; the
+    lowest and the highest chosen line stay excited.
+
+    Args:
+        options: Period, band, count, spacing, grid, detection share and seed.
+        sampling_period_s: Sampling period of the controller or of the log [s].
+
+    Returns:
+        Excited lines (count,) and detection lines (n_detection,), both rising.
+
+    Raises:
+        SettingsError: If the period is no whole number of samples, the band is empty or reaches the Nyquist
+            frequency, or has fewer lines than are asked for.
+    """
+    n_sample = samples_per_period(options.period_s, sampling_period_s)
+    n_detection = _detection_count(options)
+    total = options.count + n_detection
+    step = 2 if options.grid == "odd" else 1
+    lowest = max(int(np.ceil(options.low_hz * options.period_s - 1e-9)), 1)
+    highest = int(np.floor(options.high_hz * options.period_s + 1e-9))
+    if options.grid == "odd":
+        lowest, highest = lowest + 1 - lowest % 2, highest - 1 + highest % 2
+    grid = np.arange(lowest, highest + 1, step)
+    if options.slow_motion_rad_s > 0:
+        grid = grid[grid % options.slow_motion_line != 0]
+    available = len(grid)
+    problems = []
+    if 2 * highest >= n_sample:
+        problems.append(
+            f"high_hz {options.high_hz:g} is not below the Nyquist frequency {0.5 / sampling_period_s:g} Hz "
+            f"(lower high_hz)"
+        )
+    if options.low_hz >= options.high_hz:
+        problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
+    elif available < total:
+        odd = "odd " if options.grid == "odd" else ""
+        problems.append(
+            f"{options.count} excited and {n_detection} detection lines do not fit: the band {options.low_hz:g} to "
+            f"{options.high_hz:g} Hz holds {available} {odd}lines of a {options.period_s:g} s"
+            f" period (lower count, or lengthen the period to {options.period_s * total / max(available, 1):.3g} s)"
+        )
+    if problems:
+        raise SettingsError(
+            "The lines cannot be chosen: " + "; ".join(problems) + ".",
+            where="excitation",
+            remedy="Change the fields named in parentheses.",
+        )
+    chosen = _spread(grid, total, options.spacing)
+    generator = np.random.default_rng([options.seed, 1])
+    inner = np.arange(1, total - 1) if total >= n_detection + 2 else np.arange(total)
+    drawn = [int(generator.choice(run)) for run in np.array_split(inner, n_detection)] if n_detection else []
+    excited = np.delete(chosen, drawn)
+    return excited, chosen[drawn]
+
+
+def _detection_count(options: ChosenLineOptions) -> int:
+    """Number of detection lines: their share of all chosen lines, at least one unless the share is zero."""
+    share = options.detection_share
+    return 0 if share == 0 else max(1, round(options.count * share / (1 - share)))
+
+
+def _spread(grid: IntArray, count: int, spacing: str) -> IntArray:
+    """Spreads `count` distinct lines over a rising grid."""
+    lowest, highest = int(grid[0]), int(grid[-1])
+    if count == 1:
+        middle = np.sqrt(lowest * highest) if spacing == "log" else (lowest + highest) / 2
+        return grid[[np.argmin(np.abs(grid - middle))]]
+    chosen = [0]
+    for left in range(count - 1, 0, -1):
+        last = int(grid[chosen[-1]])
+        target = last * (highest / last) ** (1 / left) if spacing == "log" else last + (highest - last) / left
+        nearest = round(float(np.interp(target, grid, np.arange(len(grid)))))
+        chosen.append(min(max(nearest, chosen[-1] + 1), len(grid) - left))
+    return grid[chosen]

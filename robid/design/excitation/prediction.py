@@ -1,0 +1,209 @@
+"""Predicted motion, torque and signal-to-noise ratio of an excitation, against the robot's limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robid.arrays import FloatArray, check_shape
+from robid.design.excitation.excitation import UNITS, Excitation, Plan
+from robid.design.excitation.loop import NominalLoop
+from robid.design.excitation.options import ExcitationOptions
+from robid.design.excitation.snr import predicted_snr_db, residual_covariance
+from robid.errors import SettingsError
+from robid.robot.description import Robot
+from robid.signals.multisine import crest_factor, time_signal
+
+_ROUNDING = 1 + 1e-9
+"""A limit that is used up to its last digit is not exceeded."""
+
+
+def predict(
+    excitation: Excitation,
+    loop: NominalLoop,
+    options: ExcitationOptions,
+    *,
+    periods: int = 1,
+    transient_periods: int = 0,
+) -> Excitation:
+    """Predicts what the nominal closed loop will do, uses its limits and holds it against them.
+
+    Friction is not in the prediction: a margin of a few N m should be left for it. The static torque is not scaled.
+
+    Args:
+        excitation: The excitation.
+        loop: The nominal loop at the excited lines; its linearised robot is needed where more than these is played.
+        options: Share of the limits to use, limit of the excursion and assumed noise.
+        periods: Recorded periods of each experiment.
+        transient_periods: Periods of each experiment before those.
+
+    Returns:
+        The excitation with its plan, scaled where a share of the limits is asked for.
+
+    Raises:
+        SettingsError: If a motor's speed, torque or excursion exceeds its limit in any configuration.
+    """
+    n_motor, n_conf = len(loop.robot.joints), len(loop.response)
+    axes = {"n_freq": len(excitation.excited_lines), "n_motor": n_motor}
+    check_shape("response", loop.response, "n_conf n_freq n_motor n_motor", **axes)
+    check_shape("static_torque", loop.static_torque, "n_conf n_motor", n_conf=n_conf, n_motor=n_motor)
+    limits = _limits(loop.robot, options)
+    played = excitation.played_lines
+    moving = loop if np.array_equal(played, excitation.excited_lines) else loop.at(played / excitation.period_s)
+    found = [_reach(excitation, moving, index) for index in range(n_conf)]
+    reach, crest = np.stack([each for each, _ in found], axis=2), np.array([each for _, each in found])
+    if options.limit_share is not None:
+        share = _admissible_scale(reach[0], reach[1], options.limit_share * limits, loop.static_torque)
+        factor = _common_factor(share, loop.robot, options.limit_share)
+        excitation = _scaled(excitation, factor)
+        offset = np.zeros((3, n_conf, n_motor))
+        offset[1] = loop.static_torque
+        reach = _scaled_reach(reach, offset, factor)
+    minimum, maximum, rms = reach
+    peak = np.maximum(maximum, -minimum)
+    scale = _admissible_scale(minimum, maximum, limits, loop.static_torque)
+    every = "RMS of all motors" if options.slow_motion_rad_s == 0 else "RMS of all motors and the slow motion"
+    _check_limits(excitation, loop.robot, peak, limits, scale, every)
+    length = np.prod(excitation.reference.shape[:2]) * n_conf * (periods + transient_periods)
+    whole = excitation.reference.shape[1] == n_motor
+    plan = Plan(
+        speed_rms=rms[0],
+        speed_peak=peak[0],
+        torque_rms=rms[1],
+        torque_peak=peak[1],
+        excursion_rms=rms[2],
+        excursion_peak=peak[2],
+        speed_limit=limits[0],
+        torque_limit=limits[1],
+        excursion_limit=limits[2],
+        admissible_scale=scale.min(axis=0),
+        speed_crest=crest,
+        snr_db=np.array([_snr_db(excitation, loop, i, options, periods) for i in range(n_conf)]) if whole else None,
+        duration_s=float(length) * excitation.period_s,
+    )
+    return replace(excitation, plan=plan)
+
+
+def _limits(robot: Robot, options: ExcitationOptions) -> FloatArray:
+    """Limits (3, n_motor) of speed, torque and excursion."""
+    motors = [joint.motor for joint in robot.joints]
+    return np.array(
+        [
+            [motor.max_speed_rad_s for motor in motors],
+            [motor.max_torque_nm for motor in motors],
+            np.where(robot.prismatic, options.max_excursion_m, np.radians(options.max_excursion_deg)),
+        ]
+    )
+
+
+def _reach(excitation: Excitation, loop: NominalLoop, index: int) -> tuple[FloatArray, FloatArray]:
+    """Minimum, maximum and RMS (3, 3, n_motor) of speed, torque and excursion, and the speed's crest (n_motor,)."""
+    to_torque, to_angle = loop.gains(index, excitation.kind)
+    rate = 1j * loop.omega[:, None, None]
+    gains = np.stack([rate * to_angle, to_torque, loop.robot.arm_per_motor @ to_angle])
+    stacked = np.einsum("qkmi,reki->qrekm", gains, excitation.played_spectrum, optimize=True)
+    signal = time_signal(stacked, excitation.played_lines, excitation.reference.shape[2])
+    crest = crest_factor(signal[0]).max(axis=(0, 1))
+    signal[1] += loop.static_torque[index]
+    samples = (1, 2, 3)
+    rms = np.sqrt(np.mean(signal**2, axis=samples))
+    return np.stack([signal.min(axis=samples), signal.max(axis=samples), rms]), crest
+
+
+def _snr_db(
+    excitation: Excitation, loop: NominalLoop, index: int, options: ExcitationOptions, periods: int
+) -> FloatArray:
+    """Signal-to-noise ratio (n_freq, n_out, n_in) in one configuration."""
+    response = loop.response[index]
+    torque = np.einsum("kmi,reki->rekm", loop.gains(index, excitation.kind)[0], excitation.spectrum, optimize=True)
+    noise = options.assumed_angle_noise_rad, options.assumed_torque_noise_nm
+    residual = residual_covariance(response, loop.omega, *noise)
+    return predicted_snr_db(response, torque, residual, excitation.reference.shape[2], periods)
+
+
+def _common_factor(share: FloatArray, robot: Robot, limit_share: float) -> float:
+    """The factor on all motors at which the nearest limit is reached to the share that is asked for."""
+    factor = float(share.min())
+    if factor > 0:
+        return factor
+    _, configuration, motor = np.unravel_index(int(np.argmin(share)), share.shape)
+    raise SettingsError(
+        f"Motor {robot.joints[motor].name} needs more than {100 * limit_share:.3g} % of its torque limit to hold the"
+        f" arm in configuration {configuration + 1}.",
+        where="excitation.limit_share",
+        remedy="Raise `limit_share`, or leave out the configurations that the motors hardly hold.",
+    )
+
+
+def _scaled(excitation: Excitation, factor: float) -> Excitation:
+    return replace(
+        excitation,
+        reference=factor * excitation.reference,
+        spectrum=factor * excitation.spectrum,
+        rms=factor * excitation.rms,
+    )
+
+
+def _scaled_reach(reach: FloatArray, offset: FloatArray, factor: float) -> FloatArray:
+    """Minimum, maximum and RMS around an offset that does not scale."""
+    minimum, maximum = offset + factor * (reach[0] - offset), offset + factor * (reach[1] - offset)
+    rms = np.sqrt(offset**2 + factor**2 * np.maximum(reach[2] ** 2 - offset**2, 0))
+    return np.stack([minimum, maximum, rms])
+
+
+def _admissible_scale(
+    minimum: FloatArray, maximum: FloatArray, limits: FloatArray, static_torque: FloatArray
+) -> FloatArray:
+    """Factor (3, n_conf, n_motor) on the excitation at which each quantity meets its limit."""
+    offset = np.zeros_like(minimum)
+    offset[1] = static_torque
+    tiny = np.finfo(float).tiny
+    upward = (limits[:, None] - offset) / np.maximum(maximum - offset, tiny)
+    downward = (limits[:, None] + offset) / np.maximum(offset - minimum, tiny)
+    return np.asarray(np.maximum(np.minimum(upward, downward), 0))
+
+
+def _check_limits(
+    excitation: Excitation, robot: Robot, peak: FloatArray, limits: FloatArray, scale: FloatArray, every: str
+) -> None:
+    """Collects every limit that a motor exceeds, at its worst configuration."""
+    problems = []
+    quantities = (("speed", "rad/s", 1.0), ("torque", "N m", 1.0), ("arm excursion", "deg", 180 / np.pi))
+    for index, (quantity, of_angles, factor_of_angles) in enumerate(quantities):
+        for motor, joint in enumerate(robot.joints):
+            slides = quantity == "arm excursion" and joint.type == "prismatic"
+            unit, factor = ("m", 1.0) if slides else (of_angles, factor_of_angles)
+            over = np.flatnonzero(peak[index, :, motor] > _ROUNDING * limits[index, motor])
+            if not len(over):
+                continue
+            worst = over[np.argmin(scale[index, over, motor])]
+            others = f" and {len(over) - 1} more" if len(over) > 1 else ""
+            admissible = (
+                f"admissible rms {_floor(scale[index, worst, motor] * excitation.rms[motor]):.3g}"
+                f" {UNITS[excitation.kind]}"
+                if scale[index, worst, motor] > 0
+                else "its static torque alone leaves no room"
+            )
+            problems.append(
+                f"motor {joint.name}, configuration {worst + 1}{others}: {quantity} peak"
+                f" {peak[index, worst, motor] * factor:.4g} {unit} exceeds {limits[index, motor] * factor:.4g} {unit}"
+                f" ({admissible})"
+            )
+    if problems:
+        factor = _floor(float(scale.min()))
+        raise SettingsError(
+            "The excitation would exceed limits:\n  " + "\n  ".join(problems),
+            where="excitation.rms",
+            remedy=f"Multiply the {every} by at most {factor:.3g} (the motors are coupled)."
+            if factor > 0
+            else "Leave out the configurations that the motors cannot hold.",
+        )
+
+
+def _floor(value: float) -> float:
+    """Rounds a positive value down to three significant digits."""
+    if value <= 0:
+        return 0.0
+    digit = 10.0 ** (np.floor(np.log10(value)) - 2)
+    return float(np.floor(value / digit) * digit)

@@ -1,0 +1,127 @@
+"""The lines that carry a signal, and what keeps it from being made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.design.excitation.lines import choose_lines, samples_per_period
+from robid.design.excitation.options import (
+    ChirpOptions,
+    ChosenLineOptions,
+    ExcitationOptions,
+    FourierOptions,
+    SteppedSineOptions,
+    SweepOptions,
+)
+from robid.errors import SettingsError
+from robid.signals.chirp import chirp
+from robid.signals.stepped_sine import stepped_sine
+
+LINE_SHARE = 0.03
+"""Amplitude of a line, relative to the strongest one of the band, from which it counts as excited."""
+
+RESTING_ORDERS = {"speed_reference": (-1, 0, 1), "position_reference": (0, 1, 2), "torque": (0, 1)}
+"""Derivatives of a signal that begin and end at rest, by where it is injected."""
+
+
+def signal_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[IntArray, IntArray]:
+    """Returns the excited and the detection lines of a signal; a chirp and a stepped sine have no detection lines.
+
+    Raises:
+        SettingsError: If the signal cannot be made as asked.
+    """
+    if isinstance(options, ChosenLineOptions):
+        return choose_lines(options, sampling_period_s)
+    n_sample = samples_per_period(options.period_s, sampling_period_s)
+    magnitude = np.abs(np.fft.rfft(sweep(options, sampling_period_s)))
+    frequency = np.arange(n_sample // 2 + 1) / options.period_s
+    band = (frequency >= options.low_hz - 1e-9) & (frequency <= options.high_hz + 1e-9) & _not_slow(options, n_sample)
+    carrying = band & (magnitude >= LINE_SHARE * magnitude[band].max(initial=0.0)) & (magnitude > 0)
+    if options.grid == "odd":
+        carrying[::2] = False
+    return np.flatnonzero(carrying), np.zeros(0, int)
+
+
+def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
+    """Refuses what cannot be made before anything is designed.
+
+    Raises:
+        SettingsError: With every problem of the signal, or of its lines.
+    """
+    n_sample = samples_per_period(options.period_s, sampling_period_s)
+    problems = []
+    if isinstance(options, SweepOptions):
+        problems += _sweep_problems(options, n_sample, sampling_period_s)
+    if options.slow_motion_rad_s > 0:
+        problems += _slow_problems(options)
+    resting = RESTING_ORDERS[options.inject]
+    if isinstance(options, FourierOptions) and options.at_rest and options.count <= len(resting):
+        needed = len(resting) + 1
+        problems.append(f"{options.count} lines cannot begin and end at rest (use at least {needed} lines)")
+    if problems:
+        raise SettingsError(
+            f"The {options.signal} cannot be made: {'; '.join(problems)}.",
+            where="excitation",
+            remedy="Change the fields named in parentheses.",
+        )
+    signal_lines(options, sampling_period_s)
+
+
+def _sweep_problems(options: SweepOptions, n_sample: int, sampling_period_s: float) -> list[str]:
+    problems = []
+    if options.low_hz >= options.high_hz:
+        problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
+    if 2 * options.high_hz * sampling_period_s >= 1:
+        nyquist = 0.5 / sampling_period_s
+        problems.append(
+            f"high_hz {options.high_hz:g} is not below the Nyquist frequency {nyquist:g} Hz (lower high_hz)"
+        )
+    if options.grid == "odd" and n_sample % 2:
+        problems.append(f"a period of {n_sample} samples has no half, which odd lines need (change period_s or grid)")
+    if isinstance(options, SteppedSineOptions) and not problems:
+        seconds = float(np.sum(1 / _steps_hz(options))) * (2 if options.grid == "odd" else 1)
+        if seconds > options.period_s:
+            problems.append(
+                f"one cycle of each of {options.count} frequencies takes {seconds:.3g} s"
+                f" (lengthen period_s to more, lower count, or raise low_hz)"
+            )
+    return problems
+
+
+def _slow_problems(options: ExcitationOptions) -> list[str]:
+    line, problems = options.slow_motion_line, []
+    if options.inject == "torque":
+        problems.append("a slow motion needs a reference of speed or position (inject)")
+    if line % 2:
+        problems.append(f"the slow motion's line {line} is odd, as excited lines are (make slow_motion_line even)")
+    if line >= options.low_hz * options.period_s:
+        problems.append(
+            f"the slow motion's {line / options.period_s:g} Hz is not below low_hz {options.low_hz:g}"
+            " (lower slow_motion_line)"
+        )
+    return problems
+
+
+def _not_slow(options: ExcitationOptions, n_sample: int) -> BoolArray:
+    """Whether each line (n_lines,) is free of the slow motion and its multiples."""
+    lines = np.arange(n_sample // 2 + 1)
+    return np.asarray((options.slow_motion_rad_s == 0) | (lines % options.slow_motion_line != 0))
+
+
+def _steps_hz(options: SteppedSineOptions) -> FloatArray:
+    spread = np.geomspace if options.spacing == "log" else np.linspace
+    return np.asarray(spread(options.low_hz, options.high_hz, options.count))
+
+
+def sweep(options: SweepOptions, sampling_period_s: float) -> FloatArray:
+    """One period of a chirp or stepped sine; the odd grid repeats its first half with the opposite sign."""
+    n_sample = samples_per_period(options.period_s, sampling_period_s)
+    is_odd = options.grid == "odd"
+    length = n_sample // 2 if is_odd else n_sample
+    if isinstance(options, ChirpOptions):
+        low, high = options.low_hz * sampling_period_s, options.high_hz * sampling_period_s
+        signal = chirp(low, high, length, peak=options.chirp_peak)
+    else:
+        signal = stepped_sine(_steps_hz(options) * sampling_period_s, length)
+    return np.concatenate([signal, -signal]) if is_odd else signal - signal.mean()

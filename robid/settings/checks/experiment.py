@@ -1,0 +1,191 @@
+"""What must hold across an experiment file and its robot beyond the types of the fields."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from typing import TypeAlias
+
+from robid.design.excitation.signal_lines import check_signal
+from robid.errors import SettingsError
+from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
+from robid.settings.checks.designs import check_designs
+from robid.settings.checks.limits import check_limits
+from robid.settings.checks.logs import check_channels, check_logs
+from robid.settings.checks.study import check_study
+from robid.settings.checks.truth import check_truth
+from robid.settings.experiment import Campaign, Experiment
+from robid.settings.fits import Families, FitSettings
+from robid.settings.problems import Problem, problem_at, suggest
+from robid.settings.robot import RobotFile
+from robid.settings.yaml import Document, FieldPath
+
+_Found: TypeAlias = Iterator[tuple[FieldPath, str]]
+_FOLDERS = ("designs", "fits", "tasks")
+
+
+def check_experiment(
+    document: Document, experiment: Experiment, robot: RobotFile | None, families: Families
+) -> list[Problem]:
+    """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
+    found = [
+        _folders(experiment),
+        check_designs(experiment, robot),
+        check_cycles(experiment),
+        check_study(experiment, robot, configuration_count),
+    ]
+    for name, campaign in experiment.campaigns.items():
+        found.append(_campaign(experiment, name, campaign))
+        if robot is not None:
+            found.append(_campaign_of_robot(name, campaign, robot))
+    for name, fit in experiment.fits.items():
+        found.append(_fit(experiment, name, fit, families))
+        if robot is not None:
+            found.append(_fit_of_robot(experiment, name, fit, robot, families))
+    if robot is not None:
+        found.append(check_limits(experiment, robot))
+    return [problem_at(document, field, message) for field, message in chain.from_iterable(found)]
+
+
+def sampling_period_s(campaign: Campaign, robot: RobotFile) -> float | None:
+    """Returns the sampling period of a campaign: the log's, else the controller's [s]."""
+    if campaign.source is not None and campaign.source.acquire is not None:
+        return campaign.source.acquire.sampling_period_s
+    return None if robot.controller is None else robot.controller.sampling_period_s
+
+
+def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
+    """Returns the names of a campaign's outputs; a simulation measures every motor."""
+    if campaign.source is not None and campaign.source.acquire is not None:
+        return tuple(channel.name for channel in campaign.source.acquire.outputs)
+    return (*(joint.name for joint in robot.joints), *campaign.outputs[1:])
+
+
+def _folders(experiment: Experiment) -> _Found:
+    for name in experiment.campaigns:
+        if name in _FOLDERS:
+            yield ("campaigns", name), f"`{name}` is a folder of every run: give the campaign another name"
+
+
+def _unknown(kind: str, name: str, known: Mapping[str, object]) -> str:
+    return f"there is no {kind} `{name}`; {suggest(name, known)}"
+
+
+def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
+    field = ("campaigns", name)
+    for place, design in named_designs((*field, "configurations"), campaign.configurations):
+        if design not in experiment.designs:
+            yield place, _unknown("design", design, experiment.designs)
+    rms = campaign.excitation.rms
+    if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
+        yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
+    if campaign.source is not None and campaign.source.acquire is not None:
+        count = configuration_count(experiment, campaign)
+        yield from check_logs(field, campaign, campaign.source.acquire, count)
+
+
+def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
+    field = ("campaigns", name)
+    n_joint = len(robot.joints)
+    yield from check_reachable((*field, "configurations"), campaign.configurations, robot)
+    rms = campaign.excitation.rms
+    if isinstance(rms, tuple) and len(rms) != n_joint:
+        message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
+        yield (*field, "excitation", "rms"), message
+    acquire = None if campaign.source is None else campaign.source.acquire
+    if not campaign.is_one_shot:
+        yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
+        yield from _lines(field, campaign, robot)
+    if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
+        yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
+    yield from _outputs(field, campaign, robot)
+    if acquire is not None:
+        yield from check_channels(field, acquire, robot)
+    elif campaign.source is not None and campaign.source.simulate is not None:
+        if robot.controller is None:
+            yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
+        yield from check_truth((*field, "source", "simulate"), campaign, campaign.source.simulate, robot)
+
+
+def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
+    count = n_motor if campaign.experiments is None else campaign.experiments
+    if count > n_motor:
+        yield (*field, "experiments"), f"a block has {n_motor} experiments, one per motor: {count} are too many"
+    elif count < n_motor and campaign.estimate.estimator != "local_periodic":
+        message = f"{count} experiments do not separate {n_motor} motors: use the estimator `local_periodic`"
+        yield (*field, "estimate", "estimator"), message
+    if count < n_motor and campaign.estimate.compensation == "silent_lines":
+        message = f"needs a block of {n_motor} experiments, not {count}: use `compensation: nominal` or `none`"
+        yield (*field, "estimate", "compensation"), message
+
+
+def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+    if campaign.source is not None and campaign.source.acquire is not None:
+        if campaign.outputs != ("motors",):
+            yield (*field, "outputs"), "is for simulations: what a log has stands under `source.acquire.outputs`"
+        return
+    if campaign.outputs[:1] != ("motors",):
+        yield (*field, "outputs"), "must begin with `motors`"
+        return
+    known = robot.output_names[len(robot.joints) :]
+    for index, name in enumerate(campaign.outputs[1:], start=1):
+        if name not in known:
+            yield (*field, "outputs", index), f"the robot has no output `{name}`; {suggest(name, known)}"
+        elif name in campaign.outputs[:index]:
+            yield (*field, "outputs", index), f"`{name}` is there twice"
+
+
+def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+    """Chooses the signal's lines as the design will."""
+    period_s = sampling_period_s(campaign, robot)
+    if period_s is None:
+        return
+    try:
+        check_signal(campaign.excitation, period_s)
+    except SettingsError as error:
+        yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
+
+
+def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families) -> _Found:
+    field, reads = ("fits", name), families[fit.family].reads
+    for key, campaign in (*(("from", name) for name in fit.campaigns), ("validate_on", fit.validate_on)):
+        if campaign is None:
+            continue
+        if campaign not in experiment.campaigns:
+            yield (*field, key), _unknown("campaign", campaign, experiment.campaigns)
+        elif experiment.campaigns[campaign].source is None:
+            yield (*field, key), f"campaign `{campaign}` has no `source`, so there is no record to read"
+        elif experiment.campaigns[campaign].is_one_shot and "frf" in reads:
+            yield (*field, key), f"campaign `{campaign}` is one shot, which has no frequency response to read"
+    if fit.validate_on in fit.campaigns:
+        yield (*field, "validate_on"), f"campaign `{fit.validate_on}` is what the fit reads: validate on another one"
+    if len(set(fit.campaigns)) < len(fit.campaigns):
+        yield (*field, "from"), "names a campaign twice"
+    used = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]
+    if len({campaign.payload_kg for campaign in used}) > 1:
+        yield (*field, "from"), "names campaigns with different payloads, which one model cannot have"
+    counts = [configuration_count(experiment, campaign) for campaign in used]
+    known = len(used) == len(fit.campaigns) and None not in counts
+    count = sum(each or 0 for each in counts) if known else None
+    for position, index in enumerate(fit.configurations or ()):
+        if count is not None and index >= count:
+            message = (
+                f"there is no index {index}: {' and '.join(f'`{name}`' for name in fit.campaigns)}"
+                f" {'has' if len(fit.campaigns) == 1 else 'have'} {count} configurations, from index 0 to {count - 1}"
+            )
+            yield (*field, "configurations", position), message
+        if index in (fit.configurations or ())[:position]:
+            yield (*field, "configurations", position), f"index {index} is there twice"
+
+
+def _fit_of_robot(experiment: Experiment, name: str, fit: FitSettings, robot: RobotFile, families: Families) -> _Found:
+    field = ("fits", name)
+    for below, message in families[fit.family].problems(experiment, name, robot):
+        yield (*field, *below), message
+    read = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]
+    pairs = [("from", name) for name in fit.campaigns[1:]] + [("validate_on", fit.validate_on or "")]
+    for key, name in pairs:
+        other = experiment.campaigns.get(name)
+        if read and other is not None and output_names(read[0], robot) != output_names(other, robot):
+            ours, theirs = ", ".join(output_names(read[0], robot)), ", ".join(output_names(other, robot))
+            yield (*field, key), f"`{name}` measures {theirs}, but the fit reads {ours}"

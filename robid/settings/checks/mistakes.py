@@ -1,0 +1,113 @@
+"""What must hold between a study of mistakes and the experiment around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from robid.settings.checks.truth import check_truth
+from robid.settings.experiment import Campaign, Experiment, Source
+from robid.settings.problems import suggest
+from robid.settings.robot import RobotFile
+from robid.settings.study import Mistake, MistakesStudy
+from robid.settings.truth import SimulateSettings
+from robid.settings.yaml import FieldPath
+from robid.validation.doubt import CAUSES
+
+
+def check_mistakes(
+    experiment: Experiment, study: MistakesStudy, robot: RobotFile | None
+) -> Iterator[tuple[FieldPath, str]]:
+    """Yields the field and the message of everything that is wrong with a study of mistakes."""
+    message = fit_problem(experiment, study.fit)
+    if message:
+        yield ("study", "fit"), message
+    for name, mistake in study.mistakes.items():
+        field = ("study", "mistakes", name)
+        if mistake.cause is not None and mistake.cause not in CAUSES:
+            yield (*field, "cause"), f"there is no cause `{mistake.cause}`; {suggest(mistake.cause, CAUSES)}"
+        if mistake.robot == "light" and study.light is None:
+            yield (*field, "robot"), "the study has no `light` robot"
+        if mistake.robot == "heavy":
+            found = mistake_problems(mistake, experiment, study.fit, robot)
+            yield from (((*field, *place), message) for place, message in found)
+    judge, choose = study.seeds.judge, study.seeds.choose
+    first, last = sorted((judge, choose), key=lambda seeds: seeds.first)
+    if first.first + max(first.mistakes, first.heavy, first.light) > last.first:
+        yield ("study", "seeds"), "the seeds of `judge` and `choose` overlap"
+
+
+def fit_problem(experiment: Experiment, name: str) -> str:
+    """Says why a fit cannot be studied: it is not there, or its robot's truth is not known."""
+    fit = experiment.fits.get(name)
+    if fit is None:
+        return f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+    if fit.validate_on is None or len(fit.campaigns) > 1 or fit.configurations is not None:
+        return f"fit `{name}` needs one campaign with all its configurations, and one to `validate_on`"
+    sources = (experiment.campaigns[each].source for each in (fit.campaign, fit.validate_on))
+    if any(source is None or source.simulate is None for source in sources):
+        return f"a campaign of fit `{name}` is not simulated, so its true robot is not known"
+    return ""
+
+
+def mistake_problems(
+    mistake: Mistake, experiment: Experiment, fit: str, robot: RobotFile | None
+) -> Iterator[tuple[FieldPath, str]]:
+    """Yields what a mistake names that its robot or the simulation does not have."""
+    if not fit_problem(experiment, fit):
+        yield from _check_physics(experiment.campaigns[experiment.fits[fit].campaign], mistake, robot)
+    if robot is None:
+        return
+    joints, springs = [joint.name for joint in robot.joints], [spring.name for spring in robot.all_springs]
+    for key in ("torque_factor", "angle_factor", "gear_ratio_factor"):
+        yield from _unknown((key,), list(getattr(mistake, key)), "joint", joints)
+    for index, name in enumerate(mistake.without_springs):
+        yield from _unknown(("without_springs", index), [name], "spring", springs)
+
+
+def _unknown(
+    field: FieldPath, names: Sequence[str], kind: str, known: Sequence[str]
+) -> Iterator[tuple[FieldPath, str]]:
+    yield from ((field, f"there is no {kind} `{name}`; {suggest(name, known)}") for name in names if name not in known)
+
+
+def changed_simulation(
+    campaign: Campaign, physics: Mapping[str, Any], seed: int | None = None, noise: int = 0
+) -> SimulateSettings:
+    """Returns how a campaign is simulated where a mistake changes it.
+
+    Args:
+        campaign: The campaign, simulated.
+        physics: What the mistake changes, see `Mistake.physics`.
+        seed: Seed of the true robot; the campaign's when None.
+        noise: Seed of the noise, where `seed` is given.
+
+    Raises:
+        ValidationError: If there is no such option, or its value is not allowed.
+    """
+    if campaign.source is None:
+        message = "the settings' checks let a study without a simulated campaign pass"
+        raise RuntimeError(message)
+    plain = campaign.source.model_dump(mode="json")["simulate"]
+    for key in ("imperfections", "truth"):
+        changed = physics.get(key) or {}
+        plain[key] = {**plain[key], **changed} if isinstance(changed, dict) else plain[key]
+    if seed is not None:
+        plain["truth"]["seed"], plain["seed"] = seed, noise
+    options = Source.model_validate({"simulate": plain}).simulate
+    if options is None:
+        message = "the settings' checks let a study without a simulated campaign pass"
+        raise RuntimeError(message)
+    return options
+
+
+def _check_physics(campaign: Campaign, mistake: Mistake, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:
+    try:
+        changed = changed_simulation(campaign, mistake.physics)
+    except ValidationError as error:
+        yield from (((*each["loc"][1:3],), each["msg"]) for each in error.errors())
+        return
+    if robot is not None:
+        yield from check_truth((), campaign, changed, robot)

@@ -1,0 +1,263 @@
+"""What must hold in a robot file beyond the types of its fields."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from pydantic import BaseModel
+
+from robid.robot.description import Inertial
+from robid.robot.inertia import remove
+from robid.robot.parameters import PARAMETER_KINDS
+from robid.settings.checks.robot_missing import missing
+from robid.settings.plausible import implausible
+from robid.settings.problems import Problem, problem_at, suggest
+from robid.settings.robot import RobotFile, assumed_sections
+from robid.settings.robot_sections import Body, JointSection, SpringSection
+from robid.settings.yaml import Document, FieldPath
+
+_ROUNDING = 1e-9
+_PARALLEL = 1e-6
+_OTHER = {"revolute": "prismatic", "prismatic": "revolute"}
+
+
+def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str] | None = None) -> list[Problem]:
+    """Returns everything that is wrong with a robot file whose fields have the right types.
+
+    Args:
+        document: Where it was read from.
+        robot: The file, completed from its model where it names one that is there.
+        immobile: Joints of the model that do not move, with the reason.
+    """
+    checks = (_names, missing, _joints, _values, _couplings, _splits, _payload, _base, _sensors, _assumed)
+    found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
+    found += implausible(robot)
+    return [problem_at(document, field, message) for field, message in found]
+
+
+def check_springs(robot: RobotFile, immobile: Mapping[str, str] | None = None) -> Iterator[tuple[FieldPath, str]]:
+    """Yields what is wrong with the springs of a robot file: names, places, and what splits leave of a link."""
+    yield from _springs(robot, immobile or {})
+    yield from _splits(robot)
+    yield from _values(robot)
+    yield from _names(robot)
+
+
+def spring_field(robot: RobotFile, index: int) -> FieldPath:
+    """Returns where the spring of this index among all of them is written."""
+    geared = [position for position, joint in enumerate(robot.joints) if joint.gear is not None]
+    return ("joints", geared[index], "gear") if index < len(geared) else ("springs", index - len(geared))
+
+
+def _names(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    named: list[tuple[FieldPath, str]] = [(("joints", i, "name"), joint.name) for i, joint in enumerate(robot.joints)]
+    named += [((*spring_field(robot, i), "name"), spring.name) for i, spring in enumerate(robot.all_springs)]
+    named += [(("sensors", i, "name"), sensor.name) for i, sensor in enumerate(robot.sensors)]
+    count = Counter(name for _, name in named)
+    for field, name in named:
+        if count[name] > 1:
+            yield field, f"`{name}` names more than one joint, spring or sensor"
+
+
+def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    for index, joint in enumerate(robot.joints):
+        field = ("joints", index)
+        lower, upper = joint.stated_limits or (0.0, 1.0)
+        if lower >= upper:
+            yield (*field, joint.limits_key), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
+        if joint.link is not None:
+            yield from _body((*field, "link"), joint.link)
+        friction = joint.motor.friction
+        if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
+            message = f"must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
+            yield (*field, "motor", "friction", "static_nm"), message
+        yield from _units(field, joint)
+        yield from _transmission(field, robot, joint)
+
+
+def _units(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
+    """Finds values that belong to joints of the other type."""
+    turning, sliding = ("limits_deg",), ("limits_m",)
+    wrong = [key for key in (turning if joint.slides else sliding) if getattr(joint, key) is not None]
+    for key in wrong:
+        yield (*field, key), f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type}"
+    wanted, other = ("gear_ratio_rad_m", "gear_ratio") if joint.slides else ("gear_ratio", "gear_ratio_rad_m")
+    if getattr(joint.motor, other) is not None:
+        message = f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type} and has `{wanted}`"
+        yield (*field, "motor", other), message
+    elif getattr(joint.motor, wanted) is None:
+        yield (*field, "motor", wanted), "is missing"
+
+
+def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
+    transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
+    found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"
+    if joint.rigid and transmissions:
+        yield (*field, "rigid"), f"joint `{joint.name}` is rigid, but has the transmission {', '.join(transmissions)}"
+    elif not joint.rigid and len(transmissions) != 1:
+        message = f"joint `{joint.name}` needs exactly one transmission spring, but has {found}"
+        yield (*field, "name"), message if transmissions else f"{message} (`rigid: true` does without)"
+    if joint.rigid and joint.couplings:
+        yield (*field, "couplings"), f"joint `{joint.name}` is rigid: only elastic joints can be moved by other motors"
+    if joint.rigid and robot.rotor == "on_link":
+        yield (*field, "rigid"), "needs `rotor: spong`: the rotor of a rigid joint is part of its arm"
+
+
+def _body(field: FieldPath, body: Body) -> Iterator[tuple[FieldPath, str]]:
+    wrong = _unphysical(body.inertial())
+    if wrong:
+        yield (*field, "inertia_kgm2"), wrong
+
+
+def _unphysical(body: Inertial) -> str:
+    """Says why no rigid body has this inertia, or returns an empty text."""
+    moments = np.linalg.eigvalsh(body.inertia_kgm2)
+    shown = ", ".join(f"{moment:.6g}" for moment in moments)
+    if moments[0] <= 0:
+        return (
+            f"must be positive definite; its principal moments are {shown} kg m^2 (where a source gives one about the"
+            " joint axis alone, half of it about each of the others changes nothing)"
+        )
+    if moments[2] > (moments[0] + moments[1]) * (1 + _ROUNDING):
+        return (
+            f"no body has these principal moments, {shown} kg m^2: each must be at most the sum of the others (where a"
+            " source gives one about the joint axis alone, half of it about each of the others changes nothing)"
+        )
+    return ""
+
+
+def _values(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    """Finds springs without stiffness or damping, or with those of the other type of joint."""
+    for index, spring in enumerate(robot.all_springs):
+        field, linear = spring_field(robot, index), spring.is_linear(robot.joints)
+        for kind in ("stiffness", "damping", "cubic"):
+            about = PARAMETER_KINDS[kind]
+            wanted, other = about.field, about.linear_field
+            if linear:
+                wanted, other = other, wanted
+            if spring.value(kind, linear=not linear) is not None:
+                why = "a prismatic joint's transmission" if linear else "what turns"
+                yield (*field, other), f"has the wrong unit for {why}: write `{wanted}`"
+            elif kind != "cubic" and spring.value(kind, linear=linear) is None:
+                yield (*field, wanted), "is missing"
+
+
+def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[FieldPath, str]]:
+    joints = [joint.name for joint in robot.joints]
+    turning = [joint.name for joint in robot.joints if not joint.slides]
+    for index, spring in enumerate(robot.springs):
+        field = ("springs", index)
+        ends = spring.place in ("base", "payload")
+        if ends and spring.joint is not None:
+            yield (*field, "joint"), f"a {spring.place} spring belongs to no joint: leave `joint` out"
+        elif ends:
+            pass
+        elif spring.joint is None:
+            yield (*field, "joint"), f"is missing: a {spring.place} spring belongs to a joint"
+        elif spring.joint in immobile:
+            message = f"joint `{spring.joint}` {immobile[spring.joint]}: a spring there needs a `split` of the link"
+            yield (*field, "joint"), message
+        elif spring.joint not in joints:
+            yield (*field, "joint"), f"there is no joint `{spring.joint}`; {suggest(spring.joint, joints)}"
+        if spring.place == "transmission":
+            if spring.axis is not None:
+                yield (*field, "axis"), "a transmission turns about its joint's axis: leave `axis` out"
+        elif spring.axis is None:
+            yield (*field, "axis"), f"is missing: a {spring.place} spring needs one"
+        elif np.linalg.norm(spring.axis) == 0:
+            yield (*field, "axis"), "has no direction"
+        elif (
+            spring.place == "bearing"
+            and spring.joint in turning
+            and np.hypot(*spring.axis[:2]) < _PARALLEL * np.linalg.norm(spring.axis)
+        ):
+            yield (*field, "axis"), "lies along the joint axis z: that is what the transmission is for"
+        for key in ("point_m", "outboard"):
+            if ends and key == "point_m":
+                continue
+            if (spring.place == "split") != (getattr(spring, key) is not None):
+                told = "is missing: a split spring needs it" if spring.place == "split" else "is for split springs only"
+                yield (*field, key), told
+        if spring.place == "payload" and (robot.payload is None or robot.payload.mass_kg == 0):
+            yield (*field, "place"), "a payload spring needs a `payload` with mass"
+
+
+def _splits(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    """Goes through the splits of each link from its joint outwards; each takes a part of what is left."""
+    for joint in robot.joints:
+        if joint.link is None:
+            continue
+        whole = joint.link.inertial()
+        for index, spring in enumerate(robot.springs):
+            if spring.joint == joint.name and spring.place == "split" and spring.outboard is not None:
+                part = spring.outboard.inertial()
+                yield from _split(("springs", index, "outboard"), spring, spring.outboard, whole)
+                whole = part
+
+
+def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inertial) -> Iterator[tuple[FieldPath, str]]:
+    yield from _body(field, outboard)
+    if outboard.mass_kg == 0:
+        yield (*field, "mass_kg"), "must be above 0: a part without mass leaves no centre of mass for the rest"
+    if outboard.mass_kg >= whole.mass_kg:
+        message = f"must be below the {whole.mass_kg:g} kg that `{spring.name}` splits (found {outboard.mass_kg:g})"
+        yield (*field, "mass_kg"), message
+        return
+    wrong = _unphysical(remove(whole, outboard.inertial()))
+    if wrong and not _unphysical(whole) and not _unphysical(outboard.inertial()):
+        yield (*field, "inertia_kgm2"), f"what is left of the link of `{spring.joint}` without it: {wrong}"
+
+
+def _couplings(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    joints = [joint.name for joint in robot.joints]
+    for index, joint in enumerate(robot.joints):
+        for name, turn in joint.couplings.items():
+            field = ("joints", index, "couplings", name)
+            if name == joint.name:
+                yield field, "is the joint's own motor: that is what `gear_ratio` is for"
+            elif name not in joints:
+                yield field, f"there is no joint `{name}`; {suggest(name, joints)}"
+            if not 0 < abs(turn) <= 1:
+                yield field, f"{turn:g} is implausible: arm turns per motor turn lie within 1, as behind any gear"
+
+
+def _base(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    if robot.base is not None:
+        yield from _body(("base",), robot.base)
+        if not any(spring.place == "base" for spring in robot.springs):
+            yield ("base",), "moves only on springs with `place: base`, and there is none"
+
+
+def _sensors(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    joints = [joint.name for joint in robot.joints]
+    for index, sensor in enumerate(robot.sensors):
+        if sensor.joint is not None and sensor.joint not in joints:
+            yield ("sensors", index, "joint"), f"there is no joint `{sensor.joint}`; {suggest(sensor.joint, joints)}"
+        if np.linalg.norm(sensor.axis) == 0:
+            yield ("sensors", index, "axis"), "has no direction"
+
+
+def _payload(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    if robot.payload is not None and robot.payload.mass_kg > 0:
+        yield from _body(("payload",), robot.payload)
+
+
+def _assumed(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    for _, field, section in assumed_sections(robot):
+        for index, name in enumerate(section.assumed):
+            node: object = section
+            for part in name.split("."):
+                known = _field_names(node)
+                if part not in known:
+                    yield (*field, "assumed", index), f"there is no value `{name}` here; {suggest(part, known)}"
+                    break
+                node = getattr(node, part)
+
+
+def _field_names(node: object) -> list[str]:
+    if isinstance(node, BaseModel):
+        return [name for name in type(node).model_fields if name != "assumed"]
+    return [field.name for field in dataclasses.fields(node)] if dataclasses.is_dataclass(node) else []

@@ -1,0 +1,1 @@
+"""The study of mistakes. Read `study`, `mistaken`, `responses`, `cases`, `grades`, `report`."""

@@ -1,0 +1,228 @@
+"""What the study of mistakes found: shares of right grades and causes, and the table of all mistakes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.artifacts.artifact import Artifact
+from robid.pipeline import Run
+from robid.report.content import Verdict
+from robid.report.numbers import MISSING, percent, significant
+from robid.report.section import Section, Table
+from robid.studies.conclusion import Conclusion
+from robid.studies.mistakes.grades import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
+from robid.studies.mistakes.responses import Earlier
+from robid.studies.mistakes.study import SOUND, study_of
+
+ASKED = {"graded": 0.9, "named": 0.8, "false_alarms": 0.1}
+"""What is asked: at least, at least, at most."""
+
+_TRUST = 2
+
+
+@dataclass(frozen=True)
+class Row:
+    """One case.
+
+    Attributes:
+        name: Name of the mistake, or `sound`.
+        robot: `heavy` or `light`.
+        cause: What is to blame; empty where there is no single one.
+        causes: What the tool named, the strongest first.
+        right: The grade that the truth asks for.
+        given: The grade that it got.
+        spring_error: Largest relative error of an identified spring; NaN where nothing was fitted, as the following.
+        half_widths: The same over half its interval.
+        misfit: Misfit of the fit.
+        coverage: Share of the identified parameters inside their intervals.
+        refusal: Why nothing was fitted; empty where something was.
+    """
+
+    name: str
+    robot: str
+    cause: str
+    causes: tuple[str, ...]
+    right: int
+    given: int
+    spring_error: float
+    half_widths: float
+    misfit: float
+    coverage: float
+    refusal: str
+
+    @property
+    def graded(self) -> bool:
+        """Whether the grade is the right one or a worse one."""
+        return self.given <= self.right
+
+    @property
+    def blames(self) -> bool:
+        """Whether there is something to blame: a single cause, and not a model that truth and tool both trust."""
+        return bool(self.cause) and min(self.right, self.given) < _TRUST
+
+    @property
+    def named(self) -> bool:
+        """Whether the first cause that was named is the one to blame."""
+        return self.causes[:1] == (self.cause,)
+
+
+def read_row(held: Artifact) -> Row:
+    """Reads a case."""
+    told = held.attributes
+
+    def number(key: str) -> float:
+        value = told.get(key, math.nan)
+        return float(value) if isinstance(value, int | float) else math.nan
+
+    return Row(
+        name=str(told["case"]),
+        robot=str(told["robot"]),
+        cause=str(told["cause"]),
+        causes=tuple(held.datasets["causes"].values.tolist()),
+        right=int(number("right")),
+        given=int(number("given")),
+        spring_error=number("worst_spring_error"),
+        half_widths=number("worst_half_widths"),
+        misfit=number("misfit"),
+        coverage=number("coverage"),
+        refusal=str(told.get("refusal", "")),
+    )
+
+
+def conclude(run: Run, results: Earlier) -> Conclusion:
+    """Turns the cases into figures, the table of mistakes and the verdict."""
+    rows = [read_row(held) for held in results[2]]
+    summary = summarise(rows)
+    sections = (_mistake_section(rows), _sound_section(rows))
+    reached = [name for name in ASKED if name in summary and _is_reached(name, summary[name])]
+    sentences = [_sentence(name, summary[name]) for name in ASKED if name in summary]
+    seeds = study_of(run.loaded).use
+    level = "ok" if len(reached) == len(sentences) and seeds == "judge" else "warn"
+    text = f"{'; '.join(sentences)}."
+    warnings = () if seeds == "judge" else ("These seeds are for choosing thresholds: their shares flatter.",)
+    return Conclusion(Verdict(text, "ok" if level == "ok" else "warn"), summary, sections, warnings)
+
+
+def summarise(rows: Sequence[Row]) -> dict[str, float]:
+    """Returns the figures of summary.json; what is not known is left out."""
+    sound = [row for row in rows if row.name == SOUND]
+    mistaken = [row for row in rows if row.name != SOUND]
+    found = {
+        "graded": _share(row.graded for row in mistaken),
+        "named": _share(row.named for row in mistaken if row.blames),
+        "false_alarms": _share(row.given < _TRUST for row in sound),
+        "sound.deserve_trust": _share(row.right == _TRUST for row in sound),
+        "sound.robots": float(len(sound)),
+        "cases": float(len(mistaken)),
+    }
+    for robot in dict.fromkeys(row.robot for row in sound):
+        found[f"false_alarms.{robot}"] = _share(row.given < _TRUST for row in sound if row.robot == robot)
+    for name in dict.fromkeys(row.name for row in rows):
+        own = [row for row in rows if row.name == name]
+        found |= {
+            f"{name}.graded": _share(row.graded for row in own),
+            f"{name}.named": _share(row.named for row in own if row.blames),
+            f"{name}.grade_mean": float(np.mean([row.given for row in own])),
+            f"{name}.right_mean": float(np.mean([row.right for row in own])),
+            f"{name}.worst_spring_error": _largest(row.spring_error for row in own),
+            f"{name}.worst_half_widths": _largest(row.half_widths for row in own),
+            f"{name}.coverage": _mean(row.coverage for row in own),
+            f"{name}.misfit": _median(row.misfit for row in own),
+            f"{name}.refused": _share(bool(row.refusal) for row in own),
+        }
+    return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def _share(said: Iterable[bool]) -> float:
+    values = list(said)
+    return sum(values) / len(values) if values else math.nan
+
+
+def _known(values: Iterable[float]) -> list[float]:
+    return [value for value in values if math.isfinite(value)]
+
+
+def _largest(values: Iterable[float]) -> float:
+    return max(_known(values), default=math.nan)
+
+
+def _mean(values: Iterable[float]) -> float:
+    known = _known(values)
+    return float(np.mean(known)) if known else math.nan
+
+
+def _median(values: Iterable[float]) -> float:
+    known = _known(values)
+    return float(np.median(known)) if known else math.nan
+
+
+def _is_reached(name: str, value: float) -> bool:
+    return value <= ASKED[name] if name == "false_alarms" else value >= ASKED[name]
+
+
+def _sentence(name: str, value: float) -> str:
+    said = {
+        "graded": "{} of the cases with a mistake get the right grade or a worse one",
+        "named": "where one cause is to blame, it is named first in {}",
+        "false_alarms": "{} of the sound robots are not graded trust",
+    }
+    least = "at most" if name == "false_alarms" else "at least"
+    end = "reached" if _is_reached(name, value) else "missed"
+    return f"{said[name].format(percent(value))} (asked: {least} {percent(ASKED[name])}, {end})"
+
+
+def _mistake_section(rows: Sequence[Row]) -> Section:
+    names = [name for name in dict.fromkeys(row.name for row in rows) if name != SOUND]
+    cells = tuple(_cells(name, [row for row in rows if row.name == name]) for name in names)
+    caption = (
+        "Medians over the seeds; grades and causes with the number of seeds. Worst spring: largest error of an"
+        " identified spring, relative and over half its interval. Right grade: trust where at least"
+        f" {percent(COVERED)} of the identified parameters are inside their intervals and no spring is off by more than"
+        f" {HALF_WIDTHS:g} half-widths, do not use where one is off by more than {percent(SPRING_ERROR)} or the"
+        " validation fails, else predicts."
+    )
+    return Section("Mistakes", "", (Table(_HEADS, cells, caption=caption),))
+
+
+_HEADS = (
+    *("Mistake", "Robot", "Worst spring", "In half-widths", "Misfit", "Covered"),
+    *("Right grade", "Given grade", "To blame", "First named"),
+)
+
+
+def _cells(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    refused = sum(bool(row.refusal) for row in rows)
+    given = _counted(GRADES[row.given] for row in rows)
+    return (
+        name.replace("_", " "),
+        ", ".join(dict.fromkeys(row.robot for row in rows)),
+        _percent(_median(row.spring_error for row in rows)),
+        significant(_median(row.half_widths for row in rows)),
+        significant(_median(row.misfit for row in rows)),
+        _percent(_mean(row.coverage for row in rows)),
+        _counted(GRADES[row.right] for row in rows),
+        f"{given} ({refused} refused)" if refused else given,
+        rows[0].cause or MISSING,
+        _counted((*row.causes, MISSING)[0] for row in rows),
+    )
+
+
+def _sound_section(rows: Sequence[Row]) -> Section:
+    sound = [row for row in rows if row.name == SOUND]
+    robots = dict.fromkeys(row.robot for row in sound)
+    cells = tuple(_cells(robot, [row for row in sound if row.robot == robot]) for robot in robots)
+    heads = ("Sound robots", *_HEADS[1:])
+    return Section("Sound robots", "Nothing is wrong with these.", (Table(heads, cells),))
+
+
+def _percent(value: float) -> str:
+    return percent(value) if math.isfinite(value) else MISSING
+
+
+def _counted(texts: Iterable[str]) -> str:
+    return ", ".join(f"{count} {text}" for text, count in Counter(texts).most_common())

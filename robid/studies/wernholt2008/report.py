@@ -1,0 +1,191 @@
+"""What the study of parameter estimators found: tables beside the paper's, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import BoolArray, IntArray
+from robid.artifacts.artifact import Artifact
+from robid.pipeline import Run
+from robid.report.content import Verdict
+from robid.report.numbers import MISSING, duration, percent, significant
+from robid.report.section import Section, Table
+from robid.studies.conclusion import Conclusion
+from robid.studies.paper import paper_figures
+from robid.studies.wernholt2008.conclusions import Claim, claims
+from robid.studies.wernholt2008.curves import cost_section, parameter_sections, response_sections
+from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, gather, summarise
+from robid.studies.wernholt2008.study import robot_and_delay, study_of
+from robid.validation.starts import spread
+
+_STATISTICS = ("min", "median", "max", "mean", "std", "std_th")
+_REPRESENTATIVE = 4
+
+
+def conclude(run: Run, results: list[Artifact]) -> Conclusion:
+    """Turns the tasks' results into figures, tables and what follows for the paper's conclusions."""
+    study, paper = study_of(run.loaded), paper_figures(study_of(run.loaded).paper, run.loaded)
+    found = gather(run, results)
+    summary = summarise(found)
+    robot, _ = robot_and_delay(run.loaded)
+    transmission = {spring.name for spring in robot.springs if spring.place == "transmission"}
+    of_gears = np.array([name.rpartition(".")[0] in transmission for name in found.problem.parameters.names])
+    held = claims(found, study.estimators, of_gears)
+    borne_out = sum(claim.reproduced is True for claim in held)
+    summary |= {f"conclusion_{index}": float(claim.reproduced is True) for index, claim in enumerate(held, 1)}
+    own = summary[f"{study.reference}.reasonable"]
+    theirs = paper.get("reasonable", {}).get(study.reference)
+    beside = "" if theirs is None else f" (paper: {percent(theirs)})"
+    verdict = (
+        f"{percent(own)} of the starts of {study.reference} end in a reasonable model{beside};"
+        f" {borne_out} of the paper's {len(held)} conclusions hold here."
+    )
+    return Conclusion(
+        verdict=Verdict(verdict, "ok"),
+        summary=summary,
+        sections=(
+            _success_section(found, summary, paper),
+            _claims_section(held),
+            *(cost_section(found, group) for group in ("", "plain") if group in found.groups),
+            *parameter_sections(found, of_gears),
+            _statistics_section(found, paper),
+            *response_sections(found, study.element),
+        ),
+    )
+
+
+def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
+    """How many starts each estimator led to a reasonable model."""
+    tables = [_success_table(found, summary, paper, group) for group in found.groups]
+    near = sum(len(one.own_cost) for one in found.near.values())
+    lead = (
+        f"A model is reasonable when its logarithmic cost with user weights is within {COST_LIMIT:g} of the best of all"
+        f" models and it meets all {found.resonances} resonances of the motors' own responses within 2 %"
+        f" (peaks that the true robot's linearisation does not have do not count: {found.uncounted})."
+        f" The best cost is {significant(1 / found.truth_cost)} of the truth's. The {near} fits from common starts"
+        f" took {duration(summary[f'fits{near}_s'])} on two cores, {summary['evaluations.median']:.0f} evaluations of"
+        f" the cost each (median; at most {summary['evaluations.max']:.0f});"
+        f" {percent(summary['cap_share'])} ended at the iteration limit."
+    )
+    return Section("Reasonable models", lead, (*tables, _optimal_table(found, summary)))
+
+
+def _success_table(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any], group: str) -> Table:
+    suffix, rows = group and f"_{group}", []
+    beside_ours = paper if group in _GROUP_TITLES else {}
+    for name, one in found.groups[group].items():
+
+        def ours(key: str, name: str = name) -> float:
+            return summary[f"{name}.{key}{suffix}"]
+
+        beside = [
+            beside_ours.get(key, {}).get(name) for key in ("reasonable", "springs_within_2", "springs_within_2_all")
+        ]
+        rows.append(
+            (
+                name,
+                percent(ours("reasonable")),
+                percent(beside[0]),
+                percent(ours("springs_within_2")),
+                percent(beside[1]),
+                percent(ours("springs_within_2_all")),
+                percent(beside[2]),
+                percent(ours("own_best")),
+                significant(ours("best_cost")),
+                significant(ours("median_cost")),
+                f"{ours('evaluations.median'):.0f}",
+                f"{ours('evaluations.max'):.0f}",
+                duration(one.seconds / len(one.own_cost)),
+            )
+        )
+    heads = ("Estimator", "Reasonable", "Paper", "Springs but one", "Paper", "All springs", "Paper", "At its own best")
+    excluded = found.problem.parameters.names[found.least_determined]
+    return Table(
+        (*heads, "Best cost", "Median cost", "Evaluations", "Most", "Time per fit"),
+        tuple(rows),
+        title=_GROUP_TITLES.get(group, f"Starts over {group.removesuffix('dec').replace('_', '.')} decades"),
+        caption=(
+            f"Shares of starts. Springs: within [0.5, 2] of the best {found.reference} model; all but the least"
+            f" determined, {excluded}, as in the paper. At its own best: within 0.1 % of the best cost that the"
+            " estimator itself reached. Costs: with user weights, over the best."
+        ),
+    )
+
+
+_GROUP_TITLES = {"": "The strategy of this study", "plain": "Plain descents from the same starts, as in the paper"}
+
+
+def _optimal_table(found: Found, summary: Mapping[str, float]) -> Table:
+    rows = []
+    for group, members in found.groups.items():
+        for name, one in members.items():
+            suffix = group and f"_{group}"
+            rows.append(
+                (
+                    f"{name} {group}".strip(),
+                    percent(float((one.optimal_cost <= COST_LIMIT).mean())),
+                    significant(summary[f"{name}.best_optimal_cost{suffix}"]),
+                    significant(summary[f"{name}.median_optimal_cost{suffix}"]),
+                )
+            )
+    return Table(
+        ("Estimator", f"Within {COST_LIMIT:g} of the best", "Best cost", "Median cost"),
+        tuple(rows),
+        title="The same models by the cost with optimal weights",
+        caption=f"The best cost is {significant(1 / found.truth_optimal_cost)} of that of the truth.",
+    )
+
+
+def _claims_section(held: tuple[Claim, ...]) -> Section:
+    words = {True: "yes", False: "no", None: MISSING}
+    rows = tuple((claim.text, words[claim.reproduced], claim.figures) for claim in held)
+    lead = (
+        "Shares are those of plain descents where the study has them. A share counts as larger by more than two"
+        " standard errors; a kind of parameter as easier when predicted deviation and true error are both smaller."
+    )
+    table = Table(("The paper concludes", "Reproduced", "Here"), rows, prose=True)
+    return Section("The paper's seven conclusions", lead, (table,))
+
+
+def representative(found: Found, kind: str) -> IntArray:
+    """Indices of a few parameters of a kind, spread from the best to the least determined."""
+    indices = np.flatnonzero(found.of_kind(kind))
+    ordered = indices[np.argsort(found.std[indices], kind="stable")]
+    places = np.linspace(0, ordered.size - 1, min(_REPRESENTATIVE, ordered.size)).round().astype(int)
+    return np.asarray(ordered[places])
+
+
+def _statistics_section(found: Found, paper: Mapping[str, Any]) -> Section:
+    """Table 1, ours and the paper's."""
+    tables = []
+    for group in ("", "plain"):
+        if group in found.groups:
+            models = found.groups[group][found.reference]
+            near: BoolArray = models.user_cost <= NEAR_BEST
+            tables.append(_statistics_table(found, models.internal[near], _GROUP_TITLES[group]))
+    theirs = paper.get("table_1", {})
+    if theirs:
+        rows = tuple((name, *(significant(value) for value in values)) for name, values in theirs.items())
+        tables.append(Table(("Parameter", *_STATISTICS), rows, title="The paper's Table 1"))
+    lead = (
+        f"Parameters of the {found.reference} models with a cost within {NEAR_BEST:g} of the best, divided by the best"
+        " model's: four springs and four dampers from the best to the least determined. The last two columns are the"
+        " deviation that theory predicts for the best model, and the truth."
+    )
+    return Section("Table 1", lead, tuple(tables))
+
+
+def _statistics_table(found: Found, internal: Any, title: str) -> Table:  # noqa: ANN401
+    names = found.problem.parameters.names
+    if not len(internal):
+        return Table(("Parameter", *_STATISTICS, "truth"), (), title=f"{title}: no model is near the best")
+    statistics = spread(np.exp(internal), np.exp(found.best))
+    rows = []
+    for index in (*representative(found, "stiffness"), *representative(found, "damping")):
+        own = [getattr(statistics, key)[index] for key in ("minimum", "median", "maximum", "mean", "std")]
+        truth = np.exp(found.truth - found.best)[index]
+        rows.append((names[index], *(significant(float(value)) for value in (*own, found.std[index], truth))))
+    return Table(("Parameter", *_STATISTICS, "truth"), tuple(rows), title=f"{title}: {statistics.count} models")

@@ -1,0 +1,122 @@
+"""How long one must measure: deviations over the number of experiments for different choices of configurations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.design.configurations.exchange import efficient_rounding
+from robid.design.configurations.information import ConfigurationDesign
+
+_VISITS = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 21, 28, 35, 42, 49])
+_DRAWS = 200
+_SEED = 1
+_SINGULAR = 1e12
+_NO_WEIGHT = 1e-6
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Deviations of the springs over the number of experiments.
+
+    Attributes:
+        experiments (n_count,): Numbers of experiments.
+        average: Mean relative deviation (n_count,) by choice; infinite where the experiments do not suffice.
+        worst: Largest one.
+        sentence: What follows for who measures.
+        figures: Numbers of experiments by choice that reach what the guess reaches with a visit of each.
+    """
+
+    experiments: FloatArray
+    average: dict[str, FloatArray]
+    worst: dict[str, FloatArray]
+    sentence: str
+    figures: dict[str, float]
+
+
+def effort_curves(design: ConfigurationDesign, guess: FloatArray, per_visit: int) -> Effort:
+    """Predicts deviations over the number of experiments.
+
+    Args:
+        design: The design with its candidates' information per visit.
+        guess (n_guess, n_param, n_param): Information of the configurations that an engineer chose, per visit.
+        per_visit: Experiments of a visit.
+    """
+    found: dict[str, list[FloatArray]] = {"optimal": [], "guess": [], "random": [], "worst of random": []}
+    generator = np.random.default_rng(_SEED)
+    for visits in _VISITS.tolist():
+        found["optimal"].append(deviations(_optimal(design, visits)))
+        found["guess"].append(deviations(_in_turn(guess, visits)))
+        drawn = deviations(np.array([_random(design.information, visits, generator) for _ in range(_DRAWS)]))
+        found["random"].append(np.median(drawn, axis=0))
+        found["worst of random"].append(np.quantile(drawn, 0.9, axis=0))
+    experiments = _VISITS * float(per_visit)
+    average = {name: np.array(rows)[:, 0] for name, rows in found.items()}
+    worst = {name: np.array(rows)[:, 1] for name, rows in found.items()}
+    goal = float(deviations(guess.sum(axis=0))[0])
+    needed = {name: crossing(experiments, average[name], goal) for name in ("optimal", "random")}
+    own = float(len(guess) * per_visit)
+    sentence = (
+        f"An average deviation of {100 * goal:.2g} %, which the guess reaches with {own:.0f} experiments,"
+        f" takes {_count(needed['optimal'])} in optimal configurations and {_count(needed['random'])} in random ones"
+        " (median)."
+    )
+    figures = {f"{name}_experiments": count for name, count in needed.items() if np.isfinite(count)}
+    return Effort(experiments, average, worst, sentence, {**figures, "guess_experiments": own})
+
+
+def deviations(information: FloatArray) -> FloatArray:
+    """Mean and largest deviation of log-parameters with some information.
+
+    Args:
+        information (..., n_param, n_param): Information.
+
+    Returns:
+        Both (..., 2); infinite where the information is singular.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny))
+    scaled = information / (scale[..., :, None] * scale[..., None, :])
+    singular = np.linalg.cond(scaled) > _SINGULAR
+    inverse = np.linalg.inv(np.where(singular[..., None, None], np.eye(scale.shape[-1]), scaled))
+    std = np.sqrt(np.diagonal(inverse, axis1=-2, axis2=-1)) / scale
+    both = np.stack([std.mean(axis=-1), std.max(axis=-1)], axis=-1)
+    return np.asarray(np.where(singular[..., None], np.inf, both))
+
+
+def crossing(experiments: FloatArray, values: FloatArray, goal: float) -> float:
+    """Number of experiments at which a curve first falls to a goal, logarithms interpolated; infinite if never."""
+    below = np.flatnonzero(values <= goal)
+    if below.size == 0:
+        return float(np.inf)
+    at = int(below[0])
+    if at == 0 or not np.isfinite(values[at - 1]):
+        return float(experiments[at])
+    x, y = np.log(experiments[at - 1 : at + 1]), np.log(values[at - 1 : at + 1])
+    return float(np.exp(x[0] + (np.log(goal) - y[0]) * (x[1] - x[0]) / (y[1] - y[0])))
+
+
+def _count(needed: float) -> str:
+    return f"{needed:.0f}" if np.isfinite(needed) else "more than were looked at"
+
+
+def _optimal(design: ConfigurationDesign, visits: int) -> FloatArray:
+    """The relaxed design, rounded to this many visits."""
+    support = np.flatnonzero(design.weights > _NO_WEIGHT)
+    if visits < support.size:
+        # Rounding needs a visit of each; fewer go to the largest weights.
+        counts = np.zeros(len(design.weights), int)
+        counts[support[np.argsort(-design.weights[support], kind="stable")[:visits]]] = 1
+    else:
+        counts = efficient_rounding(np.where(design.weights > _NO_WEIGHT, design.weights, 0.0), visits)
+    return np.asarray(np.einsum("c,cij->ij", counts.astype(float), design.information))
+
+
+def _in_turn(matrices: FloatArray, visits: int) -> FloatArray:
+    counts = np.full(len(matrices), visits // len(matrices)) + (np.arange(len(matrices)) < visits % len(matrices))
+    return np.asarray(np.einsum("c,cij->ij", counts.astype(float), matrices))
+
+
+def _random(matrices: FloatArray, visits: int, generator: np.random.Generator) -> FloatArray:
+    return np.asarray(matrices[generator.choice(len(matrices), visits, replace=visits > len(matrices))].sum(axis=0))

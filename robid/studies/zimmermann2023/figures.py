@@ -1,0 +1,255 @@
+"""The figures of the study of configurations, from the results of its tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from robid.arrays import BoolArray, FloatArray
+from robid.artifacts.artifact import Artifact
+from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.store import read_artifact
+from robid.design.configurations.information import ConfigurationDesign
+from robid.pipeline import Run
+from robid.settings.study import ZimmermannStudy
+from robid.studies.zimmermann2023.effort import Effort, effort_curves
+from robid.studies.zimmermann2023.steps import read_steps
+from robid.studies.zimmermann2023.study import Earlier, study_of
+from robid.validation.steps import StepResponses, step_figures
+
+MISSED = 0.03
+"""Relative error from which a first resonance counts as missed."""
+_BENT = 0.01
+"""Spread of a spring's slope over the configurations from which gravity counts as bending it."""
+_TIE_LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class Model:
+    """One model of all individuals; arrays begin with (n_seed, ...).
+
+    Attributes:
+        name: Its name.
+        used: Indices of its configurations, of the first individual.
+        wanted: Springs that deviations are given of.
+        std (n_seed, n_wanted): Relative deviation by the total covariance.
+        fit_std (n_seed, n_wanted): Relative deviation that the fit states.
+        stiffness (n_seed, n_spring): Springs [N m/rad].
+        cost (n_seed, n_conf): Weighted log-amplitude error per element.
+        expected (n_seed, n_conf): What noise alone gives.
+        resonance_error (n_seed, n_conf, n_axis): Relative error of first resonances; NaN without a counterpart.
+        slope (n_seed, n_conf, n_spring): Slopes under gravity and excitation of gears that stiffen, or None.
+    """
+
+    name: str
+    used: tuple[int, ...]
+    wanted: tuple[str, ...]
+    std: FloatArray
+    fit_std: FloatArray
+    stiffness: FloatArray
+    cost: FloatArray
+    expected: FloatArray
+    resonance_error: FloatArray
+    slope: FloatArray | None
+
+    @property
+    def average_std(self) -> FloatArray:
+        """Mean relative deviation of the springs (n_seed,)."""
+        return np.asarray(self.std.mean(axis=1))
+
+    @property
+    def average_cost(self) -> FloatArray:
+        """Mean cost over the configurations (n_seed,)."""
+        return np.asarray(self.cost.mean(axis=1))
+
+    @property
+    def average_excess(self) -> FloatArray:
+        """Mean cost above that of noise alone (n_seed,)."""
+        return np.asarray((self.cost - self.expected).mean(axis=1))
+
+    @property
+    def missed(self) -> BoolArray:
+        """First resonances (n_seed, n_conf, n_axis) that are off by more than 3 %, or that the model does not have."""
+        return np.asarray(~(np.abs(self.resonance_error) <= MISSED))
+
+
+@dataclass(frozen=True)
+class Found:
+    """All that the tasks found.
+
+    Attributes:
+        study: The study.
+        models: The models by name.
+        springs: Names of all springs.
+        truth (n_seed, n_spring): True linear stiffness [N m/rad].
+        there (n_seed, n_conf, n_axis): Whether the measurement shows a first resonance.
+        design: The design of the study.
+        effort: Deviations over the number of experiments.
+        steps: Responses to steps of each individual; empty where nothing was stepped.
+        first: Arrays of the first individual's models, for drawing, by model and dataset.
+    """
+
+    study: ZimmermannStudy
+    models: dict[str, Model]
+    springs: tuple[str, ...]
+    truth: FloatArray
+    there: BoolArray
+    design: ConfigurationDesign
+    effort: Effort
+    steps: tuple[StepResponses, ...]
+    first: dict[str, dict[str, Any]]
+
+    @property
+    def small(self) -> list[str]:
+        """Models that have no more configurations than the optimal one, the nonlinear one left out."""
+        most = len(self.models[self.study.optimal].used)
+        return [name for name, one in self.models.items() if len(one.used) <= most and name != self.study.nonlinear]
+
+
+def gather(run: Run, earlier: Earlier) -> Found:
+    """Puts the tasks' results together."""
+    study, names = study_of(run.loaded), list(study_of(run.loaded).models)
+    results = [_values(result) for result in earlier[1]]
+    by_model = {name: results[index :: len(names)] for index, name in enumerate(names)}
+    models = {name: _model(name, rows) for name, rows in by_model.items()}
+    reference = by_model[study.reference]
+    design = design_from_artifact(read_artifact(run.path(f"designs/{study.design}.h5"), DESIGN))
+    campaign = run.loaded.experiment.campaigns[study.estimation[0]]
+    experiments = campaign.realizations * (campaign.experiments or len(run.loaded.robot.joints))
+    guess = np.mean([row["information"] for row in by_model[study.guess]], axis=0)
+    return Found(
+        study=study,
+        models=models,
+        springs=tuple(reference[0]["springs"].tolist()),
+        truth=np.array([row["true_stiffness"] for row in reference]),
+        there=np.isfinite([row["measured_hz"] for row in reference]),
+        design=design,
+        effort=effort_curves(design, guess, experiments),
+        steps=tuple(read_steps(result) for result in earlier[2]),
+        first={name: rows[0] for name, rows in by_model.items()},
+    )
+
+
+def _values(result: Artifact) -> dict[str, Any]:
+    return {name: dataset.values for name, dataset in result.datasets.items()}
+
+
+def _model(name: str, rows: list[dict[str, Any]]) -> Model:
+    wanted = tuple(rows[0]["wanted"].tolist())
+    places = [rows[0]["names"].tolist().index(spring) for spring in wanted]
+    return Model(
+        name=name,
+        used=tuple(rows[0]["used"].tolist()),
+        wanted=wanted,
+        std=np.array([row["std"] for row in rows]),
+        fit_std=np.array([row["fit_std"][places] for row in rows]),
+        stiffness=np.array([row["stiffness"] for row in rows]),
+        cost=np.array([row["cost"] for row in rows]),
+        expected=np.array([row["expected"] for row in rows]),
+        resonance_error=np.array([row["model_hz"] / row["measured_hz"] - 1 for row in rows]),
+        slope=np.array([row["slope"] for row in rows]) if "slope" in rows[0] else None,
+    )
+
+
+def differs(one: FloatArray, other: FloatArray) -> bool:
+    """Tells whether two figures differ by more than chance over the individuals, which both were measured on.
+
+    Args:
+        one (n_seed,): Figures of one model, above 0.
+        other (n_seed,): Those of another.
+
+    Returns:
+        Whether 0 lies outside the 95 % interval of the mean logarithm of their ratio; never with one individual.
+    """
+    ratio = np.log(one / other)
+    if ratio.size < 2:
+        return False
+    reach = student.ppf(0.5 + 0.5 * _TIE_LEVEL, ratio.size - 1) * ratio.std(ddof=1) / np.sqrt(ratio.size)
+    return bool(abs(ratio.mean()) > reach)
+
+
+def rivals(found: Found) -> tuple[list[str], list[str]]:
+    """Returns models with as few configurations whose average deviations are surely below the optimal one's, and ties.
+
+    A tie is a difference within the scatter over the individuals.
+    """
+    own = found.models[found.study.optimal].average_std
+    lower, tied = [], []
+    for name in found.small:
+        other = found.models[name].average_std
+        if name == found.study.optimal:
+            continue
+        if not differs(other, own):
+            tied.append(name)
+        elif np.median(other / own) < 1:
+            lower.append(name)
+    return lower, tied
+
+
+def summarise(found: Found) -> dict[str, float]:
+    """All figures by name: medians over the individuals."""
+    study, models = found.study, found.models
+    summary: dict[str, float] = {}
+    for name, one in models.items():
+        for key, values in (
+            ("average_std", one.average_std),
+            ("worst_std", one.std.max(axis=1)),
+            ("average_fit_std", one.fit_std.mean(axis=1)),
+            ("average_cost", one.average_cost),
+            ("worst_cost", one.cost.max(axis=1)),
+            ("average_excess", one.average_excess),
+        ):
+            summary[f"{name}.{key}"] = float(np.median(values))
+            summary[f"{name}.{key}_low"], summary[f"{name}.{key}_high"] = float(values.min()), float(values.max())
+        summary[f"{name}.missed"] = float(np.median((one.missed & found.there).sum(axis=(1, 2))))
+    optimal, reference = models[study.optimal], models[study.reference]
+    summary[f"{study.optimal}.gap"] = found.design.gap
+    summary[f"{study.optimal}.over_{study.reference}_cost"] = _ratio(optimal.average_cost, reference.average_cost)
+    summary["resonances"] = float(np.median(found.there.sum(axis=(1, 2))))
+    summary |= {f"effort.{name}": value for name, value in found.effort.figures.items()}
+    if study.nonlinear is not None:
+        other = models[study.nonlinear]
+        summary[f"{study.nonlinear}.excess_ratio"] = _ratio(other.average_excess, reference.average_excess)
+        explained = explained_springs(found)
+        if explained:
+            off = [abs(np.median(local / slope) - 1) for local, slope in explained.values()]
+            summary[f"{study.nonlinear}.explains_error"] = float(np.median(off))
+    return summary | _step_summary(found.steps)
+
+
+def explained_springs(found: Found) -> dict[tuple[str, str], tuple[FloatArray, FloatArray]]:
+    """Springs of bent gears in every linear model, and the nonlinear model's mean slope in its configurations.
+
+    Returns:
+        Both (n_seed,) by model and spring [N m/rad]; empty without a nonlinear model.
+    """
+    study = found.study
+    slopes = None if study.nonlinear is None else found.models[study.nonlinear].slope
+    if slopes is None:
+        return {}
+    spread = (np.ptp(slopes, axis=1) / slopes.mean(axis=1)).max(axis=0)
+    bent = np.flatnonzero(spread > _BENT).tolist()
+    return {
+        (name, found.springs[index]): (one.stiffness[:, index], slopes[:, list(one.used), index].mean(axis=1))
+        for name, one in found.models.items()
+        if one.slope is None
+        for index in bent
+    }
+
+
+def _ratio(one: FloatArray, other: FloatArray) -> float:
+    return float(np.median(one / other))
+
+
+def _step_summary(steps: tuple[StepResponses, ...]) -> dict[str, float]:
+    every = [step_figures(one) for one in steps]
+    found: Mapping[str, float] = {}
+    for name in every[0] if every else ():
+        for key in ("tool_rms_m", "torque_rms_nm", "path_rms_m", "vibration_m", "tool_relative"):
+            values = [getattr(one[name], key) for one in every]
+            found = {**found, f"{name.replace(' ', '_')}.step_{key}": float(np.median(values))}
+    return dict(found)

@@ -1,0 +1,241 @@
+"""The models of the study of configurations: which data each is fitted to, and how well each holds on the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.artifacts.artifact import Dataset
+from robid.artifacts.frf import frf_from_artifact
+from robid.artifacts.store import read_artifact
+from robid.artifacts.task import TASK
+from robid.design.configurations.measured import measured_information
+from robid.design.configurations.options import ALONG
+from robid.families.elastic.settings import model_settings
+from robid.fit.elastic import fit_elastic
+from robid.fit.fitted_robot import fitted_robot
+from robid.fit.options import ElasticOptions
+from robid.fit.problem import make_problem
+from robid.fit.solution import Solution
+from robid.fit.uncertainty import sandwich
+from robid.frf.frf import Frf
+from robid.frf.joined import join
+from robid.pipeline import Run
+from robid.robot.description import Robot
+from robid.robot.linearize import solve_statics
+from robid.robot.model import build_model
+from robid.robot.rest import settle_springs
+from robid.settings.robot_parts import delay_s
+from robid.settings.slices import to_plain
+from robid.settings.study import ModelChoice, ZimmermannStudy
+from robid.settings.truth import true_robot_of
+from robid.simulate.truth import with_imperfections
+from robid.studies.simulated import simulate_options
+from robid.studies.tasks import Content, Task
+from robid.studies.zimmermann2023.study import Earlier, Pair, pairs, study_of
+from robid.validation.elastic import weighted_costs
+from robid.validation.extrema import first_resonances
+from robid.validation.fitted import FittedModel, fitted_model
+
+_NOTHING_KNOWN = 1e9
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """One model of one individual.
+
+    Attributes:
+        robots: The robot file's, with the payload of the estimation and with that of the validation.
+        truth: The true robot.
+        estimation: Where the responses to fit lie, of all configurations.
+        validation: Where those that validate lie.
+        used: Indices of the configurations that the model is fitted to.
+        options: Options of the fit.
+        delay_s: Nominal delay [s].
+        axes: Joints whose first resonances are compared.
+    """
+
+    robots: tuple[Robot, Robot]
+    truth: Robot
+    estimation: tuple[Path, ...]
+    validation: tuple[Path, ...]
+    used: tuple[int, ...]
+    options: ElasticOptions
+    delay_s: float
+    axes: tuple[str, ...]
+
+
+def model_sets(study: ZimmermannStudy, torque: dict[str, FloatArray], n_conf: int) -> dict[str, tuple[int, ...]]:
+    """Returns the configurations of every model, in rising order.
+
+    Args:
+        study: The study.
+        torque (n_conf,): Gravity torque on the transmission of each joint that a model asks for, by name [N m].
+        n_conf: Number of configurations.
+    """
+    return {name: _chosen(choice, torque, n_conf) for name, choice in study.models.items()}
+
+
+def _chosen(choice: ModelChoice, torque: dict[str, FloatArray], n_conf: int) -> tuple[int, ...]:
+    pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
+    if choice.count is None:
+        return tuple(sorted(pool.tolist()))
+    if choice.low_torque is not None:
+        taken = np.argsort(np.abs(torque[choice.low_torque][pool]), kind="stable")[: choice.count]
+        return tuple(sorted(pool[taken].tolist()))
+    return tuple(sorted(np.random.default_rng(choice.seed).choice(pool, choice.count, replace=False).tolist()))
+
+
+def gravity_torque(robot: Robot, joint: str, configurations: FloatArray) -> FloatArray:
+    """Torque (n_conf,) of gravity on the transmission of a joint [N m]."""
+    index = [one.name for one in robot.joints].index(joint)
+    spring = next(at for at, one in enumerate(robot.springs) if one.joint == index and one.place == "transmission")
+    return solve_statics(build_model(robot), configurations).spring_torque[:, spring]
+
+
+def options_of(study: ZimmermannStudy, choice: ModelChoice) -> ElasticOptions:
+    """Returns the options of a model's fit."""
+    free = tuple(dict.fromkeys((*study.fit.free, *choice.free)))
+    return replace(study.fit, free=free, fixed=(*study.fit.fixed, *choice.fixed))
+
+
+def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
+    """Returns one task for each individual and model."""
+    study = study_of(run.loaded)
+    return [
+        task for number, pair in enumerate(pairs(run, earlier), 1) for task in _pair_tasks(run, study, number, pair)
+    ]
+
+
+def _pair_tasks(run: Run, study: ZimmermannStudy, number: int, pair: Pair) -> list[Task]:
+    own, other = (run.loaded.experiment.campaigns[name] for name in (pair.estimation, pair.validation))
+    robots = run.loaded.robot.to_robot(own.payload_kg), run.loaded.robot.to_robot(other.payload_kg)
+    simulated = simulate_options(own)
+    truth = with_imperfections(
+        true_robot_of(run.loaded.robot, own.payload_kg, simulated.truth), simulated.imperfections
+    )
+    asked = {choice.low_torque for choice in study.models.values()} - {None}
+    torque = {str(name): gravity_torque(robots[0], str(name), pair.configurations) for name in asked}
+    settings = model_settings(run.loaded, pair.estimation), model_settings(run.loaded, pair.validation)
+    found = []
+    for name, used in model_sets(study, torque, len(pair.configurations)).items():
+        options = options_of(study, study.models[name])
+        decides = {
+            "estimation": [pair.estimation_paths[index].name for index in used],
+            "validation": [path.name for path in pair.validation_paths],
+            "options": to_plain(options),
+            "settings": settings,
+            "axes": study.axes,
+            "source": to_plain(own.source),
+        }
+        if "cubic" in options.free:
+            decides["slopes"] = [path.name for path in pair.estimation_paths]
+        paths = pair.estimation_paths, pair.validation_paths
+        delay = delay_s(run.loaded, own)
+        fitting = Fitting(robots, truth, *paths, used, options, delay, study.axes)
+        found.append(Task(f"{name}_{number}", decides, fitting))
+    return found
+
+
+def read_responses(paths: Sequence[Path]) -> Frf:
+    """Reads the responses of some configurations as one."""
+    return join([frf_from_artifact(read_artifact(path, TASK)) for path in paths], [path.name for path in paths])
+
+
+def fit_model(one: Fitting) -> Content:
+    """Fits a model and holds it against the validation's responses."""
+    frf = read_responses([one.estimation[index] for index in one.used])
+    solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
+    datasets = {**_parameters(one, solution), **_deviations(one, frf, solution), **_judgement(one, solution)}
+    datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
+    if "cubic" in one.options.free:
+        datasets["slope"] = _slopes(one, solution)
+    return Content(datasets, {"status": solution.status, "misfit": solution.misfit})
+
+
+def _parameters(one: Fitting, solution: Solution) -> dict[str, Dataset]:
+    parameter, spring = ("parameter",), ("spring",)
+    springs = fitted_robot(one.robots[0], solution).springs
+    return {
+        "names": Dataset(np.array(solution.names), "1", parameter),
+        "nominal": Dataset(solution.nominal, "SI", parameter, "Values of the robot file"),
+        "estimate": Dataset(solution.estimate, "SI", parameter, "Estimated values"),
+        "fit_std": Dataset(solution.relative_std, "1", parameter, "Relative deviation that the fit states"),
+        "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
+        "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
+        "true_stiffness": Dataset(np.array([each.stiffness for each in one.truth.springs]), "N m/rad", spring),
+        "true_cubic": Dataset(np.array([each.cubic for each in one.truth.springs]), "N m/rad^3", spring),
+    }
+
+
+def _deviations(one: Fitting, frf: Frf, solution: Solution) -> dict[str, Dataset]:
+    """Deviations that the total covariance allows at best, and the information of each configuration."""
+    robot = fitted_robot(one.robots[0], solution)
+    fixed = [name for name in one.options.fixed if name.endswith((".stiffness", ".viscous", ".motor_inertia"))]
+    nuisance = tuple(kind for kind in one.options.free if kind in ALONG)
+    matrices, names = measured_information(
+        robot, frf, one.delay_s, kinds=("stiffness",), nuisance=nuisance, fixed=fixed
+    )
+    if "cubic" in one.options.free:
+        variance = _optimal_variance(one, frf, solution, names)
+    else:
+        variance = np.diag(np.linalg.inv(matrices.sum(axis=0)))
+    square = ("configuration", "wanted", "other wanted")
+    return {
+        "wanted": Dataset(np.array(names), "1", ("wanted",), "Springs whose deviations follow"),
+        "std": Dataset(np.sqrt(variance), "1", ("wanted",), "Relative deviation, by the total covariance"),
+        "information": Dataset(matrices, "1", square, "About the springs' logarithms, nuisances eliminated"),
+    }
+
+
+def _optimal_variance(one: Fitting, frf: Frf, solution: Solution, names: Sequence[str]) -> FloatArray:
+    """Variance of the springs' logarithms where all free parameters are estimated along, weights optimal."""
+    weights = replace(one.options.weights, kind="optimal_full")
+    options = replace(one.options, weights=weights, estimator="lls", prior_decades=_NOTHING_KNOWN)
+    fitted = fitted_model(one.robots[0], solution, frf, options, one.delay_s)
+    covariance = sandwich(fitted.problem, fitted.internal)
+    own = [fitted.problem.parameters.names.index(name) for name in names]
+    return np.diag(covariance)[own]
+
+
+def _judgement(one: Fitting, solution: Solution) -> dict[str, Dataset]:
+    frf = read_responses(one.validation)
+    weights = replace(one.options.weights, kind="user")
+    options = replace(one.options, estimator="llsm", weights=weights)
+    fitted = fitted_model(one.robots[1], solution, frf, options, one.delay_s)
+    # Weights of the measured response, the same for all models, a motor's own response at 1.
+    problem, dropped = make_problem(frf, fitted.problem.model, fitted.problem.parameters, options)
+    fitted = FittedModel(problem, fitted.internal, dropped)
+    costs = weighted_costs(one.robots[1], fitted)
+    per_element = 1 / (problem.weight.max() * costs.elements)
+    measured_hz, model_hz = first_resonances(fitted, one.axes)
+    places = [(frf.output_names.index(name), frf.input_names.index(name)) for name in one.axes]
+    configuration, resonance = ("configuration",), ("configuration", "axis")
+    curve, unit = ("configuration", "frequency", "axis"), frf.unit
+
+    def own(values: FloatArray | ComplexArray) -> FloatArray:
+        return np.stack([np.abs(values[..., row, column]) for row, column in places], axis=-1)
+
+    return {
+        "cost": Dataset(costs.cost * per_element, "1", configuration, "Weighted log-amplitude error per element"),
+        "expected": Dataset(costs.expected * per_element, "1", configuration, "What noise alone gives"),
+        "measured_hz": Dataset(measured_hz, "Hz", resonance, "First resonance of each axis' own response"),
+        "model_hz": Dataset(model_hz, "Hz", resonance, "The model's"),
+        "frequency_hz": Dataset(frf.frequency_hz, "Hz", ("frequency",)),
+        "measured": Dataset(own(fitted.measured), unit, curve, "Magnitude of each axis' own response"),
+        "deviation": Dataset(own(np.sqrt(frf.element_variance())), unit, curve, "Its standard deviation"),
+        "modelled": Dataset(own(costs.modelled), unit, curve, "The model's"),
+    }
+
+
+def _slopes(one: Fitting, solution: Solution) -> Dataset:
+    fitted: FittedModel = fitted_model(
+        one.robots[0], solution, read_responses(one.estimation), one.options, one.delay_s
+    )
+    model, parameters = fitted.linear
+    slopes = settle_springs(model.rest, parameters.springs).stiffness
+    return Dataset(slopes, "N m/rad", ("configuration", "spring"), "Slope under gravity and excitation")

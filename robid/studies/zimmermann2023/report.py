@@ -1,0 +1,157 @@
+"""What the study of configurations found: tables beside the paper's, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from robid.pipeline import Run
+from robid.report.content import Verdict
+from robid.report.numbers import percent, significant
+from robid.report.section import Section, Table
+from robid.studies.conclusion import Conclusion
+from robid.studies.paper import paper_figures
+from robid.studies.tasks import Results
+from robid.studies.zimmermann2023.curves import (
+    cost_section,
+    design_sections,
+    effort_section,
+    parameter_section,
+    response_section,
+    step_section,
+)
+from robid.studies.zimmermann2023.figures import MISSED, Found, explained_springs, gather, rivals, summarise
+from robid.studies.zimmermann2023.study import study_of
+
+_ENOUGH_COST = 1.06
+_ENOUGH_EXCESS = 0.5
+
+
+def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
+    """Turns the tasks' results into figures, tables and what follows for the choice of configurations."""
+    found, paper = gather(run, results), paper_figures(study_of(run.loaded).paper, run.loaded)
+    summary = summarise(found)
+    sections = (
+        _data_section(found, paper),
+        _model_section(found, summary, paper),
+        cost_section(found),
+        response_section(found),
+        parameter_section(found),
+        *_explanation_sections(found, summary),
+        effort_section(found.effort),
+        *step_section(found, summary),
+        *design_sections(run),
+    )
+    text, reached = _verdict(found, summary)
+    return Conclusion(Verdict(text, "ok" if reached else "warn"), summary, sections)
+
+
+def _verdict(found: Found, summary: Mapping[str, float]) -> tuple[str, bool]:
+    """What was found in a few sentences, and whether all that is asked of it is reached."""
+    study, optimal = found.study, found.study.optimal
+    lower, tied = rivals(found)
+    own = _deviation(summary[f"{optimal}.average_std"])
+    if lower:
+        first = f"{optimal} does not have the lowest average deviation ({own}): {', '.join(lower)} lie below it"
+    else:
+        first = f"{optimal} has the lowest average deviation of the models with as few configurations ({own})"
+    if tied:
+        first += f"; {', '.join(tied)} tie with it within the scatter over the individuals"
+    ratio = summary[f"{optimal}.over_{study.reference}_cost"]
+    beside = f"{_below(ratio, _ENOUGH_COST)}; paper: 1.093"
+    reached = not lower and ratio <= _ENOUGH_COST
+    sentences = [first, f"its validation cost is {significant(ratio)} of that of {study.reference} ({beside})"]
+    excess = summary.get(f"{study.nonlinear}.excess_ratio")
+    if excess is not None:
+        reached = reached and excess <= _ENOUGH_EXCESS
+        size = _below(excess, _ENOUGH_EXCESS)
+        sentences.append(f"the model with stiffening gears leaves {significant(excess)} of its excess cost ({size})")
+    return f"{'; '.join(sentences)}. {found.effort.sentence}", reached
+
+
+def _deviation(fraction: float) -> str:
+    """In percent with three digits: models are told apart by the third."""
+    return f"{significant(100 * fraction)} %"
+
+
+def _below(value: float, limit: float) -> str:
+    return f"asked: at most {limit:g}, {'reached' if value <= limit else 'missed'}"
+
+
+def _data_section(found: Found, paper: Mapping[str, Any]) -> Section:
+    comments = paper.get("comment", {})
+    rows = tuple(
+        (name, str(len(one.used)), ", ".join(str(index + 1) for index in one.used), comments.get(name, ""))
+        for name, one in found.models.items()
+    )
+    heads = ("Model", "Configurations", "Their numbers", "In the paper")
+    count = found.truth.shape[0]
+    lead = f"Each model is fitted once for each of {count} individuals of the type; figures are medians over them."
+    return Section("Table I: the data of the models", lead, (Table(heads, rows, prose=True),))
+
+
+def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
+    rows = []
+    for name in found.models:
+
+        def ours(key: str, name: str = name) -> float:
+            return summary[f"{name}.{key}"]
+
+        low, high = (_deviation(ours(f"average_std_{end}")) for end in ("low", "high"))
+        rows.append(
+            (
+                name,
+                significant(ours("worst_cost")),
+                significant(paper.get("worst_cost", {}).get(name)),
+                significant(ours("average_cost")),
+                significant(paper.get("average_cost", {}).get(name)),
+                significant(ours("average_excess")),
+                _deviation(ours("average_std")),
+                f"{low} to {high}",
+                _their_std(paper, name),
+                _deviation(ours("worst_std")),
+                percent(ours("average_fit_std")),
+                f"{ours('missed'):.0f} of {summary['resonances']:.0f}",
+            )
+        )
+    heads = (
+        *("Model", "Worst cost", "Paper", "Average", "Paper", "Excess"),
+        *("Average deviation", "Range", "Paper", "Worst", "By the fit", "Missed"),
+    )
+    axes = " and ".join(found.study.axes)
+    caption = (
+        "Costs: mean squared logarithmic amplitude error per element of the validation's responses (half the payload,"
+        " new phases), a motor's own response at weight 1; the paper's are of another scale. Excess: above what the"
+        " validation's noise alone gives. Deviations: relative, by eq. 5 with the total covariance, mean over the free"
+        " springs; by the fit: its sandwich, widened by the misfit. Missed: first resonances of the own responses"
+        f" of {axes} that are off by more than {percent(MISSED)}."
+    )
+    optimal = list(found.models).index(found.study.optimal)
+    table = Table(heads, tuple(rows), caption=caption, strong=optimal)
+    return Section("Table II: costs and deviations", "", (table,))
+
+
+def _their_std(paper: Mapping[str, Any], name: str) -> str:
+    above = paper.get("average_std_above", {}).get(name)
+    return percent(paper.get("average_std", {}).get(name)) if above is None else f"> {percent(above)}"
+
+
+def _explanation_sections(found: Found, summary: Mapping[str, float]) -> tuple[Section, ...]:
+    """Springs of the linear models against the slopes that the nonlinear model has where they were measured."""
+    explained = explained_springs(found)
+    if not explained:
+        return ()
+    gears = tuple(dict.fromkeys(spring for _, spring in explained))
+    rows = []
+    for name in dict.fromkeys(name for name, _ in explained):
+        pairs = [explained[name, gear] for gear in gears]
+        rows.append((name, *(percent(float(np.median(own / slope)) - 1, signed=True) for own, slope in pairs)))
+    off = percent(summary.get(f"{found.study.nonlinear}.explains_error"))
+    lead = (
+        "A linear model finds the slope that a gear has where it was measured. Its springs against the mean slopes of"
+        f" the model with stiffening gears, {found.study.nonlinear}, in the same configurations, though that was fitted"
+        f" to those of {found.study.optimal} alone. Median distance: {off}."
+    )
+    return (Section("Local models are slopes of the nonlinear one", lead, (Table(("Model", *gears), tuple(rows)),)),)
