@@ -1,1 +1,1 @@
-"""Fits. Read `options`, `parameters`, `problem`, `elastic`, `strategy`, then what it is worth: `uncertainty`, `result`."""
+"""Fits. Read `options`, `parameters`, `problem`, `elastic`, `strategy`, then `uncertainty` and `result`."""

@@ -1,1 +1,1 @@
-"""The page. Read `section`, `content`, `page`, then what lays out rows: `parameters`, `costs`, `experiment`, `design`."""
+"""The page. Read `section`, `content`, `page`, then `parameters`, `costs`, `experiment`, `design`."""
