@@ -52,7 +52,7 @@ def kr300_record(flaws, *, transient_periods=1, realizations=4, seed=1, **excita
 
 def first_experiments(record, realizations, experiments):
     kept = np.s_[:, :realizations, :experiments]
-    channels = ("torque", "position", "reference")
+    channels = ("inputs", "outputs", "reference")
     return replace(record, **{name: getattr(record, name)[kept] for name in channels})
 
 
