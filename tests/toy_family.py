@@ -10,15 +10,19 @@ import numpy as np
 import pydantic.dataclasses
 from pydantic import Field
 
-from robid.artifacts.artifact import Artifact, Dataset, Provenance
-from robid.artifacts.model import MODEL
-from robid.artifacts.validation import VALIDATION
+from robid.artifacts.artifact import Artifact, Dataset
+from robid.artifacts.model import estimate_from_artifact, model_to_artifact
+from robid.artifacts.validation import validation_to_artifact
 from robid.families.family import Data, Export, ExportTask, Family, Shown, Work
+from robid.families.parameters import parameter_rows, parameter_summary
+from robid.fit.estimate import Estimate
 from robid.report.content import FitReport, Headline, KeyNumber
-from robid.report.parameters import ParameterRow
 from robid.report.section import Section, Table
 from robid.settings.fits import STRICT, FitSettings
 from robid.signals.record import Record
+from robid.validation.grade import grade_alone, grade_held
+from robid.validation.outcome import Outcome
+from robid.validation.recovery import recover
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -44,33 +48,50 @@ def _fit(data: Data, work: Work) -> Artifact:
     power = np.sum(np.abs(acceleration) ** 2, axis=0)
     estimate = np.sum((acceleration.conj() * torque).real, axis=0) / power * (1 - settings.shrink)
     spread = np.sqrt(np.mean(np.abs(torque - estimate * acceleration) ** 2, axis=0) / power)
-    names = np.array([f"{name}.inertia" for name in data.records[0].input_names])
-    datasets = {
-        "names": Dataset(names, "1", ("parameter",)),
-        "estimate": Dataset(estimate, "kg m^2", ("parameter",)),
-        "spread": Dataset(spread, "kg m^2", ("parameter",)),
-    }
-    told = {"status": "converged", "advice": "", "grade/value": 1, "grade/sentence": "Predicts: it is a toy."}
-    return Artifact(MODEL, datasets, {"family": "inertia", **told}, Provenance(stage="fit"))
+    n_motor = estimate.size
+    found = Estimate(
+        names=tuple(f"{name}.motor_inertia" for name in data.records[0].input_names),
+        kinds=("motor_inertia",) * n_motor,
+        units=("kg m^2",) * n_motor,
+        nominal=np.zeros(n_motor),
+        value=estimate,
+        lower=estimate - 2 * spread,
+        upper=estimate + 2 * spread,
+        covariance=np.diag(spread**2),
+        degrees_of_freedom=np.full(n_motor, np.inf),
+        confidence=0.95,
+        interval_rule="noise",
+        relative_std=spread / estimate,
+        predicted_relative_std=spread / estimate,
+        prior_relative_std=np.full(n_motor, np.inf),
+        relative_half_width=2 * spread / estimate,
+        identifiable=np.ones(n_motor, bool),
+        identifiable_relative_std=0.2,
+        undetermined=(),
+        status="converged",
+        advice="",
+    )
+    own = {"inertia/spread": Dataset(spread, "kg m^2", ("parameter",))}
+    return model_to_artifact("inertia", found, grade_alone((), ("it is a toy",), ()), (own, {}))
 
 
 def _validate(data: Data, model: Artifact, true) -> Artifact:
     torque, acceleration = _torque_and_acceleration(data.records[0])
-    error = np.abs(torque - model.datasets["estimate"].values * acceleration) ** 2
-    datasets = {"error": Dataset(np.sqrt(error.mean(axis=0)), "N m", ("parameter",))}
-    told = {"grade/value": 1, "grade/sentence": "Predicts: it is a toy.", "known": true is not None}
-    return Artifact(VALIDATION, datasets, told, Provenance(stage="validate"))
+    found = estimate_from_artifact(model)
+    error = np.sqrt((np.abs(torque - found.value * acceleration) ** 2).mean(axis=0))
+    recovery = recover(found, true_values(true) if true else {})
+    outcome = Outcome(True, "holds", grade_held((), ("it is a toy",), ()), recovery)
+    return validation_to_artifact("inertia", outcome, ({"inertia/error": Dataset(error, "N m", ("parameter",))}, {}))
+
+
+def true_values(true):
+    return {f"{joint.name}.motor_inertia": joint.motor.inertia_kgm2 for joint in true.robot.joints}
 
 
 def _report(shown: Shown) -> FitReport:
-    names = shown.model.datasets["names"].values.tolist()
-    found, spread = (shown.model.datasets[key].values.tolist() for key in ("estimate", "spread"))
-    rows = tuple(
-        ParameterRow(name.removesuffix(".inertia"), "inertia", "kg m^2", 0.0, x, x - 2 * s, x + 2 * s, s / x)
-        for name, x, s in zip(names, found, spread, strict=True)
-    )
+    rows = parameter_rows(estimate_from_artifact(shown.model), shown.true)
     table = Table(("motor", "inertia"), tuple((row.name, f"{row.estimate:.3g}") for row in rows))
-    summary = {f"inertia.{row.name}": row.estimate for row in rows} | {"validated": float(shown.validation is not None)}
+    summary = parameter_summary(rows) | {"validated": float(shown.validation is not None)}
     headline = Headline(shown.data.name, (KeyNumber("Motors", str(len(rows))),), status="converged")
     section = Section("What the motors move", "One number a motor.", (table,), "inertia")
     return FitReport(headline, "Every motor moves something.", 1, (section,), rows, summary)
@@ -82,8 +103,7 @@ def _problems(experiment, name, _robot) -> Iterator:
 
 
 def _json(task: ExportTask) -> bytes:
-    names, values = (task.model.datasets[key].values.tolist() for key in ("names", "estimate"))
-    return json.dumps(dict(zip(names, values, strict=True))).encode()
+    return json.dumps(estimate_from_artifact(task.model).found).encode()
 
 
 INERTIA = Family(
@@ -95,9 +115,9 @@ INERTIA = Family(
     fit=_fit,
     validate=_validate,
     seed=lambda _: None,
-    true_values=lambda *_: {},
-    phrase=lambda model: f"{model.datasets['estimate'].values.size} inertias",
-    verdict=lambda validation: f"off by {validation.datasets['error'].values.max():.3g} N m",
+    true_values=lambda _loaded, _name, true: true_values(true),
+    phrase=lambda model: f"{len(estimate_from_artifact(model).names)} inertias",
+    verdict=lambda validation: f"off by {validation.datasets['inertia/error'].values.max():.3g} N m",
     report=_report,
     compare=lambda every: {"inertia.fits": float(len(every))},
     exports={"json": Export("inertia.json", (".json",), _json, takes_configuration=False)},

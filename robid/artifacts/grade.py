@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
-from robid.artifacts.mapping import Column
+from typing import TYPE_CHECKING
+
+from robid.artifacts.artifact import Artifact, Attribute, Dataset
+from robid.artifacts.mapping import Column, from_datasets, to_datasets
+
+if TYPE_CHECKING:
+    from robid.validation.grade import Grade
 
 _DOUBT = ("doubt",)
-GRADE_COLUMNS = {
+_COLUMNS = {
     "grade/reasons": Column("1", ("reason",), "What keeps it from a better grade"),
     "grade/causes": Column("1", _DOUBT, "Likely causes, the first to blame first"),
     "grade/messages": Column("1", _DOUBT, "What was seen of each"),
     "grade/decisive": Column("1", _DOUBT, "Whether nothing that follows from the data may be used while it stands"),
     "grade/strength": Column("1", _DOUBT, "How far each is beyond what is normal"),
 }
+
+
+def grade_content(grade: Grade) -> tuple[dict[str, Dataset], dict[str, Attribute]]:
+    """Takes a grade apart."""
+    return to_datasets(grade, _COLUMNS, "grade/")
+
+
+def grade_from_artifact(artifact: Artifact) -> Grade:
+    """The grade that a model or a validation holds."""
+    from robid.validation.grade import Grade
+
+    return from_datasets(Grade, artifact, "grade/")

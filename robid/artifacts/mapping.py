@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -40,7 +40,7 @@ def position_units(joint_units: tuple[str, ...] | None) -> str:
 
 
 def to_datasets(
-    value: DataclassInstance, table: Mapping[str, Column], prefix: str = ""
+    value: DataclassInstance, table: Mapping[str, Column], prefix: str = "", without: Collection[str] = ()
 ) -> tuple[dict[str, Dataset], dict[str, Attribute]]:
     """Takes a dataclass apart.
 
@@ -50,6 +50,7 @@ def to_datasets(
         table: Units and axes of each field that is an array or a tuple; `field/inner` in a nested dataclass. Of a tuple
             of dataclasses one entry serves all fields.
         prefix: What it lies below, such as `grade/`; the table's names begin with it.
+        without: Fields that lie elsewhere.
 
     Raises:
         ValueError: If the table lacks a field or names one that is not there.
@@ -58,7 +59,7 @@ def to_datasets(
     datasets: dict[str, Dataset] = {}
     attributes: dict[str, Attribute] = {}
     absent: set[str] = set()
-    for name, content in _flat(value, prefix):
+    for name, content in _flat(value, prefix, without):
         if isinstance(content, _Rows):
             datasets |= {f"{name}/{key}": _dataset(key, part, table[name]) for key, part in content.columns.items()}
         elif isinstance(content, np.ndarray | tuple):
@@ -72,20 +73,28 @@ def to_datasets(
         else:
             raise TypeError(f"`{type(value).__name__}.{name}` is a {type(content).__name__}, which has no place here.")
     written = {*datasets, *(name.rpartition("/")[0] for name in datasets)}
-    unknown = [name for name in table if name not in written and absent.isdisjoint((name, name.partition("/")[0]))]
+    unknown = [name for name in table if name not in written and absent.isdisjoint(_paths(name))]
     if unknown:
         raise ValueError(f"The table names {unknown}, which are no arrays of {type(value).__name__}.")
     return datasets, attributes
 
 
-def from_datasets(cls: type[Instance], artifact: Artifact, prefix: str = "") -> Instance:
+def from_datasets(
+    cls: type[Instance], artifact: Artifact, prefix: str = "", given: Mapping[str, object] | None = None
+) -> Instance:
     """Puts a dataclass together again, from what lies below a prefix such as `grade/`.
+
+    Args:
+        cls: The dataclass.
+        artifact: Where it lies.
+        prefix: What it lies below.
+        given: Values of the fields that lie elsewhere.
 
     Raises:
         ArtifactError: If the artifact lacks a field that has no default and may not be None.
     """
     missing: list[str] = []
-    instance = _build(cls, artifact, prefix, missing)
+    instance = _build(cls, artifact, prefix, missing, given)
     if instance is None or missing:
         raise ArtifactError(
             f"The {artifact.kind.name} lacks {', '.join(missing)}.",
@@ -107,9 +116,17 @@ def _row_type(hint: object) -> type[DataclassInstance] | None:
     return inner if isinstance(inner, type) and dataclasses.is_dataclass(inner) else None
 
 
-def _flat(value: DataclassInstance, prefix: str) -> Iterator[tuple[str, object]]:
+def _paths(name: str) -> list[str]:
+    """A name and everything that it lies in: `a/b/c`, `a/b`, `a`."""
+    parts = name.split("/")
+    return ["/".join(parts[:count]) for count in range(1, len(parts) + 1)]
+
+
+def _flat(value: DataclassInstance, prefix: str, without: Collection[str] = ()) -> Iterator[tuple[str, object]]:
     hints = get_type_hints(type(value))
     for field in dataclasses.fields(value):
+        if field.name in without:
+            continue
         content = getattr(value, field.name)
         row = _row_type(hints[field.name])
         if row is not None:
@@ -121,11 +138,19 @@ def _flat(value: DataclassInstance, prefix: str) -> Iterator[tuple[str, object]]
             yield prefix + field.name, content
 
 
-def _build(cls: type[Instance], artifact: Artifact, prefix: str, missing: list[str]) -> Instance | None:
+def _build(
+    cls: type[Instance],
+    artifact: Artifact,
+    prefix: str,
+    missing: list[str],
+    given: Mapping[str, object] | None = None,
+) -> Instance | None:
     hints = get_type_hints(cls)
-    content: dict[str, Any] = {}
+    content: dict[str, Any] = dict(given or {})
     lacking = []
     for field in dataclasses.fields(cls):
+        if field.name in content:
+            continue
         path = prefix + field.name
         hint, optional = _without_none(hints[field.name])
         found = _find(hint, artifact, path, missing)

@@ -1,9 +1,7 @@
-"""The validation artifact: a model on data that its fit never saw.
+"""The validation artifact: a model on data that its fit never saw; what only its family has lies in its own group.
 
 Schema history:
-    1.0: first version.
-    2.0: `cost_ratio` is absolute, whatever the fit's own cost; `error_ratio`, errors of the worst motor, shift of the
-        resonances, and the grade.
+    3.0: what every family says in the groups `outcome` and `grade`, the rest in a group of the family's name.
 """
 
 from __future__ import annotations
@@ -11,43 +9,43 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.grade import GRADE_COLUMNS
+from robid.artifacts.grade import grade_content, grade_from_artifact
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.model import Parts
 
 if TYPE_CHECKING:
-    from robid.validation.elastic import Validation
+    from robid.validation.outcome import Outcome
 
-VALIDATION = Kind("validation", "2.0", "robid validate")
+VALIDATION = Kind("validation", "3.0", "robid validate")
 
-_CONFIGURATION, _KNOWN = ("configuration",), ("known",)
-_RESPONSE = ("configuration", "frequency", "output", "input")
-_TABLE = {
-    "configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
-    "frequency_hz": Column("Hz", ("frequency",), "Frequencies"),
-    "measured": Column("rad/s^2 per torque", _RESPONSE, "Response after the fitted friction compensation"),
-    "modelled": Column("rad/s^2 per torque", _RESPONSE, "Parametric response"),
-    "cost": Column("1", _CONFIGURATION, "Weighted cost"),
-    "expected_cost": Column("1", _CONFIGURATION, "Cost that the response's covariance alone gives"),
-    "excess": Column("1", _CONFIGURATION, "Cost above it"),
-    "elements": Column("1", _CONFIGURATION, "Response elements with weight"),
-    "error_ratio": Column("1", _CONFIGURATION, "Mean squared error over what noise and an assumed model error allow"),
-    "error_db": Column("dB", ("configuration", "input"), "Median magnitude error of the motors' own responses"),
-    "truth_names": Column("1", _KNOWN),
-    "truth": Column("as in the model", _KNOWN, "True values"),
-    "relative_error": Column("1", _KNOWN, "Error over the true value; the error itself for friction"),
-    "covered": Column("1", _KNOWN, "Whether the interval holds the truth"),
-    "truth_identifiable": Column("1", _KNOWN, "Whether the parameter counts as identifiable"),
-    **GRADE_COLUMNS,
+_KNOWN = ("known",)
+_OUTCOME = {
+    "outcome/recovery/names": Column("1", _KNOWN, "Parameters with a known truth"),
+    "outcome/recovery/kinds": Column("1", _KNOWN),
+    "outcome/recovery/truth": Column("as in the model", _KNOWN, "True values"),
+    "outcome/recovery/relative_error": Column("1", _KNOWN, "Error over the true value; the error itself for friction"),
+    "outcome/recovery/covered": Column("1", _KNOWN, "Whether the interval holds the truth"),
+    "outcome/recovery/identifiable": Column("1", _KNOWN, "Whether the parameter counts as identifiable"),
 }
 
 
-def validation_to_artifact(validation: Validation, provenance: Provenance) -> Artifact:
-    """Turns a validation into an artifact."""
-    return Artifact(VALIDATION, *to_datasets(validation, _TABLE), provenance)
+def validation_to_artifact(family: str, outcome: Outcome, own: Parts, provenance: Provenance | None = None) -> Artifact:
+    """Turns a validation into an artifact.
+
+    Args:
+        family: Name of the model's family.
+        outcome: What every family says.
+        own: What only this one has, in a group of the family's name.
+        provenance: Where it comes from; the stage fills in what is missing.
+    """
+    parts = [to_datasets(outcome, _OUTCOME, "outcome/", without=("grade",)), grade_content(outcome.grade), own]
+    datasets = {name: dataset for part, _ in parts for name, dataset in part.items()}
+    attributes = {name: attribute for _, part in parts for name, attribute in part.items()}
+    return Artifact(VALIDATION, datasets, {"family": family, **attributes}, provenance or Provenance(stage="validate"))
 
 
-def validation_from_artifact(artifact: Artifact) -> Validation:
-    """The inverse of `validation_to_artifact`."""
-    from robid.validation.elastic import Validation
+def outcome_from_artifact(artifact: Artifact) -> Outcome:
+    """What every family says of a validated model."""
+    from robid.validation.outcome import Outcome
 
-    return from_datasets(Validation, artifact)
+    return from_datasets(Outcome, artifact, "outcome/", {"grade": grade_from_artifact(artifact)})

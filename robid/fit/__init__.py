@@ -1,1 +1,1 @@
-"""Fits. Read `options`, `parameters`, `problem`, `elastic`, `strategy`, then `uncertainty` and `result`."""
+"""Fits. What every fit returns is in `estimate`; then a package for each family, and what they share."""

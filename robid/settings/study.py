@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
-from robid.fit.options import ElasticOptions, WeightsKind
+from robid.fit.elastic.options import ElasticOptions, WeightsKind
 from robid.frf.options import EstimateOptions
 from robid.frf.residual import EstimatorKind
 from robid.robot.parameters import ElasticKind

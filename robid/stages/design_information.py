@@ -10,16 +10,17 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, read_outline
 from robid.design.configurations.candidates import candidate_information
 from robid.design.configurations.fitted import FittedInformation
 from robid.design.configurations.measured import fitted_information, measured_information
 from robid.design.configurations.options import DesignWeights, InformationOptions
 from robid.design.configurations.stability import halves
-from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
-from robid.fit.options import ElasticOptions
-from robid.fit.weights import assumed_error, make_whitening
+from robid.families.elastic.files import solution_from_artifact
+from robid.fit.elastic.fitted_robot import fitted_delay_s, fitted_robot
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.weights import assumed_error, make_whitening
 from robid.frf.frf import Frf
 from robid.frf.realization_subsets import by_realizations
 from robid.robot.description import Robot
@@ -133,10 +134,10 @@ def _point(job: Job, design: Design) -> tuple[Robot, float, _Knowledge | None]:
     robot, delay = job.loaded.robot.to_robot(campaign.payload_kg), delay_s(job.loaded, campaign)
     if design.prior is None:
         return robot, delay, None
-    solution = model_from_artifact(read_artifact(job.inputs["model"], MODEL))
+    solution = solution_from_artifact(read_artifact(job.inputs["model"], MODEL))
     # Its covariance is as wide as its intervals: a misfit is in it already.
-    knowledge = _Knowledge(solution.names, solution.covariance)
-    return fitted_robot(robot, solution), fitted_delay_s(solution, delay), knowledge
+    knowledge = _Knowledge(solution.estimate.names, solution.internal.covariance)
+    return fitted_robot(robot, solution.estimate), fitted_delay_s(solution.estimate, delay), knowledge
 
 
 def _drawn(robot: Robot, about: InformationOptions) -> Iterable[Robot]:

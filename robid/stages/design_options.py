@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robid.design.configurations.options import InformationOptions
-from robid.fit.options import ElasticOptions, Weights
+from robid.fit.elastic.options import ElasticOptions, Weights
 
 if TYPE_CHECKING:
     from robid.settings.experiment import Design, Experiment

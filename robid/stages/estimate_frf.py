@@ -31,7 +31,7 @@ from robid.signals.friction import TorqueLaw
 from robid.stages.chain.estimate_frf import STAGE
 from robid.stages.plausible import contradictions
 from robid.stages.stage import Job, counted
-from robid.validation.plausible_evidence import Evidence, gather_evidence, join_evidence
+from robid.validation.plausible.evidence import Evidence, gather_evidence, join_evidence
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from robid.errors import DataError, SettingsError
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
-from robid.validation.plausible import evidence_doubts
-from robid.validation.plausible_evidence import Evidence
+from robid.validation.plausible.doubts import evidence_doubts
+from robid.validation.plausible.evidence import Evidence
 
 
 def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) -> tuple[str, ...]:

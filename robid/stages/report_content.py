@@ -41,7 +41,7 @@ from robid.stages.fit import data_of
 from robid.stages.plausible import contradictions
 from robid.stages.stage import Stage
 from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST
-from robid.validation.plausible_evidence import gather_evidence
+from robid.validation.plausible.evidence import gather_evidence
 
 _SHORT = 8
 _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}

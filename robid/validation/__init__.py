@@ -1,1 +1,1 @@
-"""What a model is worth. Read `elastic`, `measures`, `assessment` with `grade`, `plausible`, `causes`."""
+"""What a model is worth. Read `doubt`, `grade`, `recovery`, `outcome`, then `elastic/`; the rest serves studies."""

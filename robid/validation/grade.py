@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.fit.model_error import ModelError
-from robid.fit.solution import Solution
-from robid.validation.doubt import CAUSES, Doubt, plain
+from robid.validation.doubt import CAUSES, Doubt
 
 TRUST, PREDICTS, DO_NOT_USE = 2, 1, 0
 WORDS = {
@@ -18,12 +16,6 @@ WORDS = {
     PREDICTS: "predicts, but single parameters may be off",
     DO_NOT_USE: "do not use",
 }
-
-_FLOOR = 0.001  # relative errors below move no spring by more than its interval
-_EXPECTED, _SIGNIFICANT = 0.05, 3.0  # share of a right model's elements beyond their band, and deviations of it
-_MISFIT_LIMIT = 1.5
-_DROPPED_LIMIT = 0.5
-_WIDE = 1.0
 
 
 @dataclass(frozen=True)
@@ -55,35 +47,24 @@ class Grade:
         return tuple(Doubt(*row) for row in rows)
 
 
-def grade_fit(solution: Solution, doubts: Sequence[Doubt], failures: Sequence[str] = ()) -> Grade:
+def grade_alone(unusable: Sequence[str], doubtful: Sequence[str], doubts: Sequence[Doubt]) -> Grade:
     """Grades a fit that was held against nothing but its own data: it predicts at best.
 
     Args:
-        solution: What the fit found.
+        unusable: Why it must not be used, a clause each.
+        doubtful: Why single parameters may be off by more than their intervals say, a clause each.
         doubts: Doubts about its data, its parameters and its residual, the first to blame first.
-        failures: What of its own data is beyond the limits of a validation, a clause each.
     """
-    worst = (*_unusable(solution, doubts), *failures)
-    if worst:
-        return _made(DO_NOT_USE, worst, doubts)
-    return _made(
-        PREDICTS, ("it was not held against data that the fit never saw", *_doubtful(solution, doubts)), doubts
-    )
+    if unusable:
+        return _made(DO_NOT_USE, unusable, doubts)
+    return _made(PREDICTS, ("it was not held against data that the fit never saw", *doubtful), doubts)
 
 
-def grade_validation(solution: Solution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
-    """Grades a fit that was held against data that it never saw.
-
-    Args:
-        solution: What the fit found.
-        doubts: Doubts about its data, its parameters and its residual, the first to blame first.
-        failures: What the validation found beyond its limits, a clause each.
-    """
-    worst = (*_unusable(solution, doubts), *failures)
-    if worst:
-        return _made(DO_NOT_USE, worst, doubts)
-    reasons = _doubtful(solution, doubts)
-    return _made(PREDICTS if reasons else TRUST, reasons, doubts)
+def grade_held(unusable: Sequence[str], doubtful: Sequence[str], doubts: Sequence[Doubt]) -> Grade:
+    """Grades a fit that was held against data that it never saw; arguments as of `grade_alone`."""
+    if unusable:
+        return _made(DO_NOT_USE, unusable, doubts)
+    return _made(PREDICTS if doubtful else TRUST, doubtful, doubts)
 
 
 def ordered(doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
@@ -115,59 +96,3 @@ def _sentence(value: int, reasons: Sequence[str], doubts: Sequence[Doubt]) -> st
         return told
     first = doubts[0]
     return f"{told} Look first for {CAUSES[first.cause]}{'' if first.message in reasons else f': {first.message}'}."
-
-
-def _unusable(solution: Solution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
-    """Why a fit must not be used, whatever it was held against."""
-    found = [doubt.message for doubt in doubts if doubt.decisive]
-    if solution.status != "converged":
-        found.append("the fit has not converged")
-    share = solution.dropped / solution.modelled.size
-    if share > _DROPPED_LIMIT:
-        found.append(f"{share:.0%} of the response lies below 10 dB")
-    springs = np.array([kind == "stiffness" for kind in solution.kinds])
-    chosen = springs if springs.any() else np.ones(springs.size, bool)
-    half = 0.5 * (solution.upper - solution.lower)[chosen] / np.maximum(np.abs(solution.estimate[chosen]), 1e-300)
-    if not (half < _WIDE).any():
-        found.append(f"no {'spring' if springs.any() else 'parameter'} is known to better than its own size")
-    return tuple(found)
-
-
-def _doubtful(solution: Solution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
-    """Why single parameters may be off by more than their intervals say."""
-    found = [doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1]
-    if solution.misfit > _MISFIT_LIMIT:
-        found.append(f"the residual costs {plain(solution.misfit)} times what noise and the assumed model error allow")
-    error = solution.model_error
-    if error is not None:
-        above, correlated = telling_shares(error)
-        if above > _share_limit(error):
-            found.append(
-                f"the residuals of {above:.0%} of the response's elements are beyond their covariance and those of "
-                f"{correlated:.0%} correlated over frequency, by more than {_FLOOR:.1%} of the response"
-            )
-    return tuple(found)
-
-
-def is_unexplained(solution: Solution) -> bool:
-    """Whether a residual holds so much more than noise that its cause is worth a search."""
-    error = solution.model_error
-    if solution.misfit > _MISFIT_LIMIT:
-        return True
-    return error is not None and telling_shares(error)[0] > _share_limit(error)
-
-
-def _share_limit(error: ModelError) -> float:
-    """Share of telling elements that a right model hardly ever has, however few they are."""
-    count = max(int(np.isfinite(error.ratio).sum()), 1)
-    return _EXPECTED + _SIGNIFICANT * float(np.sqrt(_EXPECTED * (1 - _EXPECTED) / count))
-
-
-def telling_shares(error: ModelError) -> tuple[float, float]:
-    """Shares of the elements above their band, and correlated over frequency, by more than moves any spring."""
-    known = np.isfinite(error.ratio)
-    if not known.any():
-        return 0.0, 0.0
-    large = error.level > _FLOOR
-    above, correlated = (error.ratio > error.limit) & large, (error.correlation > error.correlation_limit) & large
-    return float(above[known].mean()), float(correlated[known].mean())

@@ -9,9 +9,9 @@ from scipy.optimize import least_squares, minimize
 
 from default_campaign import CONFIGURATION, DELAY_S, ROBOT, default_experiment
 from exact_systems import exact_frf, with_spring_factors
-from robid.fit.elastic import fit_elastic, set_up
-from robid.fit.optimizers import optimise
-from robid.fit.options import ElasticOptions, Weights
+from robid.fit.elastic.fitting import fit_elastic, set_up
+from robid.fit.elastic.optimizers import optimise
+from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.simulate.experiment import simulate
@@ -129,7 +129,9 @@ def test_against_time_domain_toolbox(keep):
     for _ in range(3):
         solution, needed = timed(lambda: fit_periodic(record))
         seconds = min(seconds, needed)
-    found = np.array([solution.found[f"{spring.name}.stiffness"] / spring.stiffness for spring in ROBOT.springs])
+    found = np.array(
+        [solution.estimate.found[f"{spring.name}.stiffness"] / spring.stiffness for spring in ROBOT.springs]
+    )
     our_error = spring_error(found, robot)
     begun, reached = time.perf_counter(), []
 

@@ -8,8 +8,8 @@ import pytest
 from default_campaign import LOADED
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from realizations import averaged
-from robid.fit.elastic import fit_elastic
-from robid.fit.options import ElasticOptions, Weights
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions, Weights
 
 BENCH_HZ = np.arange(11.0, 251.0, 3.0)
 ARM_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
@@ -53,16 +53,16 @@ def hits(case, runs, noise, bootstrap=0, common=0.0):
     """Whether the intervals hold the truth (runs, n_identifiable): the sandwich's and the bootstrap's."""
     nominal, true, exact, options = case
     truth, options = truth_by_name(true), replace(options, bootstrap=bootstrap)
-    ends = {"sandwich": ("lower", "upper"), "bootstrap": ("bootstrap_lower", "bootstrap_upper")}
-    held = {name: [] for name in ends if bootstrap or name == "sandwich"}
+    held = {name: [] for name in ("sandwich", "bootstrap") if bootstrap or name == "sandwich"}
     for seed in range(runs):
         frf = averaged(exact, noise, seed=seed, common=common)
         solution = fit_elastic(nominal, frf, replace(options, seed=seed), 1e-3)
-        assert solution.status == "converged"
-        values = np.array([truth[name] for name in solution.names])
+        assert solution.estimate.status == "converged"
+        values = np.array([truth[name] for name in solution.estimate.names])
+        intervals = {"sandwich": solution.estimate, "bootstrap": solution.bootstrap}
         for name in held:
-            lower, upper = (getattr(solution, end) for end in ends[name])
-            held[name].append(((lower <= values) & (values <= upper))[solution.identifiable])
+            inside = (intervals[name].lower <= values) & (values <= intervals[name].upper)
+            held[name].append(inside[solution.estimate.identifiable])
     return {name: np.array(rows) for name, rows in held.items()}
 
 

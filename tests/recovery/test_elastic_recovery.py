@@ -7,9 +7,9 @@ import pytest
 
 from exact_systems import exact_frf, friction_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
-from robid.fit.elastic import fit_elastic
-from robid.fit.options import ElasticOptions, Weights
-from robid.fit.result import distinct_minima
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions, Weights
+from robid.fit.elastic.result import distinct_minima
 from robid.signals.quantities import motor_channels
 from tolerances import RECOVERY, RECOVERY_SIGMA
 
@@ -39,8 +39,8 @@ def truth_of(robot, delay_s):
 
 
 def check_recovered(solution, truth, scale=None):
-    assert solution.status == "converged"
-    for name, estimate in zip(solution.names, solution.estimate, strict=True):
+    assert solution.estimate.status == "converged"
+    for name, estimate in zip(solution.estimate.names, solution.estimate.value, strict=True):
         if name in truth:
             size = abs(truth[name]) or (scale or {}).get(name, 1.0)
             assert abs(estimate - truth[name]) <= RECOVERY * size, name
@@ -66,8 +66,8 @@ def test_two_joints_without_noise(variant):
     solution = fit_elastic(nominal, frf, VARIANTS[variant], 1.2e-3)
     scale = {f"{joint.name}.viscous": 2 * np.pi * joint.motor.inertia_kgm2 for joint in nominal.joints}
     check_recovered(solution, truth_of(robot, 1e-3), scale)
-    assert solution.dropped == 0
-    np.testing.assert_allclose(solution.modelled, frf.response, rtol=1e-3)
+    assert solution.costs.dropped == 0
+    np.testing.assert_allclose(solution.responses.modelled, frf.response, rtol=1e-3)
 
 
 def test_statics_follow_the_fitted_springs():
@@ -75,7 +75,7 @@ def test_statics_follow_the_fitted_springs():
     nominal = with_spring_factors(two_joint_robot(), 3.0)
     robot = two_joint_robot()
     frf = exact_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3, declared_noise=1e-6)
-    cost = [fit_elastic(nominal, frf, ElasticOptions(statics_updates=count), 1e-3).cost for count in (0, 3)]
+    cost = [fit_elastic(nominal, frf, ElasticOptions(statics_updates=count), 1e-3).costs.total for count in (0, 3)]
     assert cost[1] < 1e-2 * cost[0]
     springs = {name: value for name, value in truth_of(robot, 1e-3).items() if name.endswith("stiffness")}
     check_recovered(fit_elastic(nominal, frf, replace(WIDE, statics_updates=3), 1e-3), springs)
@@ -87,9 +87,14 @@ def test_with_noise_within_the_predicted_deviations():
     frf = exact_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3, relative_noise=0.005, seed=4)
     solution = fit_elastic(nominal, frf, ElasticOptions(weights=Weights("optimal")), 1e-3)
     truth = truth_of(robot, 1e-3)
-    deviation = np.sqrt(np.diag(solution.covariance))
+    deviation = np.sqrt(np.diag(solution.internal.covariance))
     for name, estimate, nominal_value, kind, sigma in zip(
-        solution.names, solution.estimate, solution.nominal, solution.kinds, deviation, strict=True
+        solution.estimate.names,
+        solution.estimate.value,
+        solution.estimate.nominal,
+        solution.estimate.kinds,
+        deviation,
+        strict=True,
     ):
         if kind in ("stiffness", "damping"):
             internal = np.log(estimate / nominal_value) - np.log(truth[name] / nominal_value)
@@ -113,10 +118,10 @@ def test_sandwich_against_monte_carlo(options):
     for seed in range(runs):
         frf = exact_frf(robot, [[0.0]], BENCH_HZ, sampling_period_s=4e-4, delay_s=5e-4, relative_noise=3e-3, seed=seed)
         solution = fit_elastic(robot, frf, options, 5e-4)
-        found.append(solution.internal)
-        claimed.append(solution.covariance)
-        values = np.array([truth[name] for name in solution.names])
-        covered.append((solution.lower <= values) & (values <= solution.upper))
+        found.append(solution.internal.values)
+        claimed.append(solution.internal.covariance)
+        values = np.array([truth[name] for name in solution.estimate.names])
+        covered.append((solution.estimate.lower <= values) & (values <= solution.estimate.upper))
     empirical, claimed = np.cov(np.array(found).T), np.mean(claimed, axis=0)
     size = np.sqrt(np.diag(claimed))
     error = (empirical - claimed) / np.outer(size, size)
@@ -132,13 +137,13 @@ def test_friction_scales_come_back():
     solution = fit_elastic(
         with_spring_factors(robot, 0.8), friction_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, scales), ElasticOptions(), 1e-3
     )
-    friction = [kind == "friction" for kind in solution.kinds]
-    np.testing.assert_allclose(solution.estimate[friction], scales, rtol=1e-3)
-    np.testing.assert_allclose(solution.measured, solution.modelled, rtol=1e-3)
+    friction = [kind == "friction" for kind in solution.estimate.kinds]
+    np.testing.assert_allclose(solution.estimate.value[friction], scales, rtol=1e-3)
+    np.testing.assert_allclose(solution.responses.measured, solution.responses.modelled, rtol=1e-3)
     frf = friction_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, scales)
     blind = replace(frf, sensitivity=np.zeros((3, 0, ARM_HZ.size, 2, 2), complex),
                     coefficient_names=(), coefficient_relative_std=np.zeros(0))  # fmt: skip
-    assert fit_elastic(robot, blind, ElasticOptions(), 1e-3).cost > 1e3 * solution.cost
+    assert fit_elastic(robot, blind, ElasticOptions(), 1e-3).costs.total > 1e3 * solution.costs.total
 
 
 def test_friction_that_nothing_shows_keeps_its_prior():
@@ -146,9 +151,9 @@ def test_friction_that_nothing_shows_keeps_its_prior():
     frf = friction_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, [0.0, 0.0], declared=1e-3)
     frf = replace(frf, sensitivity=1e-9 * frf.sensitivity, coefficient_relative_std=np.array([0.1, 0.3]))
     solution = fit_elastic(robot, frf, ElasticOptions(), 1e-3)
-    friction = np.array([kind == "friction" for kind in solution.kinds])
-    np.testing.assert_allclose(solution.estimate[friction], 0.0, atol=1e-6)
-    np.testing.assert_allclose(solution.relative_std[friction], [0.1, 0.3], rtol=1e-3)
+    friction = np.array([kind == "friction" for kind in solution.estimate.kinds])
+    np.testing.assert_allclose(solution.estimate.value[friction], 0.0, atol=1e-6)
+    np.testing.assert_allclose(solution.estimate.relative_std[friction], [0.1, 0.3], rtol=1e-3)
 
 
 def test_starts_reach_one_minimum():
@@ -156,16 +161,16 @@ def test_starts_reach_one_minimum():
     robot = with_spring_factors(nominal, [1.3, 0.8, 1.2, 0.9])
     frf = exact_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3, relative_noise=0.005, seed=1)
     solution = fit_elastic(nominal, frf, ElasticOptions(starts=8, start_decades=0.5), 1e-3)
-    assert (solution.start_minimum == 0).sum() >= 7
-    assert (solution.start_evaluations > solution.start_iterations).all()
-    assert solution.cap_share == 0
+    assert (solution.starts.minimum == 0).sum() >= 7
+    assert (solution.starts.evaluations > solution.starts.iterations).all()
+    assert solution.starts.cap_share == 0
 
 
 def test_starts_at_the_iteration_limit_are_counted():
     robot = two_joint_robot()
     frf = exact_frf(robot, ARM_CONFIGURATIONS, ARM_HZ, delay_s=1e-3, relative_noise=0.005, seed=1)
     hasty = ElasticOptions(starts=4, max_iterations=2, strategy="plain", statics_updates=0)
-    assert fit_elastic(with_spring_factors(robot, 0.5), frf, hasty, 1e-3).cap_share == 1
+    assert fit_elastic(with_spring_factors(robot, 0.5), frf, hasty, 1e-3).starts.cap_share == 1
 
 
 def test_minima_are_told_apart_by_cost():
@@ -178,7 +183,7 @@ def test_fixed_parameters_stay():
     frf = exact_frf(robot, [[0.0]], BENCH_HZ, sampling_period_s=4e-4, declared_noise=1e-6)
     fixed = ElasticOptions(free=("stiffness", "damping", "motor_inertia"), fixed=("drive.motor_inertia",))
     solution = fit_elastic(with_spring_factors(robot, 0.7), frf, fixed, 0.0)
-    assert solution.names == ("coupling.stiffness", "coupling.damping")
+    assert solution.estimate.names == ("coupling.stiffness", "coupling.damping")
     check_recovered(solution, truth_of(robot, 0.0))
 
 

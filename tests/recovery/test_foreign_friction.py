@@ -7,8 +7,8 @@ import pytest
 
 from exact_systems import with_spring_factors
 from foreign_friction import LAWS, NAMES, NOMINAL, STATED, STEP, simulate_arm
-from robid.fit.elastic import fit_elastic
-from robid.fit.options import ElasticOptions
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions
 from robid.frf.estimate import estimate_frf
 from robid.frf.joined import join
 from robid.frf.laws import combine_laws
@@ -42,10 +42,10 @@ def misses(solution, true):
     """Whether each spring's and damper's interval holds it, and its relative error."""
     truth = {f"{spring.name}.stiffness": spring.stiffness for spring in true.springs}
     truth |= {f"{spring.name}.damping": spring.damping for spring in true.springs}
-    at = [solution.names.index(name) for name in truth]
+    at = [solution.estimate.names.index(name) for name in truth]
     values = np.array(list(truth.values()))
-    held = (solution.lower[at] <= values) & (values <= solution.upper[at])
-    return held, solution.estimate[at] / values - 1
+    held = (solution.estimate.lower[at] <= values) & (values <= solution.estimate.upper[at])
+    return held, solution.estimate.value[at] / values - 1
 
 
 @pytest.mark.parametrize("law", LAWS)

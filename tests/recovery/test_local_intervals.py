@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot
-from robid.fit.elastic import fit_elastic
-from robid.fit.options import ElasticOptions, Weights
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.multisine import time_signal
@@ -60,8 +60,8 @@ def test_claimed_deviation_is_the_one_over_noise(estimator):
     for seed in range(RUNS):
         frf = estimate_frf(make_record(estimator, seed), options)
         solution = fit_elastic(ROBOT, frf, OPTIONS, DELAY_S)
-        estimates.append(solution.internal)
-        claimed.append(np.sqrt(np.diag(solution.covariance)))
+        estimates.append(solution.internal.values)
+        claimed.append(np.sqrt(np.diag(solution.internal.covariance)))
         blamed.append(solution.model_error.share_correlated)
         separate = fit_elastic(ROBOT, replace(frf, line_correlation=None), OPTIONS, DELAY_S)
         alone.append(np.sqrt(np.diag(separate.covariance)))
@@ -69,7 +69,7 @@ def test_claimed_deviation_is_the_one_over_noise(estimator):
     ratio = spread / np.mean(claimed, axis=0)
     before = spread / np.mean(alone, axis=0)
     told = f"scatter over claim {ratio.round(2)}, {before.round(2)} with lines taken as independent"
-    print(f"\n{estimator}: {', '.join(solution.names)}: {told}")
+    print(f"\n{estimator}: {', '.join(solution.estimate.names)}: {told}")
     np.testing.assert_allclose(ratio, 1.0, atol=0.15)
     # Five per cent of right models are blamed for correlated residuals; three binomial deviations above.
     assert np.mean(blamed) < 0.12

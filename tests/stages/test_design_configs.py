@@ -9,15 +9,16 @@ import pytest
 
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.measured import measured_information
+from robid.families.elastic.files import solution_from_artifact
 from robid.families.files import load_experiment
-from robid.fit.elastic import set_up
-from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
-from robid.fit.options import ElasticOptions, Weights
-from robid.fit.uncertainty import sandwich
-from robid.fit.weights import make_weights
+from robid.fit.elastic.fitted_robot import fitted_delay_s, fitted_robot
+from robid.fit.elastic.fitting import set_up
+from robid.fit.elastic.options import ElasticOptions, Weights
+from robid.fit.elastic.uncertainty import sandwich
+from robid.fit.elastic.weights import make_weights
 from tolerances import IDENTITY
 
 FILE = "design.yaml"
@@ -93,12 +94,12 @@ def test_what_the_command_prints_and_what_json_holds(chosen):
 
 def test_the_next_configuration_adds_most_to_an_earlier_fit(chosen):
     """What is known is the covariance that the fit states, misfit and all."""
-    solution = model_from_artifact(read_artifact(chosen.runs / "fits/earlier/model.h5", MODEL))
-    places = [solution.names.index(name) for name in SPRINGS]
+    solution = solution_from_artifact(read_artifact(chosen.runs / "fits/earlier/model.h5", MODEL))
+    places = [solution.estimate.names.index(name) for name in SPRINGS]
     assert solution.misfit > 1.5, "else a misfit that counts twice would not show"
-    known = np.linalg.inv(solution.covariance[np.ix_(places, places)])
-    robot = fitted_robot(load_experiment(chosen.folder / "design.yaml").robot.to_robot(), solution)
-    matrices, _ = information_at(chosen, robot, fitted_delay_s(solution, 1e-3))
+    known = np.linalg.inv(solution.internal.covariance[np.ix_(places, places)])
+    robot = fitted_robot(load_experiment(chosen.folder / "design.yaml").robot.to_robot(), solution.estimate)
+    matrices, _ = information_at(chosen, robot, fitted_delay_s(solution.estimate, 1e-3))
     gain = [np.linalg.slogdet(known + each)[1] - np.linalg.slogdet(known)[1] for each in matrices]
     design = design_of(chosen, "next")
     np.testing.assert_allclose(design.gain, gain, rtol=1e-8)

@@ -11,17 +11,19 @@ import pytest
 from scipy.io import loadmat
 
 from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, model_from_artifact
+from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, read_header
+from robid.families.elastic.files import solution_from_artifact
 from robid.families.encode import encode_mat
 from tolerances import MJCF
 
 FOLDER = "fits/elastic"
 COLUMNS = ["name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable"]
+FIELDS = ["nominal", "value", *COLUMNS[5:]]
 
 
 def solution_of(done):
-    return model_from_artifact(read_artifact(done.runs / FOLDER / "model.h5", MODEL))
+    return solution_from_artifact(read_artifact(done.runs / FOLDER / "model.h5", MODEL))
 
 
 def exported(done, form, *options):
@@ -32,8 +34,8 @@ def exported(done, form, *options):
 
 
 def wanted_rows(solution):
-    names = ("names", "kinds", "units", *COLUMNS[3:])
-    return list(zip(*(np.asarray(getattr(solution, name)).tolist() for name in names), strict=True))
+    names = ("names", "kinds", "units", *FIELDS)
+    return list(zip(*(np.asarray(getattr(solution.estimate, name)).tolist() for name in names), strict=True))
 
 
 def test_json_is_read_back_equal(done):
@@ -54,31 +56,33 @@ def test_csv_is_read_back_equal(done):
 
 def test_mat_is_read_back_equal(done):
     content, solution = loadmat(exported(done, "mat"), squeeze_me=True), solution_of(done)
-    for name in (*COLUMNS[3:], "frequency_hz", "measured", "modelled", "confidence"):
-        np.testing.assert_array_equal(content[name], getattr(solution, name), err_msg=name)
-    assert tuple(content["names"]) == solution.names
-    assert tuple(content["units"]) == solution.units
-    np.testing.assert_array_equal(content["configurations_rad"], solution.configurations)
+    for name, field in zip((*COLUMNS[3:], "confidence"), (*FIELDS, "confidence"), strict=True):
+        np.testing.assert_array_equal(content[name], getattr(solution.estimate, field), err_msg=name)
+    for name in ("frequency_hz", "measured", "modelled"):
+        np.testing.assert_array_equal(content[name], getattr(solution.responses, name), err_msg=name)
+    assert tuple(content["names"]) == solution.estimate.names
+    assert tuple(content["units"]) == solution.estimate.units
+    np.testing.assert_array_equal(content["configurations_rad"], solution.responses.configurations)
     assert tuple(content["input_names"]) == ("turn", "lift")
     deviation = np.sqrt(np.diag(content["covariance"]))
-    size = np.where(np.array(solution.kinds) == "friction", 1.0, np.abs(solution.estimate))
-    np.testing.assert_allclose(deviation, solution.relative_std * size, rtol=1e-12)
+    size = np.where(np.array(solution.estimate.kinds) == "friction", 1.0, np.abs(solution.estimate.value))
+    np.testing.assert_allclose(deviation, solution.estimate.relative_std * size, rtol=1e-12)
     correlation = content["covariance"] / np.outer(deviation, deviation)
-    root = np.sqrt(np.diag(solution.covariance))
-    np.testing.assert_allclose(correlation, solution.covariance / np.outer(root, root), rtol=1e-9, atol=1e-12)
+    root = np.sqrt(np.diag(solution.internal.covariance))
+    np.testing.assert_allclose(correlation, solution.internal.covariance / np.outer(root, root), rtol=1e-9, atol=1e-12)
 
 
 def test_mat_of_one_configuration(done):
     content = loadmat(exported(done, "mat", "--configuration", "1"))
     assert content["measured"].shape[0] == 1
     assert content["configuration"].item() == 1
-    np.testing.assert_array_equal(content["modelled"], solution_of(done).modelled[1:])
+    np.testing.assert_array_equal(content["modelled"], solution_of(done).responses.modelled[1:])
 
 
 def test_mjcf_has_the_fitted_response(done):
     solution = solution_of(done)
     path = exported(done, "mjcf", "--no-friction")
-    frequency = 2 * np.pi * solution.frequency_hz
+    frequency = 2 * np.pi * solution.responses.frequency_hz
     # What is compared is continuous: hold, delay and aliases are taken out by the state space of the same fit.
     state = loadmat(exported(done, "statespace"), squeeze_me=True)
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -109,11 +113,11 @@ def test_sampled_state_space_has_the_fitted_response(done, suffix):
         content = {name: np.array(value) for name, value in json.loads(path.read_text()).items()}
     frf = frf_from_artifact(read_artifact(done.runs / "estimation" / "frf.h5", FRF))
     assert content["sampling_period_s"] == frf.sampling_period_s
-    assert content["delay_s"] == dict(zip(solution.names, solution.estimate, strict=True))["delay"]
+    assert content["delay_s"] == dict(zip(solution.estimate.names, solution.estimate.value, strict=True))["delay"]
     assert content["A_sampled"].shape[1] == len(content["states_sampled"]) > len(content["states"])
-    for index, wanted in enumerate(solution.modelled):
+    for index, wanted in enumerate(solution.responses.modelled):
         found = []
-        for frequency in solution.frequency_hz:
+        for frequency in solution.responses.frequency_hz:
             omega = 2 * np.pi * frequency
             point = np.exp(1j * omega * frf.sampling_period_s) * np.eye(content["A_sampled"].shape[1])
             inner = np.linalg.solve(point - content["A_sampled"][index], content["B_sampled"][index])
@@ -129,7 +133,7 @@ def test_mjcf_says_what_it_is(done):
     assert {"friction_turn", "friction_lift"} <= {element.get("name") for element in root.iter("general")}
     comment = re.search(r"<!--(.*?)-->", text, re.DOTALL).group(1)
     date = read_header(done.runs / FOLDER / "model.h5").provenance.finished_utc
-    values = dict(zip(solution_of(done).names, solution_of(done).estimate, strict=True))
+    values = solution_of(done).estimate.found
     delay = f"delay of {1e3 * values['delay']:.4g} ms"
     assert values["delay"] == pytest.approx(1e-3, rel=0.05)
     for part in ("two-joint arm", "experiment small, fit elastic", date, "torque in N m", delay, "turn.lag"):

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from robid.artifacts.model import MODEL
+from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.model import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.artifacts.validation import VALIDATION
+from robid.artifacts.truth import read_truth
+from robid.artifacts.validation import VALIDATION, outcome_from_artifact
 from robid.families import files
 from robid.families.family import Family
 from robid.families.files import experiment_schema, load_experiment
@@ -108,6 +110,31 @@ def test_artifacts_come_back(made, tmp_path):
         for key, dataset in artifact.datasets.items():
             np.testing.assert_array_equal(again.datasets[key].values, dataset.values)
             assert again.datasets[key].units == dataset.units
+
+
+def test_every_result_has_the_common_core(made, case):
+    folder = made.runs / "fits" / "own"
+    model, validation = (read_artifact(folder / f"{kind.name}.h5", kind) for kind in (MODEL, VALIDATION))
+    estimate, outcome = estimate_from_artifact(model), outcome_from_artifact(validation)
+    assert model.attributes["family"] == validation.attributes["family"] == case.family.name
+    assert {name.partition("/")[0] for name in model.datasets} <= {"estimate", "grade", case.family.name}
+    assert {name.partition("/")[0] for name in validation.datasets} <= {"outcome", "grade", case.family.name}
+    assert len(set(estimate.names)) == len(estimate.names) == len(estimate.units) == estimate.value.size > 0
+    assert ((estimate.lower <= estimate.value) & (estimate.value <= estimate.upper)).all()
+    np.testing.assert_array_equal(estimate.covariance, estimate.covariance.T)
+    assert (
+        np.linalg.eigvalsh(estimate.covariance / np.outer(*2 * [np.sqrt(np.diag(estimate.covariance))])).min() > -1e-9
+    )
+    known = dict(zip(outcome.recovery.names, outcome.recovery.truth, strict=True))
+    values = case.family.true_values(*true_robot_of(made))
+    assert known == {name: values[name] for name in estimate.names if name in values}
+    assert outcome.grade.sentence
+    assert grade_from_artifact(model).value <= 1, "a fit that nothing was held against predicts at best"
+
+
+def true_robot_of(made):
+    loaded = load_experiment(made.folder / "small.yaml")
+    return loaded, "own", read_truth(*(made.runs / "estimation" / name for name in ("truth.json", "record.h5")))
 
 
 def test_a_run_makes_what_is_read_and_the_rest_on_request(made, case):

@@ -40,7 +40,7 @@ def test_status_imports_nothing_that_only_computing_needs(tmp_path, experiment):
 def test_no_package_of_science_comes_with_the_settings_and_the_families():
     found = modules_after("import robid.families.files")
     assert found.isdisjoint(
-        {"robid.robot.model", "robid.fit.elastic", "robid.design.excitation.excitation", "robid.frf.estimate"}
+        {"robid.robot.model", "robid.fit.elastic.fitting", "robid.design.excitation.excitation", "robid.frf.estimate"}
     )
 
 

@@ -12,8 +12,9 @@ from robid.errors import DataError
 from robid.families.encode import PARAMETER_COLUMNS as COLUMNS
 from robid.families.encode import Content
 from robid.families.units import with_torque_unit
-from robid.fit.fitted_robot import fitted_delay_s, fitted_robot
-from robid.fit.solution import Solution
+from robid.fit.elastic.fitted_robot import fitted_delay_s, fitted_robot
+from robid.fit.elastic.solution import ElasticSolution
+from robid.fit.estimate import Estimate
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.robot.export import to_mjcf
@@ -44,7 +45,7 @@ class FittedExport:
     loaded: LoadedExperiment
     name: str
     date: str
-    solution: Solution
+    solution: ElasticSolution
     frf: Frf
     chosen: tuple[int, ...]
 
@@ -52,18 +53,20 @@ class FittedExport:
     def robot(self) -> Robot:
         """Returns the robot with the estimates in place."""
         campaign = self.loaded.experiment.campaigns[self.loaded.experiment.fits[self.name].campaign]
-        return fitted_robot(self.loaded.robot.to_robot(campaign.payload_kg), self.solution)
+        return fitted_robot(self.loaded.robot.to_robot(campaign.payload_kg), self.solution.estimate)
 
     @property
     def delay_s(self) -> float:
         """Returns the delay from commanded to applied torque [s]."""
         fit = self.loaded.experiment.fits[self.name]
-        return fitted_delay_s(self.solution, delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign]))
+        return fitted_delay_s(
+            self.solution.estimate, delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign])
+        )
 
     @property
     def units(self) -> list[str]:
         """Returns the unit of each parameter."""
-        return [with_torque_unit(unit, self.frf.input_unit) for unit in self.solution.units]
+        return [with_torque_unit(unit, self.frf.input_unit) for unit in self.solution.estimate.units]
 
     @property
     def origin(self) -> dict[str, str]:
@@ -73,7 +76,7 @@ class FittedExport:
             "experiment": self.loaded.experiment.name,
             "fit": self.name,
             "fitted_utc": self.date,
-            "status": self.solution.status,
+            "status": self.solution.estimate.status,
             "torque_unit": self.frf.input_unit,
             "robid_version": robid.__version__,
         }
@@ -81,42 +84,41 @@ class FittedExport:
 
 def parameter_records(found: FittedExport) -> list[dict[str, object]]:
     """Returns one mapping of `COLUMNS` for each parameter, those that follow another one last."""
-    solution = found.solution
-    columns = (
-        solution.names,
-        solution.kinds,
-        found.units,
-        *(getattr(solution, name).tolist() for name in COLUMNS[3:]),
-    )
+    estimate, tied = found.solution.estimate, found.solution.estimate.tied
+    columns = estimate.names, estimate.kinds, found.units, *(values.tolist() for values in _columns(estimate).values())
     own = {str(row[0]): dict(zip(COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)}
-    values = (solution.tied_nominal, solution.tied_estimate, solution.tied_lower, solution.tied_upper)
-    followers = zip(solution.tied_names, solution.tied_to, *(value.tolist() for value in values), strict=True)
-    tied = [
+    values = (each.tolist() for each in (tied.nominal, tied.value, tied.lower, tied.upper))
+    followers = zip(tied.names, tied.to, *values, strict=True)
+    more = [
         own[leader] | dict(zip(COLUMNS[3:7], row, strict=True)) | {"name": name} for name, leader, *row in followers
     ]
-    return [*own.values(), *tied]
+    return [*own.values(), *more]
+
+
+def _columns(estimate: Estimate) -> dict[str, FloatArray]:
+    """Values of the parameters by column, beside names, kinds and units."""
+    fields = ("value" if name == "estimate" else name for name in COLUMNS[3:])
+    return {name: getattr(estimate, field) for name, field in zip(COLUMNS[3:], fields, strict=True)}
 
 
 def arrays(found: FittedExport, rows: list[int]) -> Content:
     """Returns parameters with their covariance, and measured and modelled responses."""
-    solution = found.solution
-    root = np.sqrt(np.diag(solution.covariance))
-    relative = np.array(solution.kinds) == "friction"
-    deviation = solution.relative_std * np.where(relative, 1.0, np.abs(solution.estimate))
-    slope = np.divide(deviation, root, out=np.zeros_like(root), where=root > 0)
+    estimate, responses = found.solution.estimate, found.solution.responses
     return {
         **found.origin,
-        **{name: getattr(solution, name) for name in ("names", "kinds", *COLUMNS[3:])},
+        "names": estimate.names,
+        "kinds": estimate.kinds,
+        **_columns(estimate),
         "units": found.units,
-        "covariance": solution.covariance * np.outer(slope, slope),
-        "degrees_of_freedom": solution.degrees_of_freedom,
-        "interval_rule": solution.interval_rule,
-        "confidence": solution.confidence,
+        "covariance": estimate.covariance,
+        "degrees_of_freedom": estimate.degrees_of_freedom,
+        "interval_rule": estimate.interval_rule,
+        "confidence": estimate.confidence,
         "configuration": np.array(found.chosen)[rows],
-        "configurations_rad": solution.configurations[rows],
-        "frequency_hz": solution.frequency_hz,
-        "measured": solution.measured[rows],
-        "modelled": solution.modelled[rows],
+        "configurations_rad": responses.configurations[rows],
+        "frequency_hz": responses.frequency_hz,
+        "measured": responses.measured[rows],
+        "modelled": responses.modelled[rows],
         "input_names": found.frf.input_names,
         "output_names": found.frf.output_names,
         "sampling_period_s": found.frf.sampling_period_s,
@@ -186,16 +188,16 @@ def _steps(found: FittedExport, simulate: SimulateOptions, *, friction: bool) ->
 
 
 def _header(found: FittedExport, names: list[str], angles: FloatArray, *, friction: bool) -> str:
-    solution, unit = found.solution, found.frf.input_unit
-    relied = solution.identified | solution.known_beforehand
-    weak = [name for name, known in zip(solution.names, relied, strict=True) if not known]
+    estimate, unit = found.solution.estimate, found.frf.input_unit
+    relied = estimate.identified | estimate.known_beforehand
+    weak = [name for name, known in zip(estimate.names, relied, strict=True) if not known]
     units = found.frf.joint_units
     shown = [np.array2string(row, precision=3, max_line_width=1000) for row in readable(angles, units)]
     sides = "deg" if units is None else f"{', '.join(readable_units(units, len(units)))}"
     return "\n".join(
         [
             f"{found.loaded.robot.name}: elastic model identified by robid {robid.__version__}",
-            f"experiment {found.loaded.experiment.name}, fit {found.name} of {found.date}, {solution.status}",
+            f"experiment {found.loaded.experiment.name}, fit {found.name} of {found.date}, {estimate.status}",
             "",
             f"Units: m, kg, s, rad; torque in {unit}. Controls are motor torques, motor side.",
             *([] if unit == "N m" else [f"{unit} stands for N m: inertias, springs and dampers are ratios to K_t."]),

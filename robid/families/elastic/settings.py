@@ -8,8 +8,8 @@ from typing import Any, Literal, TypeAlias
 import pydantic.dataclasses
 from pydantic import Field
 
-from robid.fit.names import name_problems
-from robid.fit.options import ElasticOptions
+from robid.fit.elastic.names import name_problems
+from robid.fit.elastic.options import ElasticOptions
 from robid.settings.base import STRICT
 from robid.settings.checks.limits import TORQUE, missing_limits
 from robid.settings.experiment import Experiment

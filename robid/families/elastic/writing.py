@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from robid.artifacts.model import model_from_artifact
 from robid.errors import SettingsError
+from robid.families.elastic.files import solution_from_artifact
 from robid.families.elastic.mechanics import FittedExport, arrays, mjcf, parameter_records, state_spaces
 from robid.families.encode import PARAMETER_COLUMNS, Content, encode_csv, encode_json, encode_mat, encode_npz
 from robid.families.family import ExportTask
@@ -14,7 +14,7 @@ _ENCODERS: Mapping[str, Callable[[Content], bytes]] = {".mat": encode_mat, ".jso
 
 
 def _found(task: ExportTask) -> FittedExport:
-    date, solution = task.model.provenance.finished_utc, model_from_artifact(task.model)
+    date, solution = task.model.provenance.finished_utc, solution_from_artifact(task.model)
     return FittedExport(task.data.loaded, task.data.name, date, solution, task.data.response, task.data.configurations)
 
 
@@ -35,7 +35,7 @@ def _mjcf(task: ExportTask) -> bytes:
 
 def _json(task: ExportTask) -> bytes:
     found = _found(task)
-    content = {**found.origin, "confidence": found.solution.confidence, "parameters": parameter_records(found)}
+    content = {**found.origin, "confidence": found.solution.estimate.confidence, "parameters": parameter_records(found)}
     return encode_json(content)
 
 

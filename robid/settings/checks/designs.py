@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from robid.design.configurations.options import DesignWeights
-from robid.fit.options import ElasticOptions
+from robid.fit.elastic.options import ElasticOptions
 from robid.settings.checks.configurations import configuration_count
 from robid.settings.experiment import Design, Experiment
 from robid.settings.fits import FitSettings

@@ -37,11 +37,9 @@ def data_inputs(reads: Sequence[Read], campaigns: Sequence[str]) -> dict[str, st
     }
 
 
-def graded(path: Path) -> Graded | None:
+def graded(path: Path) -> Graded:
     """Reads the grade that an artifact holds."""
     attributes = inspect_artifact(path)["attributes"]
-    if "grade/value" not in attributes:
-        return None
     return Graded(int(attributes["grade/value"]), str(attributes["grade/sentence"]))
 
 
@@ -52,9 +50,8 @@ def _grade(loaded: LoadedExperiment, owner: str, output: Path) -> Graded | None:
 
 def _problem(output: Path) -> str:
     attributes = inspect_artifact(output)["attributes"]
-    if attributes["status"] == "converged":
-        return ""
-    return f"the fit has not converged ({attributes['status']}): {attributes['advice']}"
+    status, advice = (attributes[f"estimate/{name}"] for name in ("status", "advice"))
+    return "" if status == "converged" else f"the fit has not converged ({status}): {advice}"
 
 
 def _run(job: Job) -> str:

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
-from robid.artifacts.model import MODEL, model_from_artifact, model_to_artifact
+from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.errors import DataError
+from robid.families.elastic.files import solution_content, solution_from_artifact
 from robid.families.elastic.settings import elastic_fit, model_settings
-from robid.fit.elastic import fit_elastic
-from robid.fit.options import ElasticOptions
-from robid.fit.solution import Solution
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.solution import ElasticSolution
 from robid.frf.frf import Frf
 from robid.pipeline import Run
 from robid.robot.description import Robot
@@ -29,9 +29,9 @@ from robid.studies.mistakes.mistaken import mistaken_robot, mistaken_truth
 from robid.studies.mistakes.responses import Earlier, read_response, read_truth
 from robid.studies.mistakes.study import Case, campaigns_of, cases, study_of
 from robid.studies.tasks import Content, Task
-from robid.validation.assessment import assess_fit
-from robid.validation.elastic import Validation, validate_elastic
-from robid.validation.grade import telling_shares
+from robid.validation.elastic.assessment import assess_fit
+from robid.validation.elastic.grading import telling_shares
+from robid.validation.elastic.validating import Validation, validate_elastic
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,7 @@ def fit_case(one: Fitting) -> Content:
         solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
     except DataError as error:
         return Content({}, {"refusal": str(error)})
-    held = model_to_artifact(solution, Provenance(stage="study"))
-    return Content(held.datasets, held.attributes)
+    return Content(*solution_content(solution))
 
 
 def judge_case(one: Judged) -> Content:
@@ -134,11 +133,11 @@ def judge_case(one: Judged) -> Content:
     return _content(one, solution, validation, against_truth(solution, validation, truth))
 
 
-def _solution(held: Artifact) -> Solution:
+def _solution(held: Artifact) -> ElasticSolution:
     refusal = held.attributes.get("refusal")
     if refusal is not None:
         raise DataError(str(refusal))
-    return model_from_artifact(Artifact(MODEL, held.datasets, held.attributes, held.provenance))
+    return solution_from_artifact(held)
 
 
 def _refused(one: Judged, frf: Frf | None, text: str) -> Content:
@@ -147,31 +146,31 @@ def _refused(one: Judged, frf: Frf | None, text: str) -> Content:
     return Content({"causes": Dataset(causes, "1", ("doubt",))}, {**one.about, "refusal": text, "given": 0, "right": 0})
 
 
-def _content(one: Judged, solution: Solution, validation: Validation, truth: Against) -> Content:
-    error, axis, doubts = solution.model_error, ("doubt",), validation.grade.doubts
+def _content(one: Judged, solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
+    error, axis, doubts = solution.model_error, ("doubt",), validation.outcome.grade.doubts
     shares = (float("nan"), float("nan")) if error is None else telling_shares(error)
     attributes: dict[str, Attribute] = {
         **one.about,
-        "given": validation.grade.value,
+        "given": validation.outcome.grade.value,
         "right": truth.grade,
         "holds": truth.holds,
         "worst_spring_error": truth.spring_error,
         "worst_half_widths": truth.half_widths,
         "coverage": truth.coverage,
-        "status": solution.status,
+        "status": solution.estimate.status,
         "misfit": solution.misfit,
         "share_above": float("nan") if error is None else error.share_above,
         "share_correlated": float("nan") if error is None else error.share_correlated,
         "telling_above": shares[0],
         "telling_correlated": shares[1],
         "cost_ratio": validation.cost_ratio,
-        "reasons": "; ".join(validation.grade.reasons),
+        "reasons": "; ".join(validation.outcome.grade.reasons),
         "motor_error_db": validation.motor_error_db,
         "motor_error_deg": validation.motor_error_deg,
         "resonance_shift": float("nan") if validation.resonance_shift is None else validation.resonance_shift,
         "median_error_db": validation.median_error_db,
         "worst_error_db": validation.worst_error_db,
-        "validation_ok": validation.ok,
+        "validation_ok": validation.outcome.ok,
     }
     datasets = {
         "causes": Dataset(np.array([doubt.cause for doubt in doubts], dtype=str), "1", axis),

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.fit.solution import Solution
+from robid.fit.elastic.solution import ElasticSolution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.validation.doubt import CAUSES
-from robid.validation.elastic import Validation
-from robid.validation.plausible import data_doubts
+from robid.validation.elastic.validating import Validation
+from robid.validation.plausible.doubts import data_doubts
 
 GRADING = 4
 """Raised when the rules of the grade change, so that the cases are graded anew."""
@@ -50,21 +50,20 @@ class Against:
         return 2 if covered and not self.half_widths > HALF_WIDTHS else 1
 
 
-def against_truth(solution: Solution, validation: Validation, truth: dict[str, float]) -> Against:
+def against_truth(solution: ElasticSolution, validation: Validation, truth: dict[str, float]) -> Against:
     """Compares a fit and its validation with the truth."""
-    known = np.array([name in truth for name in solution.names]) & solution.identified
-    true = np.array([truth.get(name, np.nan) for name in solution.names])
-    covered = (solution.lower <= true) & (true <= solution.upper)
-    springs = known & np.array([kind == "stiffness" for kind in solution.kinds])
-    found, lower, upper = (
-        each[springs] / true[springs] for each in (solution.estimate, solution.lower, solution.upper)
-    )
+    estimate = solution.estimate
+    known = np.array([name in truth for name in estimate.names]) & estimate.identified
+    true = np.array([truth.get(name, np.nan) for name in estimate.names])
+    covered = (estimate.lower <= true) & (true <= estimate.upper)
+    springs = known & np.array([kind == "stiffness" for kind in estimate.kinds])
+    found, lower, upper = (each[springs] / true[springs] for each in (estimate.value, estimate.lower, estimate.upper))
     widths = np.abs(np.log(found)) / np.maximum(0.5 * np.log(upper / lower), 1e-300)
     return Against(
         spring_error=float(np.abs(found - 1).max()) if springs.any() else math.nan,
         half_widths=float(widths.max()) if springs.any() else math.nan,
         coverage=float(covered[known].mean()) if known.any() else math.nan,
-        holds=validation.ok,
+        holds=validation.outcome.ok,
     )
 
 

@@ -10,15 +10,15 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.fit.elastic import set_up
-from robid.fit.problem import Problem
-from robid.fit.uncertainty import sandwich
+from robid.fit.elastic.fitting import set_up
+from robid.fit.elastic.problem import Problem
+from robid.fit.elastic.uncertainty import sandwich
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
 from robid.studies.wernholt2008.study import ALL, measured, robot_and_delay, score_options, sets, study_of
-from robid.validation.extrema import resonance_errors
+from robid.validation.elastic.extrema import resonance_errors
 from robid.validation.starts import within_factor
 
 COST_LIMIT = 1.5

@@ -13,11 +13,11 @@ from robid.artifacts.artifact import Dataset
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.families.elastic.settings import model_settings
-from robid.fit.elastic import draw_starts, set_up
-from robid.fit.options import ElasticOptions, WeightsKind
-from robid.fit.problem import Problem
-from robid.fit.strategy import make_strategy
-from robid.fit.uncertainty import sandwich
+from robid.fit.elastic.fitting import draw_starts, set_up
+from robid.fit.elastic.options import ElasticOptions, WeightsKind
+from robid.fit.elastic.problem import Problem
+from robid.fit.elastic.strategy import make_strategy
+from robid.fit.elastic.uncertainty import sandwich
 from robid.frf.frf import Frf
 from robid.frf.residual import EstimatorKind
 from robid.pipeline import Run

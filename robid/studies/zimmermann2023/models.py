@@ -16,12 +16,12 @@ from robid.artifacts.task import TASK
 from robid.design.configurations.measured import measured_information
 from robid.design.configurations.options import ALONG
 from robid.families.elastic.settings import model_settings
-from robid.fit.elastic import fit_elastic
-from robid.fit.fitted_robot import fitted_robot
-from robid.fit.options import ElasticOptions
-from robid.fit.problem import make_problem
-from robid.fit.solution import Solution
-from robid.fit.uncertainty import sandwich
+from robid.fit.elastic.fitted_robot import fitted_robot
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.problem import make_problem
+from robid.fit.elastic.solution import ElasticSolution
+from robid.fit.elastic.uncertainty import sandwich
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
@@ -37,9 +37,9 @@ from robid.simulate.truth import with_imperfections
 from robid.studies.simulated import simulate_options
 from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023.study import Earlier, Pair, pairs, study_of
-from robid.validation.elastic import weighted_costs
-from robid.validation.extrema import first_resonances
-from robid.validation.fitted import FittedModel, fitted_model
+from robid.validation.elastic.extrema import first_resonances
+from robid.validation.elastic.fitted import FittedModel, fitted_model
+from robid.validation.elastic.validating import weighted_costs
 
 _NOTHING_KNOWN = 1e9
 
@@ -154,17 +154,17 @@ def fit_model(one: Fitting) -> Content:
     datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
     if "cubic" in one.options.free:
         datasets["slope"] = _slopes(one, solution)
-    return Content(datasets, {"status": solution.status, "misfit": solution.misfit})
+    return Content(datasets, {"status": solution.estimate.status, "misfit": solution.misfit})
 
 
-def _parameters(one: Fitting, solution: Solution) -> dict[str, Dataset]:
+def _parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
     parameter, spring = ("parameter",), ("spring",)
-    springs = fitted_robot(one.robots[0], solution).springs
+    springs = fitted_robot(one.robots[0], solution.estimate).springs
     return {
-        "names": Dataset(np.array(solution.names), "1", parameter),
-        "nominal": Dataset(solution.nominal, "SI", parameter, "Values of the robot file"),
-        "estimate": Dataset(solution.estimate, "SI", parameter, "Estimated values"),
-        "fit_std": Dataset(solution.relative_std, "1", parameter, "Relative deviation that the fit states"),
+        "names": Dataset(np.array(solution.estimate.names), "1", parameter),
+        "nominal": Dataset(solution.estimate.nominal, "SI", parameter, "Values of the robot file"),
+        "estimate": Dataset(solution.estimate.value, "SI", parameter, "Estimated values"),
+        "fit_std": Dataset(solution.estimate.relative_std, "1", parameter, "Relative deviation that the fit states"),
         "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
         "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
         "true_stiffness": Dataset(np.array([each.stiffness for each in one.truth.springs]), "N m/rad", spring),
@@ -172,9 +172,9 @@ def _parameters(one: Fitting, solution: Solution) -> dict[str, Dataset]:
     }
 
 
-def _deviations(one: Fitting, frf: Frf, solution: Solution) -> dict[str, Dataset]:
+def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, Dataset]:
     """Deviations that the total covariance allows at best, and the information of each configuration."""
-    robot = fitted_robot(one.robots[0], solution)
+    robot = fitted_robot(one.robots[0], solution.estimate)
     fixed = [name for name in one.options.fixed if name.endswith((".stiffness", ".viscous", ".motor_inertia"))]
     nuisance = tuple(kind for kind in one.options.free if kind in ALONG)
     matrices, names = measured_information(
@@ -192,7 +192,7 @@ def _deviations(one: Fitting, frf: Frf, solution: Solution) -> dict[str, Dataset
     }
 
 
-def _optimal_variance(one: Fitting, frf: Frf, solution: Solution, names: Sequence[str]) -> FloatArray:
+def _optimal_variance(one: Fitting, frf: Frf, solution: ElasticSolution, names: Sequence[str]) -> FloatArray:
     """Variance of the springs' logarithms where all free parameters are estimated along, weights optimal."""
     weights = replace(one.options.weights, kind="optimal_full")
     options = replace(one.options, weights=weights, estimator="lls", prior_decades=_NOTHING_KNOWN)
@@ -202,7 +202,7 @@ def _optimal_variance(one: Fitting, frf: Frf, solution: Solution, names: Sequenc
     return np.diag(covariance)[own]
 
 
-def _judgement(one: Fitting, solution: Solution) -> dict[str, Dataset]:
+def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
     frf = read_responses(one.validation)
     weights = replace(one.options.weights, kind="user")
     options = replace(one.options, estimator="llsm", weights=weights)
@@ -232,7 +232,7 @@ def _judgement(one: Fitting, solution: Solution) -> dict[str, Dataset]:
     }
 
 
-def _slopes(one: Fitting, solution: Solution) -> Dataset:
+def _slopes(one: Fitting, solution: ElasticSolution) -> Dataset:
     fitted: FittedModel = fitted_model(
         one.robots[0], solution, read_responses(one.estimation), one.options, one.delay_s
     )

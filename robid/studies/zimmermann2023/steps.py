@@ -10,7 +10,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
-from robid.fit.fitted_robot import with_estimates
+from robid.fit.elastic.fitted_robot import with_estimates
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations

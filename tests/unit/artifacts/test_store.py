@@ -15,7 +15,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Provenance
+from robid.artifacts.frf import FRF
+from robid.artifacts.model import MODEL
+from robid.artifacts.record import RECORD
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header, write_artifact
+from robid.artifacts.validation import VALIDATION
 from robid.errors import ArtifactError
 from tolerances import COMPACT
 
@@ -351,6 +355,7 @@ from pathlib import Path
 import numpy as np
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Provenance
 from robid.artifacts.store import write_artifact
+from robid.artifacts.validation import VALIDATION
 from robid.errors import ArtifactError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, resource.RLIM_INFINITY))
@@ -385,3 +390,15 @@ def test_inspecting_a_file_of_another_format_does_not_advise_to_delete_it(tmp_pa
     with pytest.raises(ArtifactError, match="not an artifact of robid") as caught:
         inspect_artifact(path)
     assert "delete" not in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("kind", "version"), [(RECORD, "1.3"), (FRF, "1.4"), (MODEL, "1.5"), (VALIDATION, "1.0"), (VALIDATION, "2.0")]
+)
+def test_files_of_an_earlier_schema_are_refused_with_what_to_do(tmp_path: Path, kind: Kind, version: str) -> None:
+    path = tmp_path / "thing.h5"
+    write_artifact(path, _thing(kind=replace(kind, version=version)))
+    with pytest.raises(ArtifactError, match=f"schema version {version}") as caught:
+        read_artifact(path, kind)
+    assert f"{kind.version.partition('.')[0]}.x" in str(caught.value)
+    assert f"make it again with `{kind.made_by} EXPERIMENT.yaml --force`" in str(caught.value.remedy)

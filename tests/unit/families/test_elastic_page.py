@@ -10,7 +10,6 @@ from rich.console import Console
 from robid.families.elastic.page.content import ElementErrors
 from robid.families.elastic.page.resonances import interval_text
 from robid.families.elastic.page.sections import element_sentence, fit_tables, sections
-from robid.families.elastic.page.summary import fit_summary
 from robid.report.numbers import MISSING
 from robid.report.section import Notes
 from sample_reports import arm_report, bench_report
@@ -43,17 +42,6 @@ def test_small_drives_show_the_models_own_modes():
     assert words == ["motor", "antiresonance", "53.95", "53.90", "…", "54.00", "53.97", MISSING]
     assert "1 more that the model does not have are in the report" in shown[1]
     assert len(list(fit_tables(arm_report().fit))) == 1
-
-
-def test_a_model_file_without_resonances_says_so_and_has_no_section():
-    fit = bench_report().fit
-    older = replace(fit, resonances=None)
-    anchors = [section.anchor for section in sections(fit)]
-    assert [section.anchor for section in sections(older)] == [name for name in anchors if name != "resonances"]
-    notes = [part.items for part in sections(older)[0].parts if isinstance(part, Notes)]
-    assert any("older than its table of resonances" in item for items in notes for item in items)
-    assert not any("resonances" in key for key in fit_summary(older, None))
-    assert len(list(fit_tables(older))) == 1
 
 
 def test_notes_that_the_page_warns_of_are_not_repeated():

@@ -6,7 +6,7 @@ from pydantic import TypeAdapter
 from robid.design.configurations.options import DesignOptions
 from robid.families.elastic.settings import ElasticFit
 from robid.families.files import load_experiment
-from robid.fit.options import ElasticOptions, Weights
+from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Configurations, Design, Execution
 from robid.settings.slices import settings_hash, settings_slice, to_plain

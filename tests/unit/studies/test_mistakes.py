@@ -141,21 +141,21 @@ def fitted(**changes):
         "names": ("a.stiffness", "b.stiffness", "c.stiffness", "a.damping"),
         "kinds": ("stiffness", "stiffness", "stiffness", "damping"),
         "identified": np.array([1, 1, 0, 1], bool),
-        "estimate": np.array([110.0, 200.0, 900.0, 7.0]),
+        "value": np.array([110.0, 200.0, 900.0, 7.0]),
         "lower": np.array([110 / 1.02, 190.0, 1.0, 6.0]),
         "upper": np.array([110 * 1.02, 210.0, 1e6, 8.0]),
     }
-    return SimpleNamespace(**{**stated, **changes})
+    return SimpleNamespace(estimate=SimpleNamespace(**{**stated, **changes}))
 
 
 def test_springs_are_held_against_the_truth_where_they_are_identified():
     truth = {"a.stiffness": 100.0, "b.stiffness": 200.0, "c.stiffness": 100.0, "a.damping": 1.0}
-    found = against_truth(fitted(), SimpleNamespace(ok=True), truth)
+    found = against_truth(fitted(), SimpleNamespace(outcome=SimpleNamespace(ok=True)), truth)
     assert found.spring_error == pytest.approx(0.1)
     assert found.half_widths == pytest.approx(np.log(1.1) / np.log(1.02))
     assert found.coverage == pytest.approx(1 / 3)
     assert found.holds
-    unknown = against_truth(fitted(), SimpleNamespace(ok=False), {})
+    unknown = against_truth(fitted(), SimpleNamespace(outcome=SimpleNamespace(ok=False)), {})
     assert np.isnan([unknown.spring_error, unknown.half_widths, unknown.coverage]).all()
     assert unknown.grade == 0
 

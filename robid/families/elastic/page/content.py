@@ -78,7 +78,7 @@ class FitContent:
         frf: Measured frequency responses.
         model_response (n_conf, n_freq, n_out, n_in): The model's, in the unit of `frf.response`.
         estimates: The parameters.
-        resonances: Resonances and antiresonances; None where the model file is older than their table.
+        resonances: Resonances and antiresonances.
         estimation_costs: Cost per configuration of the fit's own data.
         validation_costs: Cost per configuration of data that the fit never saw.
         starts: The optimizer's starts.
@@ -96,7 +96,7 @@ class FitContent:
     frf: Frf
     model_response: ComplexArray
     estimates: Estimates = field(default_factory=Estimates)
-    resonances: tuple[ResonanceRow, ...] | None = ()
+    resonances: tuple[ResonanceRow, ...] = ()
     estimation_costs: tuple[CostRow, ...] = ()
     validation_costs: tuple[CostRow, ...] = ()
     starts: tuple[StartRow, ...] = ()

@@ -8,18 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.model import grade_from_artifact, model_from_artifact, resonances_from_artifact
-from robid.artifacts.validation import validation_from_artifact
+from robid.artifacts.grade import grade_from_artifact
+from robid.families.elastic.files import resonances_from_artifact, solution_from_artifact, validation_from_artifact
 from robid.families.elastic.page.content import ElementErrors, FitContent, GradeRow, ResonanceRow
 from robid.families.elastic.settings import elastic_fit
 from robid.families.family import Shown
-from robid.families.units import with_torque_unit
-from robid.fit.model_error import ModelError
-from robid.fit.solution import Solution
+from robid.families.parameters import parameter_rows
+from robid.fit.elastic.model_error import ModelError
+from robid.fit.elastic.solution import ElasticSolution, Starts
 from robid.report.costs import CostRow, StartRow
 from robid.report.parameters import Estimates, ParameterRow
-from robid.robot.parameters import PARAMETER_KINDS, owner_of
-from robid.validation.resonances import ResonanceTable
+from robid.validation.elastic.resonances import ResonanceTable
 
 
 def fit_content(shown: Shown) -> FitContent:
@@ -27,31 +26,32 @@ def fit_content(shown: Shown) -> FitContent:
     loaded, frf = shown.data.loaded, shown.data.response
     settings = elastic_fit(loaded.experiment, shown.data.name)
     robot = loaded.robot.to_robot(loaded.experiment.campaigns[settings.campaign].payload_kg)
-    solution, resonances = model_from_artifact(shown.model), resonances_from_artifact(shown.model)
+    solution = solution_from_artifact(shown.model)
+    estimate = solution.estimate
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    grade = grade_from_artifact(shown.model) if validation is None else validation.grade
-    costs = solution.configuration_cost, solution.expected_cost
+    grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
+    costs = solution.costs.configuration, solution.costs.expected
     content = FitContent(
         name=shown.data.name,
         campaign=" + ".join(settings.campaigns),
-        frf=replace(frf, response=solution.measured),
-        model_response=solution.modelled,
+        frf=replace(frf, response=solution.responses.measured),
+        model_response=solution.responses.modelled,
         estimates=Estimates(
             rows=_parameters(solution, frf.input_unit, shown.true, robot.assumed),
-            level=solution.confidence,
+            level=estimate.confidence,
             torque_unit=frf.input_unit,
             misfit=solution.misfit,
-            undetermined=solution.undetermined,
+            undetermined=estimate.undetermined,
             identifiable_relative_std=settings.identifiable_relative_std,
-            interval_rule=solution.interval_rule,
+            interval_rule=estimate.interval_rule,
         ),
-        resonances=None if resonances is None else _resonances(resonances),
+        resonances=_resonances(resonances_from_artifact(shown.model)),
         estimation_costs=_costs(" + ".join(settings.campaigns), shown.data.configurations, *costs),
-        starts=_starts(solution),
-        status=solution.status.replace("_", " "),
-        advice=solution.advice,
+        starts=_starts(solution.starts),
+        status=estimate.status.replace("_", " "),
+        advice=estimate.advice,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
-        grade=None if grade is None else GradeRow(grade.value, grade.sentence, tuple(d.sentence for d in grade.doubts)),
+        grade=GradeRow(grade.value, grade.sentence, tuple(doubt.sentence for doubt in grade.doubts)),
     )
     if validation is None or settings.validate_on is None or shown.new is None:
         return content
@@ -88,68 +88,30 @@ def _resonances(table: ResonanceTable) -> tuple[ResonanceRow, ...]:
     )
 
 
-def _starts(solution: Solution) -> tuple[StartRow, ...]:
-    counted = solution.start_evaluations.tolist() or [None] * len(solution.start_cost)
+def _starts(starts: Starts) -> tuple[StartRow, ...]:
     ends = zip(
-        solution.start_cost.tolist(),
-        solution.start_iterations.tolist(),
-        solution.start_status,
-        solution.start_minimum.tolist(),
-        counted,
+        starts.cost.tolist(),
+        starts.iterations.tolist(),
+        starts.status,
+        starts.minimum.tolist(),
+        starts.evaluations.tolist(),
         strict=True,
     )
     return tuple(StartRow(index, *end) for index, end in enumerate(ends))
 
 
 def _parameters(
-    solution: Solution, torque_unit: str, truth: Mapping[str, float], assumed: tuple[str, ...]
+    solution: ElasticSolution, torque_unit: str, truth: Mapping[str, float], assumed: tuple[str, ...]
 ) -> tuple[ParameterRow, ...]:
-    rows = []
-    for index, name in enumerate(solution.names):
-        kind = solution.kinds[index]
-        owner = owner_of(name, kind)
-        true, lower, upper = truth.get(name), float(solution.lower[index]), float(solution.upper[index])
-        shared = [tied for tied, leader in zip(solution.tied_names, solution.tied_to, strict=True) if leader == name]
-        rows.append(
-            ParameterRow(
-                name=owner,
-                kind=kind,
-                unit=_unit(solution.units[index], torque_unit),
-                nominal=float(solution.nominal[index]),
-                estimate=float(solution.estimate[index]),
-                lower=lower,
-                upper=upper,
-                relative_std=float(solution.relative_std[index]),
-                truth=true,
-                identifiable=bool(solution.identifiable[index]),
-                identified=bool(solution.identified[index]),
-                predicted_relative_std=float(solution.predicted_relative_std[index]),
-                known_relative_std=_known(solution.prior_relative_std, index),
-                covered=None if true is None else lower <= true <= upper,
-                bootstrap=_pair(solution.bootstrap_lower, solution.bootstrap_upper, index),
-                realization_relative_std=_at(solution.realization_relative_std, index),
-                assumed=any(f"{owner}.{field}" in assumed for field in PARAMETER_KINDS[kind].fields),
-                note=f"shared by {', '.join(owner_of(tied, kind) for tied in shared)}" if shared else "",
-            )
+    realized, repeated = solution.realization_relative_std, solution.bootstrap
+    return tuple(
+        replace(
+            row,
+            bootstrap=None if repeated is None else (float(repeated.lower[index]), float(repeated.upper[index])),
+            realization_relative_std=None if realized is None else float(realized[index]),
         )
-    return tuple(rows)
-
-
-def _known(values: FloatArray, index: int) -> float | None:
-    return float(values[index]) if values.size and np.isfinite(values[index]) else None
-
-
-def _at(values: FloatArray | None, index: int) -> float | None:
-    return None if values is None else float(values[index])
-
-
-def _pair(lower: FloatArray | None, upper: FloatArray | None, index: int) -> tuple[float, float] | None:
-    return None if lower is None or upper is None else (float(lower[index]), float(upper[index]))
-
-
-def _unit(unit: str, torque_unit: str) -> str:
-    """Writes a unit for the page, none as such."""
-    return "" if unit == "1" else with_torque_unit(unit, torque_unit)
+        for index, row in enumerate(parameter_rows(solution.estimate, truth, assumed, torque_unit))
+    )
 
 
 def _costs(campaign: str, indices: Sequence[int], cost: FloatArray, expected: FloatArray) -> tuple[CostRow, ...]:

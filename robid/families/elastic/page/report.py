@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robid.artifacts.validation import validation_from_artifact
+from robid.families.elastic.files import validation_from_artifact
 from robid.families.elastic.page.content import FitContent
 from robid.families.elastic.page.gather import fit_content
 from robid.families.elastic.page.sections import fit_tables, headline, sections
@@ -13,7 +13,7 @@ from robid.families.family import Shown
 from robid.report.content import FitReport
 from robid.report.parameter_section import identified_phrase
 from robid.report.parameters import widened_sentence
-from robid.validation.elastic import Validation
+from robid.validation.elastic.validating import Validation
 from robid.validation.recovery import recovery_sentence
 
 
@@ -57,6 +57,6 @@ def _verdict(fit: FitContent, validation: Validation | None) -> str:
         found.append("Not validated: no campaign was named to hold it against.")
     else:
         # What fails the validation stands in the grade's sentence.
-        found.append(f"The model {validation.verdict}." if validation.ok else "")
-        found.append(recovery_sentence(validation.springs_within, validation.springs_known, validation.coverage))
+        found.append(f"The model {validation.outcome.verdict}." if validation.outcome.ok else "")
+        found.append(recovery_sentence(validation.outcome.recovery))
     return " ".join(sentence for sentence in found if sentence)

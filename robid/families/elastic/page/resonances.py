@@ -149,7 +149,7 @@ def _row(row: ResonanceRow, frf: Frf) -> Row:
 
 def resonance_table(fit: FitContent) -> Group:
     """Lays out measured resonances and antiresonances beside the fitted model's own, each with its interval."""
-    rows = fit.resonances or ()
+    rows = fit.resonances
     interval = f"{100 * fit.estimates.level:g} % interval"
     table = open_table("resonances [Hz]")
     for header in ("model", interval, "measured", interval):

@@ -18,7 +18,6 @@ from robid.report.terminal import parameter_table
 
 _FEW_MOTORS = 2
 _CONVENTIONS = "Stiffness and damping are arm side."
-_NO_RESONANCES = "The model file is older than its table of resonances; `robid fit --force` makes it."
 
 
 def headline(fit: FitContent) -> Headline:
@@ -27,7 +26,7 @@ def headline(fit: FitContent) -> Headline:
         name=fit.name,
         numbers=(
             *parameter_numbers(fit.estimates, usable=fit.usable),
-            *resonance_number(fit.resonances or ()),
+            *resonance_number(fit.resonances),
             *cost_number(fit.estimation_costs, fit.validation_costs),
             *start_number(fit.starts),
         ),
@@ -47,7 +46,7 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
     return (
         _response(fit, told),
         *parameter_section(fit.estimates, _CONVENTIONS),
-        *resonance_section(fit.resonances or (), fit.frf, fit.estimates.level),
+        *resonance_section(fit.resonances, fit.frf, fit.estimates.level),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
         *start_section(fit.starts),
     )
@@ -73,9 +72,7 @@ def element_sentence(fit: FitContent) -> str:
 
 
 def _response(fit: FitContent, told: tuple[str, ...]) -> Section:
-    marks = tuple(
-        Mark(row.configuration, row.channel, row.measured_hz) for row in fit.resonances or () if row.measured_hz
-    )
+    marks = tuple(Mark(row.configuration, row.channel, row.measured_hz) for row in fit.resonances if row.measured_hz)
     title = "measured resonances and antiresonances of this channel"
     label = campaign_title("Estimation", fit.campaign)
     responses = [BodeResponse(label, fit.frf, (("model", fit.model_response),), marks, title)]
@@ -83,7 +80,6 @@ def _response(fit: FitContent, told: tuple[str, ...]) -> Section:
         label = campaign_title("Validation", fit.validation_campaign)
         responses.append(BodeResponse(label, fit.validation_frf, (("model", fit.validation_model),)))
     notes = [note for note in fit.frf.notes if note not in told]
-    notes += [_NO_RESONANCES] if fit.resonances is None else []
     parts: list[Part] = [BodeMatrix("", tuple(responses), fit.estimates.level)]
     parts += [Notes(tuple(notes))] if notes else []
     lead = (

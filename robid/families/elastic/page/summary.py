@@ -9,14 +9,12 @@ from statistics import fmean, median
 
 from robid.families.elastic.page.content import FitContent
 from robid.families.elastic.page.resonances import resonance_errors
+from robid.families.parameters import parameter_summary
 from robid.report.costs import average_and_worst, effort
-from robid.report.parameters import ParameterRow
-from robid.robot.parameters import name_of
-from robid.validation.elastic import Validation
+from robid.validation.elastic.validating import Validation
 
 _CLOSE = 0.02
 _VALIDATION = (
-    "ok",
     "cost_ratio",
     "average_cost",
     "worst_cost",
@@ -32,6 +30,7 @@ def fit_summary(fit: FitContent, validation: Validation | None) -> dict[str, flo
     found = _fit(fit)
     if validation is None:
         return found
+    found |= {"validation.ok": float(validation.outcome.ok)}
     found |= {f"validation.{key}": float(getattr(validation, key)) for key in _VALIDATION}
     if validation.resonance_shift is not None:
         found["validation.resonance_shift"] = validation.resonance_shift
@@ -60,9 +59,7 @@ def _fit(fit: FitContent) -> dict[str, float]:
     found: dict[str, float] = {"converged": float(fit.status == "converged"), "misfit": fit.estimates.misfit}
     if fit.grade is not None:
         found["grade"] = fit.grade.value
-    for row in fit.estimates.rows:
-        name = name_of(row.name, row.kind)
-        found |= {f"parameters.{name}.{key}": value for key, value in _parameter(row).items()}
+    found |= parameter_summary(fit.estimates.rows)
     found["undetermined"] = len(fit.estimates.undetermined)
     if fit.element_errors is not None:
         found |= {f"model_error.{key}": value for key, value in asdict(fit.element_errors).items()}
@@ -77,7 +74,7 @@ def _fit(fit: FitContent) -> dict[str, float]:
     used = effort(fit.starts)
     if used is not None:
         found |= {"evaluations.median": used.median, "evaluations.max": used.most, "cap_share": used.cap_share}
-    distances = [abs(error) for error, _ in resonance_errors(fit.resonances or ())]
+    distances = [abs(error) for error, _ in resonance_errors(fit.resonances)]
     if distances:
         found |= {"resonances.median_relative_error": median(distances), "resonances.count": len(distances)}
     return found | _modes(fit) | _recovery(fit)
@@ -87,7 +84,7 @@ def _modes(fit: FitContent) -> dict[str, float]:
     """The model's own poles and zeros where the data show one, numbered by rising frequency, and the measured ones."""
     found: dict[str, float] = {}
     counts: Counter[str] = Counter()
-    for row in fit.resonances or ():
+    for row in fit.resonances:
         place = f"resonances.configuration_{row.configuration + 1}.{row.channel}.{row.kind}"
         counts[place] += 1
         values = {"measured_hz": row.measured_hz, "model_hz": row.mode_hz}
@@ -95,26 +92,6 @@ def _modes(fit: FitContent) -> dict[str, float]:
             values |= {"model_lower_hz": row.mode_interval_hz[0], "model_upper_hz": row.mode_interval_hz[1]}
         found |= {f"{place}_{counts[place]}.{key}": value for key, value in values.items() if value is not None}
     return found
-
-
-def _parameter(row: ParameterRow) -> dict[str, float]:
-    values = {
-        "nominal": row.nominal,
-        "estimate": row.estimate,
-        "lower": row.lower,
-        "upper": row.upper,
-        "relative_std": row.relative_std,
-        "identifiable": float(row.identifiable),
-    }
-    if row.realization_relative_std is not None:
-        values["realization_relative_std"] = row.realization_relative_std
-    if row.bootstrap is not None:
-        values |= {"bootstrap_lower": row.bootstrap[0], "bootstrap_upper": row.bootstrap[1]}
-    if row.truth is not None:
-        values["truth"] = row.truth
-    if row.covered is not None:
-        values["covered"] = float(row.covered)
-    return values
 
 
 def _recovery(fit: FitContent) -> dict[str, float]:

@@ -1,0 +1,1 @@
+"""Elastic fits. Read `options`, `parameters`, `problem`, `fitting`, `strategy`, then `uncertainty` and `result`."""

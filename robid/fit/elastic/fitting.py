@@ -1,0 +1,208 @@
+"""The elastic family: springs, dampers, inertias and delay from frequency responses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.fit.elastic.bootstrap import Map
+from robid.fit.elastic.checks import check_data, check_influence, check_inputs
+from robid.fit.elastic.cubic_uncertainty import load_doubt
+from robid.fit.elastic.model_error import element_level
+from robid.fit.elastic.optimizers import optimise
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.parameters import ParameterMap, map_parameters
+from robid.fit.elastic.problem import Problem, make_problem
+from robid.fit.elastic.rest_model import rest_model
+from robid.fit.elastic.result import make_solution
+from robid.fit.elastic.solution import ElasticSolution
+from robid.fit.elastic.strategy import Strategy, make_strategy
+from robid.fit.elastic.uncertainty import influence, structured_covariance
+from robid.fit.levenberg import Minimum
+from robid.frf.frf import Frf
+from robid.frf.passivity import driving_points, undeclared_delay
+from robid.robot.description import Robot
+from robid.robot.response import nominal_parameters
+
+_UPDATED_ENOUGH = 1e-6  # of the cost
+_BACK = (1.0, 0.5, 0.25, 0.0)
+_NO_REST = (
+    "the springs that would fit best give way under gravity: these are on the way to them, as far as the robot rests;"
+    " look for wrong data or a wrong robot file before anything else"
+)
+
+
+def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+    """Applies a function to each task in turn."""
+    return [function(task) for task in tasks]
+
+
+def fit_elastic(
+    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, parallel_map: Map = serial_map
+) -> ElasticSolution:
+    """Fits the elastic model to frequency responses of one or many configurations.
+
+    Args:
+        robot: Nominal robot; the first start.
+        frf: Measured responses with covariance.
+        options: Estimator, weights, free parameters, starts.
+        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
+        parallel_map: Ordered map that runs the starts.
+
+    Returns:
+        The best minimum with its uncertainty; how it ended is in `status` and `advice`.
+
+    Raises:
+        DataError: If response or covariance cannot be used as the options ask, the inputs are not the robot's
+            motors, the robot file's springs give way under gravity, or a free parameter changes nothing.
+
+    Source:
+        Wernholt and Moberg (2008), sec. 5; METHODS sec. 5.
+    """
+    check_inputs(robot, frf)
+    check_data(robot, frf, options)
+    problem, dropped = set_up(robot, frf, options, delay_s)
+    start = np.zeros(len(problem.parameters.names))
+    expected = influence(problem, start)
+    doubt = load_doubt(problem, start, expected.inverse, expected.weighted)
+    predicted = np.sqrt(np.diag(structured_covariance(problem, expected) + doubt))
+    check_influence(problem)
+    strategy = make_strategy(problem, robot, options)
+    starts = _with_delay(
+        problem.parameters, draw_starts(problem.parameters, options), undeclared_delay(driving_points(frf), delay_s)
+    )
+    # The robot file's values may be so near that stages only lead away from them.
+    tasks = [(strategy, start, index == 0) for index, start in enumerate(starts)]
+    ends: list[Minimum] = parallel_map(_descend, tasks)
+
+    def set_up_at(problem: Problem, minimum: Minimum) -> tuple[Problem, int]:
+        return set_up(robot, frf, options, delay_s, (problem, minimum))
+
+    best = min(ends, key=lambda end: end.cost)
+    reached = _update(_Reached(problem, dropped, best), start, options, set_up_at)
+    solution = make_solution(reached.problem, options, reached.best, ends, predicted, reached.dropped, parallel_map)
+    if reached.rests:
+        return solution
+    advice = "; ".join(filter(None, (_NO_REST, solution.estimate.advice)))
+    return replace(solution, estimate=replace(solution.estimate, advice=advice))
+
+
+@dataclass(frozen=True)
+class _Reached:
+    """How far a fit has come: its problem, what that drops, its minimum, and whether the robot rests there."""
+
+    problem: Problem
+    dropped: int
+    best: Minimum
+    rests: bool = True
+
+
+def _update(
+    now: _Reached,
+    rested: FloatArray,
+    options: ElasticOptions,
+    set_up_at: Callable[[Problem, Minimum], tuple[Problem, int]],
+) -> _Reached:
+    """Goes on with statics and weights of the minimum until they no longer matter.
+
+    Where its springs give way under gravity, the fit ends on the way back to where the robot last rested.
+    """
+    updates = max(options.statics_updates, options.weights.kind == "estimated")
+    for update in range(updates + 1):
+        ahead = _where_it_rests(now, rested, set_up_at)
+        if update == updates or not ahead.rests:
+            return ahead if not ahead.rests else now
+        rested, before = ahead.best.parameters, ahead.problem.cost(ahead.best.parameters)
+        best = optimise(ahead.problem, rested, max_iterations=options.max_iterations)
+        now = replace(ahead, best=best)
+        if before - best.cost <= _UPDATED_ENOUGH * before:
+            break
+    return now
+
+
+def _where_it_rests(
+    now: _Reached, rested: FloatArray, set_up_at: Callable[[Problem, Minimum], tuple[Problem, int]]
+) -> _Reached:
+    """Sets the problem up at the minimum, else as near to it as the robot rests on the way back."""
+    for share in _BACK:
+        point = rested + share * (now.best.parameters - rested) if share < 1 else now.best.parameters
+        end = replace(now.best, parameters=point)
+        try:
+            problem, dropped = set_up_at(now.problem, end)
+        except DataError:
+            if share == 0:
+                raise
+            continue
+        if share < 1:
+            end = replace(end, cost=problem.cost(point), status="stalled")
+        return _Reached(problem, dropped, end, rests=share == 1)
+    return now
+
+
+def _with_delay(parameters: ParameterMap, starts: list[FloatArray], delay_s: float | None) -> list[FloatArray]:
+    """Lets the starts begin at a delay that the phases show: many samples away, no descent finds it."""
+    if delay_s is None or "delay" not in parameters.names:
+        return starts
+    index = parameters.names.index("delay")
+    internal = (delay_s - parameters.nominal_values()[index]) / parameters.scale[index]
+    own = np.arange(len(parameters.names)) == index
+    return [np.clip(np.where(own, internal, start), parameters.lower, parameters.upper) for start in starts]
+
+
+def set_up(
+    robot: Robot,
+    frf: Frf,
+    options: ElasticOptions,
+    delay_s: float,
+    before: tuple[Problem, Minimum] | None = None,
+) -> tuple[Problem, int]:
+    """Sets up the problem and counts the elements that it drops.
+
+    Statics and weights are those of the robot file's values, or of the minimum reached before.
+    """
+    if not options.correct_torques:
+        frf = without_coefficients(frf)
+    values = None if before is None else before[0].parameters.parameters(before[1].parameters)
+    model = rest_model(robot, frf, options, delay_s, values)
+    nominal = nominal_parameters(robot, model, delay_s)
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    parameters = map_parameters(robot, nominal, options, *known)
+    if before is None:
+        return make_problem(frf, model, parameters, options)
+    internal = before[1].parameters
+    level = element_level(before[0], internal) if options.weights.kind == "estimated" else None
+    return make_problem(frf, model, parameters, options, internal, level)
+
+
+def without_coefficients(frf: Frf) -> Frf:
+    """Returns a response whose compensated torques are taken for granted."""
+    return replace(
+        frf,
+        sensitivity=frf.sensitivity[:, :0],
+        coefficient_names=(),
+        coefficient_relative_std=np.zeros(0),
+        coefficient_offset=None,
+    )
+
+
+def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
+    """Draws the starts (n_param,) of a fit: the robot file's values, then log-uniform within the stated decades.
+
+    A motor's inertia, which the robot file knows by itself, stays within what that leaves open.
+    """
+    generator = np.random.default_rng(options.seed)
+    spread = np.log(10) * options.start_decades * parameters.logarithmic
+    rotors = np.array(parameters.kind_of) == "motor_inertia"
+    spread = np.where(rotors, np.minimum(spread, np.sqrt(3) * parameters.prior_std), spread)
+    random = spread * generator.uniform(-1, 1, (options.starts - 1, len(parameters.names)))
+    return [np.zeros(len(parameters.names)), *np.clip(random, parameters.lower, parameters.upper)]
+
+
+def _descend(task: tuple[Strategy, FloatArray, bool]) -> Minimum:
+    strategy, start, straight_too = task
+    return strategy.descend(start, straight_too=straight_too)

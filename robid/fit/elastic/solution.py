@@ -1,0 +1,125 @@
+"""What an elastic fit returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.fit.elastic.model_error import ModelError
+from robid.fit.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class Internal:
+    """Where the optimizer ended, in its own coordinates.
+
+    Attributes:
+        values (n_param,): Optimizer's values.
+        covariance (n_param, n_param): Their covariance, without any quantile.
+        singular_values (n_param,): Of the scaled information matrix, largest first.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    singular_values: FloatArray
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Costs at the minimum.
+
+    Attributes:
+        total: Cost at the minimum.
+        configuration (n_conf,): Cost of each configuration.
+        expected (n_conf,): What the response's covariance alone would give.
+        dropped: Response elements below 10 dB that the logarithm dropped.
+    """
+
+    total: float
+    configuration: FloatArray
+    expected: FloatArray
+    dropped: int
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Where the starts of a fit ended.
+
+    Attributes:
+        cost (n_start,): Cost each start ended at.
+        iterations (n_start,): Its iterations.
+        evaluations (n_start,): Points at which it computed the cost.
+        status: How each start ended.
+        minimum (n_start,): Which distinct minimum it ended in, 0 is the best.
+    """
+
+    cost: FloatArray
+    iterations: IntArray
+    evaluations: IntArray
+    status: tuple[str, ...]
+    minimum: IntArray
+
+    @property
+    def cap_share(self) -> float:
+        """Share of the starts that the iteration limit ended."""
+        return self.status.count("iteration_limit") / len(self.status)
+
+
+@dataclass(frozen=True)
+class Responses:
+    """What was fitted.
+
+    Attributes:
+        configurations (n_conf, n_joint): Configurations of the fit [rad, or m].
+        frequency_hz (n_freq,): Frequencies of the fit [Hz].
+        measured (n_conf, n_freq, n_out, n_in): Response after the fitted friction compensation.
+        modelled (n_conf, n_freq, n_out, n_in): Parametric response.
+    """
+
+    configurations: FloatArray
+    frequency_hz: FloatArray
+    measured: ComplexArray
+    modelled: ComplexArray
+
+
+@dataclass(frozen=True)
+class Resampled:
+    """What repeated fits say of the parameters' uncertainty.
+
+    Attributes:
+        relative_std (n_param,): As in `Estimate`.
+        lower (n_param,): Lower end of the interval.
+        upper (n_param,): Upper end of the interval.
+    """
+
+    relative_std: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+@dataclass(frozen=True)
+class ElasticSolution:
+    """Estimated parameters of an elastic model, and how the fit got there.
+
+    Attributes:
+        estimate: The parameters with their uncertainty.
+        internal: Where the optimizer ended.
+        costs: Costs there.
+        misfit: Cost over what noise and the assumed model error give; above 1 it multiplies the covariance.
+        starts: Where each start ended.
+        responses: What was fitted.
+        model_error: The residual of each element against its expectation; None without a covariance.
+        realization_relative_std (n_param,): As `relative_std` of the estimate, from what each realization does to the
+            parameters instead of the structured covariance; None without realizations.
+        bootstrap: The uncertainty from repeated fits; None without a bootstrap.
+    """
+
+    estimate: Estimate
+    internal: Internal
+    costs: Costs
+    misfit: float
+    starts: Starts
+    responses: Responses
+    model_error: ModelError | None = None
+    realization_relative_std: FloatArray | None = None
+    bootstrap: Resampled | None = None

@@ -1,0 +1,190 @@
+"""Parameter covariance: the sandwich of the weighted estimator, from the structured covariance or from realizations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.fit.elastic.problem import Problem
+from robid.fit.places import group_places
+from robid.robot.collocated import motor_rows
+
+_LONGEST_STEP = 1.0  # of an internal parameter; beyond, nothing is linear
+
+
+@dataclass(frozen=True)
+class Influence:
+    """How errors of the response's elements move the internal parameters, to first order.
+
+    An error `e` of the response moves the parameters by `inverse Re(sum conj(gain) e)`.
+
+    Attributes:
+        gain (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative over the residual's divisor of the response.
+        weighted (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative of the residual.
+        inverse (n_param, n_param): Inverse of half the Gauss-Newton Hessian, what is known beforehand included.
+        prior (n_param,): What is known beforehand, as it adds to half the Hessian's diagonal.
+        leverage (n_conf, n_freq, n_out, n_in): Share of each residual that the fit takes away.
+    """
+
+    gain: ComplexArray
+    weighted: ComplexArray
+    inverse: FloatArray
+    prior: FloatArray
+    leverage: FloatArray
+
+    def shifts(self, errors: ComplexArray) -> FloatArray:
+        """Moves (n_conf, ..., n_param) by errors (n_conf, ..., n_freq, n_out, n_in), each configuration's alone."""
+        size = len(errors), -1, int(np.prod(self.gain.shape[1:4]))
+        moved = np.real(errors.reshape(size) @ self.gain.reshape(size[0], size[2], -1).conj()) @ self.inverse
+        return np.asarray(moved.reshape(*errors.shape[:-3], -1))
+
+
+def influence(problem: Problem, internal: FloatArray) -> Influence:
+    """Linearises the estimator.
+
+    Args:
+        problem: The problem with its weights.
+        internal (n_param,): Where to linearise.
+
+    Source:
+        Wernholt and Moberg (2008), eq. 5; of the magnitude alone the real parts of the logarithm's derivatives.
+    """
+    _, derivative = problem.linear(internal)
+    weighted = problem.fully_weighted(derivative)
+    n_param = derivative.shape[-1]
+    prior = 0.5 / problem.parameters.prior_std**2
+    bread = np.real(derivative.reshape(-1, n_param).conj().T @ weighted.reshape(-1, n_param))
+    inverse = np.linalg.pinv(bread + np.diag(prior), rcond=1e-14, hermitian=True)
+    leverage = np.real(np.einsum("cfoip,cfoip->cfoi", weighted.conj() @ inverse, derivative))
+    gain = weighted / problem.residual_kind.divisor(problem.measured(internal)).conj()[..., None]
+    return Influence(gain, weighted, inverse, prior, leverage)
+
+
+def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
+    """Covariance of the internal parameters, a model error assumed by the weights included.
+
+    Args:
+        problem: The problem, whose response carries the structured covariance.
+        internal (n_param,): Where to evaluate.
+
+    Returns:
+        Covariance (n_param, n_param); directions the data do not determine come out large, not infinite.
+
+    Source:
+        Wernholt and Moberg (2008), eq. 5 divided by the number of lines, and its logarithmic forms.
+    """
+    return structured_covariance(problem, influence(problem, internal))
+
+
+def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
+    """The sandwich (n_param, n_param) of an estimator that is linearised already.
+
+    The assumed model error is the model's, which is reciprocal: element (i, j) of motors has the same one as (j, i).
+    """
+    n_param = found.inverse.shape[0]
+    relative = problem.residual_kind.per_relative(problem.frf.response)
+    error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
+    assumed = _reciprocal(error, motor_rows(problem.model)).reshape(-1, n_param)
+    scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
+    moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)
+    moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
+    meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + assumed.conj().T @ assumed)
+    meat = meat + _between_lines(scaled, moved, problem.frf.line_correlation)
+    return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
+
+
+def _between_lines(scaled: ComplexArray, moved: ComplexArray, correlation: FloatArray | None) -> FloatArray:
+    """What errors that neighbouring lines share add to the sandwich's inside (n_param, n_param).
+
+    Args:
+        scaled (n_conf, n_freq, n_out, n_in, n_param): What the errors move.
+        moved: The same times the covariance of the errors.
+        correlation (n_conf, n_freq, n_next): Of each line's error with the next lines', or None.
+    """
+    n_param = scaled.shape[-1]
+    total = np.zeros((n_param, n_param))
+    for ahead in range(1, 1 + (0 if correlation is None else min(correlation.shape[2], scaled.shape[1] - 1))):
+        share = np.asarray(correlation)[:, :-ahead, ahead - 1, None, None, None]
+        for here, there in ((slice(None, -ahead), slice(ahead, None)), (slice(ahead, None), slice(None, -ahead))):
+            left = (share * scaled[:, here]).reshape(-1, n_param)
+            total += np.real(left.conj().T @ moved[:, there].reshape(-1, n_param))
+    return np.asarray(0.5 * (total + total.T))
+
+
+def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:
+    """Adds what one error does at two elements (n_conf, n_freq, n_out, n_in, n_param) that share it, into one of both.
+
+    Args:
+        effect: What each element's own error does.
+        rows: Output of each motor that is measured at itself.
+    """
+    shared = effect.copy()
+    for first, second in combinations(rows, 2):
+        shared[:, :, rows[first], second] += shared[:, :, rows[second], first]
+        shared[:, :, rows[second], first] = 0.0
+    return shared
+
+
+def configuration_covariance(problem: Problem, internal: FloatArray) -> FloatArray:
+    """Covariance (n_param, n_param) that leaving out one place after the other gives, to first order.
+
+    A place is a robot configuration with all that was measured in it: two amplitudes share what the model lacks there.
+    It needs no model of the errors, only that those of different places are independent: what a model lacks
+    in the same way at many lines moves the parameters differently in each place. Few places make it uncertain: it has
+    one degree of freedom less than their number.
+
+    Args:
+        problem: The problem, at its minimum.
+        internal (n_param,): The minimum.
+
+    Source:
+        Jackknife over clusters, the CR3 of MacKinnon, Nielsen and Webb (2023).
+    """
+    error, derivative = problem.linear(internal)
+    n_conf, n_param = len(error), derivative.shape[-1]
+    rows = derivative.reshape(n_conf, -1, n_param)
+    weighted = problem.fully_weighted(derivative).reshape(rows.shape).conj()
+    information = np.real(np.swapaxes(weighted, 1, 2) @ rows)
+    pulls = np.real(np.swapaxes(weighted, 1, 2) @ error.reshape(n_conf, -1, 1))
+    places = group_places(problem.frf.configurations)
+    each, pull = (np.array([values[place].sum(axis=0) for place in places]) for values in (information, pulls))
+    whole = each.sum(axis=0) + np.diag(0.5 / problem.parameters.prior_std**2)
+    moved = np.clip(np.linalg.solve(whole - each, pull)[..., 0], -_LONGEST_STEP, _LONGEST_STEP)
+    return np.asarray((len(places) - 1) / len(places) * moved.T @ moved)
+
+
+def realization_shifts(problem: Problem, found: Influence) -> FloatArray | None:
+    """What each realization's own error does to the parameters.
+
+    Their squares sum to the covariance without any assumption about how a realization's errors are correlated over
+    lines and elements; few realizations of few configurations make it uncertain instead.
+
+    Returns:
+        Moves (n_conf, n_real, n_param), scaled for the freedom that the mean took; None without realizations.
+    """
+    errors = problem.frf.realization_error
+    if errors is None:
+        return None
+    n_real = errors.shape[1]
+    return np.asarray(np.sqrt(n_real / (n_real - 1)) * found.shifts(errors))
+
+
+def realization_covariance(found: Influence, shifts: FloatArray) -> FloatArray:
+    """Covariance (n_param, n_param) that the moves of `realization_shifts` and what was known beforehand give."""
+    flat = shifts.reshape(-1, shifts.shape[-1])
+    return np.asarray(flat.T @ flat + 0.5 * (found.inverse * found.prior) @ found.inverse)
+
+
+def realization_freedom(shifts: FloatArray) -> FloatArray:
+    """Degrees of freedom (n_param,) behind the variance of each parameter that moves of realizations give.
+
+    Source:
+        Satterthwaite (1946), each configuration a variance with one freedom less than it has realizations.
+    """
+    variance = (shifts**2).sum(axis=1)
+    own = (variance**2).sum(axis=0) / (shifts.shape[1] - 1)
+    total = variance.sum(axis=0) ** 2
+    return np.asarray(np.divide(total, own, out=np.full_like(total, np.inf), where=own > 0))

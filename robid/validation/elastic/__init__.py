@@ -1,0 +1,1 @@
+"""What an elastic model is worth. Read `validating`, `measures`, `assessment` with `grading`, `plausible`, `causes`."""

@@ -1,0 +1,75 @@
+"""Everything that speaks against a fit, from its data, its parameters and its residual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import takewhile
+
+from robid.fit.elastic.fitting import without_coefficients
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.solution import ElasticSolution
+from robid.frf.frf import Frf
+from robid.robot.description import Robot
+from robid.validation.doubt import Doubt
+from robid.validation.elastic.causes import misfit_doubts
+from robid.validation.elastic.fitted import fitted_model
+from robid.validation.elastic.grading import grade_fit, is_unexplained
+from robid.validation.elastic.measures import measure
+from robid.validation.elastic.plausible_parameters import parameter_doubts
+from robid.validation.grade import Grade, ordered
+from robid.validation.plausible.doubts import data_doubts
+
+
+def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: ElasticOptions, delay_s: float) -> Grade:
+    """Gathers the doubts about a fit and grades it by itself.
+
+    First to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains the
+    residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are
+    looked for only where it holds more than noise explains.
+
+    The fit's own data are held to the limits of a validation. Responses or resonances beyond them are a decisive
+    doubt, which a validation takes over. What the error costs decides only here: where new data are predicted within
+    the limit, a residual that costs more is one reason for doubt among others.
+
+    Args:
+        robot: The robot file that the fit started from, with its campaign's payload.
+        solution: What the fit found.
+        frf: The response that it was fitted to.
+        options: Options of the fit.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+
+    Returns:
+        The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
+    """
+    seen = data_doubts(robot, frf, delay_s)
+    band_hz = float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
+    read = parameter_doubts(robot, solution.estimate, band_hz, frf.sampling_period_s, options.prior_decades)
+    doubts = [doubt for doubt in seen if doubt.decisive] + [doubt for doubt in read if doubt.cause == "delay"]
+    used = frf if options.correct_torques else without_coefficients(frf)
+    fitted = fitted_model(robot, solution, used, options, delay_s)
+    if is_unexplained(solution):
+        doubts += misfit_doubts(robot, solution, fitted, options, delay_s)
+    own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
+    missed = own.doubts("the fit's own data")
+    return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))
+
+
+def validation_doubts(
+    doubts: Sequence[Doubt], robot: Robot, frf: Frf, campaign: str, delay_s: float = 0.0
+) -> tuple[Doubt, ...]:
+    """Adds what a validation campaign's data contradict to the doubts about a fit.
+
+    What the data of either campaign decide is to blame first.
+
+    Args:
+        doubts: Doubts about the fit, the first to blame first.
+        robot: The robot file that the fit started from, with the validation campaign's payload.
+        frf: The response of the validation campaign.
+        campaign: Its name.
+        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
+    """
+    found = data_doubts(robot, frf, delay_s)
+    seen = [replace(doubt, message=f"in campaign {campaign}, {doubt.message}") for doubt in found]
+    first = takewhile(lambda doubt: doubt.decisive, doubts)
+    return ordered([*first, *(doubt for doubt in seen if doubt.decisive), *doubts, *seen])

@@ -1,0 +1,190 @@
+"""Springs that a robot file may lack, tried one by one: a short descent each with the spring in place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.fit.elastic.optimizers import optimise
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.parameters import map_parameters
+from robid.fit.elastic.problem import Problem
+from robid.fit.elastic.rest_model import rest_model
+from robid.fit.levenberg import Minimum
+from robid.robot.description import Inertial, Joint, Robot, Spring, SpringPlace
+from robid.robot.response import nominal_parameters
+from robid.validation.elastic.fitted import FittedModel
+
+_STIFFER = 3.0  # than the gear nearby: where a trial starts
+_IN_SERIES = 2.0  # times a fitted gear, for gear and trial alike: together as soft as the gear was
+_UNKNOWN_NM_RAD = 1e6  # where a trial starts when no gear is stated
+_RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
+_TIME_S = 5e-4  # damping over stiffness
+_FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
+_ALONG = 0.9  # cosine above which two axes are one
+_OUTBOARD = 0.6  # share of a link beyond a split
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What one more spring does to a fit.
+
+    Attributes:
+        spring: The spring, with the stiffness that it ended at.
+        share: Share of the residual's cost that it takes away.
+        moved (n_param,): How far it moves the internal parameters.
+    """
+
+    spring: Spring
+    share: float
+    moved: FloatArray
+
+
+def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Trial]:
+    """Tries every spring that a robot file may lack, the most telling first.
+
+    Args:
+        robot: The robot file that the fit started from, with its campaign's payload.
+        fitted: The fitted model in the configurations of the fit's own response.
+        options: Options of the fit.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+    """
+    begun = []
+    for spring in further_springs(robot):
+        try:
+            problem = _with_spring(replace(robot, springs=(*robot.springs, spring)), fitted, options, delay_s)
+        except DataError:  # a spring under which the robot finds no rest explains nothing
+            continue
+        starts = _starts(robot, problem, spring, fitted)
+        first = min((_descend(problem, start, _FIRST_STEPS) for start in starts), key=lambda end: end.cost)
+        begun.append((first, problem, spring))
+    begun.sort(key=lambda each: each[0].cost)
+    ends = [(spring, problem, _descend(problem, end.parameters, _STEPS)) for end, problem, spring in begun[:_KEPT]]
+    return sorted((_trial(*end, fitted) for end in ends), key=lambda trial: -trial.share)
+
+
+def _descend(problem: Problem, start: FloatArray, steps: int) -> Minimum:
+    return optimise(problem, start, max_iterations=steps)
+
+
+def _starts(robot: Robot, problem: Problem, spring: Spring, fitted: FittedModel) -> Iterator[FloatArray]:
+    """Where a trial starts: stiff beside the fitted values, and as one of two springs that share a gear's compliance.
+
+    A fitted gear that stands for two springs in series is stiffer by itself: from its fitted value the trial's spring
+    only gets stiffer, and the gear never recovers.
+    """
+    before = dict(zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True))
+    names = problem.parameters.names
+    start = np.array([before.get(name, 0.0) for name in names])
+    yield start
+    stiffness = dict(zip((each.name for each in robot.springs), fitted.parameters.stiffness.tolist(), strict=True))
+    for gear in _gears_in_series(robot, spring):
+        own = f"{gear}.stiffness"
+        if own in names:
+            shared = start.copy()
+            shared[names.index(own)] += np.log(_IN_SERIES)
+            shared[names.index(f"{spring.name}.stiffness")] = np.log(_IN_SERIES * stiffness[gear] / spring.stiffness)
+            yield shared
+
+
+def _gears_in_series(robot: Robot, spring: Spring) -> Iterator[str]:
+    """Transmissions next to a spring that turn about the same axis, at zero joint angles."""
+    own, upright = robot.joints[spring.joint], np.array([0.0, 0.0, 1.0])
+    axes = {spring.joint: own.rotation @ upright if spring.place == "base" else upright}
+    if spring.place == "bearing" and spring.joint > 0:
+        axes[spring.joint - 1] = own.rotation.T @ upright
+    if spring.place == "split" and spring.joint + 1 < len(robot.joints):
+        axes[spring.joint + 1] = robot.joints[spring.joint + 1].rotation @ upright
+    for each in robot.springs:
+        turns = each.place == "transmission" and not robot.is_linear(each)
+        if turns and each.joint in axes and abs(float(axes[each.joint] @ spring.axis)) > _ALONG:
+            yield each.name
+
+
+def _trial(spring: Spring, problem: Problem, end: Minimum, fitted: FittedModel) -> Trial:
+    after = dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
+    stiffness = spring.stiffness * float(np.exp(after[f"{spring.name}.stiffness"]))
+    before = zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True)
+    return Trial(
+        replace(spring, stiffness=stiffness),
+        1 - end.cost / fitted.problem.cost(fitted.internal),
+        np.array([after[name] - value for name, value in before]),
+    )
+
+
+def _with_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> Problem:
+    """The fit's own problem, weights included, for a robot with one spring more, both of its values free."""
+    frf, spring, now = fitted.problem.frf, robot.springs[-1], fitted.parameters
+    values = replace(
+        now,
+        stiffness=np.append(now.stiffness, spring.stiffness),
+        damping=np.append(now.damping, spring.damping),
+        cubic=np.append(now.cubic, 0.0),
+        location=np.append(now.location, spring.point_m),
+    )
+    free = tuple(dict.fromkeys([*options.free, "stiffness", "damping"]))
+    wanted = replace(options, free=free, statics="updates")
+    model = rest_model(robot, frf, wanted, delay_s, values)
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    parameters = map_parameters(robot, nominal_parameters(robot, model, delay_s), wanted, *known)
+    return replace(fitted.problem, model=model, parameters=parameters)
+
+
+def further_springs(robot: Robot) -> Iterator[Spring]:
+    """Springs that a robot file may lack: gears, beneath the base, across joints, within links, at the payload."""
+    stiffness = _gear_stiffness(robot)
+    last = len(robot.joints) - 1
+    for index, joint in enumerate(robot.joints):
+        stiff = _STIFFER * stiffness[index]
+        if robot.rigid[index] and robot.rotor == "spong":
+            reflected = joint.motor.gear_ratio**2 * joint.motor.inertia_kgm2
+            gear = (2 * np.pi * _RIGID_HZ) ** 2 * reflected
+            yield _spring(f"gear of {joint.name}", index, "transmission", np.eye(3)[2], gear)
+        for letter, axis in zip("xyz", np.eye(3), strict=True):
+            if index == 0 and not _there(robot, "base", 0, axis):
+                yield _spring(f"base about {letter}", 0, "base", axis, stiff)
+            if letter != "z" and not _there(robot, "bearing", index, axis):
+                yield _spring(f"bearing of {joint.name} about {letter}", index, "bearing", axis, stiff)
+            if index < last and not _there(robot, "split", index, None):
+                name = f"link of {joint.name} about its {letter} axis"
+                split = _spring(name, index, "split", axis, _STIFFER * stiffness[index + 1])
+                yield replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
+            if (
+                index == last
+                and letter != "z"
+                and robot.payload.mass_kg > 0
+                and not _there(robot, "payload", last, axis)
+            ):
+                yield _spring(f"payload mount about {letter}", last, "payload", axis, stiff)
+
+
+def _middle(following: Joint, axis: FloatArray) -> FloatArray:
+    """Where a link is split: a link that twists along the next joint's axis does so about that very line."""
+    along = abs(float(axis @ following.rotation[:, 2])) > _ALONG
+    return following.position_m if along else np.zeros(3)
+
+
+def _gear_stiffness(robot: Robot) -> list[float]:
+    """What a torsional spring at each joint is measured by: its gear, else the stiffest one."""
+    gears = {s.joint: s.stiffness for s in robot.springs if s.place == "transmission" and not robot.is_linear(s)}
+    others = [s.stiffness for s in robot.springs if not robot.is_linear(s)]
+    else_ = max(gears.values(), default=max(others, default=_UNKNOWN_NM_RAD))
+    return [gears.get(index, else_) for index in range(len(robot.joints))]
+
+
+def _part(link: Inertial) -> Inertial:
+    return Inertial(_OUTBOARD * link.mass_kg, link.com_m, _OUTBOARD * link.inertia_kgm2)
+
+
+def _there(robot: Robot, place: str, joint: int, axis: FloatArray | None) -> bool:
+    """Whether the robot has such a spring, about this axis or, for None, about any."""
+    own = [spring.axis for spring in robot.springs if spring.place == place and spring.joint == joint]
+    return any(axis is None or abs(float(axis @ each)) > _ALONG for each in own)
+
+
+def _spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:
+    return Spring(name, joint, place, axis, stiffness, _TIME_S * stiffness)

@@ -1,0 +1,106 @@
+"""A fit is held to its own data: errors of a known size decide at their limits, with and without a validation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions
+from robid.validation.doubt import Doubt
+from robid.validation.elastic.assessment import assess_fit, validation_doubts
+from robid.validation.elastic.grading import grade_validation
+
+FREQUENCY_HZ = np.geomspace(1, 60, 40)
+PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
+DELAY_S = 1e-3
+OPTIONS = ElasticOptions()
+
+
+@pytest.fixture(scope="module")
+def stated():
+    return two_joint_robot()
+
+
+@pytest.fixture(scope="module")
+def frf(stated):
+    true = with_spring_factors(stated, [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
+    return exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=5)
+
+
+@pytest.fixture(scope="module")
+def sound(stated, frf):
+    return fit_elastic(stated, frf, OPTIONS, DELAY_S)
+
+
+def assessed(stated, sound, frf, factor):
+    """The grade of a sound fit beside data that are off by a known factor, and after a validation that holds."""
+    alone = assess_fit(stated, sound, replace(frf, response=frf.response * factor), OPTIONS, DELAY_S)
+    return alone, grade_validation(sound, alone.doubts, ())
+
+
+def test_a_sound_fit_predicts_alone_and_is_trusted_with_a_validation(stated, sound, frf):
+    alone, validated = assessed(stated, sound, frf, 1.0)
+    assert (alone.value, alone.doubts, validated.value) == (1, (), 2)
+
+
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [
+        (10 ** (3 / 20), "in the fit's own data, a motor's own response is off by 3 dB in the median, limit 1"),
+        (np.exp(1j * np.deg2rad(20)), "in the fit's own data, a motor's own response is off by 20 degrees"),
+    ],
+)
+def test_own_responses_beyond_the_limits_are_not_to_be_used(stated, sound, frf, factor, told):
+    alone, validated = assessed(stated, sound, frf, factor)
+    assert alone.value == validated.value == 0
+    assert told in alone.sentence
+    assert told in validated.sentence
+
+
+def test_own_errors_within_the_limits_but_beyond_noise_decide_without_a_validation_alone(stated, sound, frf):
+    alone, validated = assessed(stated, sound, frf, 10 ** (0.8 / 20))
+    assert alone.value == 0
+    assert "of the fit's own data costs" in alone.sentence
+    assert validated.value > 0
+
+
+def test_the_limit_of_the_cost_is_that_of_the_assumed_error(stated, sound, frf):
+    for factor, value in ((1.02, 1), (1.03, 0)):  # of 2 % assumed, times the root of 1.5: 2.4 %
+        assert assessed(stated, sound, frf, factor)[0].value == value
+
+
+def test_own_resonances_have_their_limit(stated, sound):
+    higher = exact_frf(
+        with_spring_factors(stated, 1.1**2 * np.array([1.3, 0.8, 1.2, 0.9]), 1.1 * np.array([0.7, 1.4, 1.2, 0.8])),
+        PLACES,
+        FREQUENCY_HZ,
+        delay_s=DELAY_S,
+        relative_noise=0.003,
+        seed=5,
+    )
+    alone = assess_fit(stated, sound, higher, OPTIONS, DELAY_S)
+    assert "resonances are off by 9 %" in alone.sentence  # 1 - 1/1.1
+
+
+def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide(stated, frf):
+    payload = Doubt("payload", "the payload +2 kg", decisive=False, strength=4.0)
+    turned = replace(frf, response=frf.response * np.array([1.0, -1.0]))
+    doubts = validation_doubts((payload,), stated, turned, "monday")
+    assert [doubt.cause for doubt in doubts] == ["torque_sign", "payload"]
+    assert doubts[0].message.startswith("in campaign monday, ")
+    assert validation_doubts((payload,), stated, frf, "monday") == (payload,)
+    decided = Doubt("angle_sign", "shoulder: its angle has the wrong sign", decisive=True, strength=2.0)
+    assert [doubt.cause for doubt in validation_doubts((decided, payload), stated, turned, "monday")] == [
+        "angle_sign",
+        "torque_sign",
+        "payload",
+    ]
+
+
+def test_a_delay_that_is_declared_is_no_doubt_about_a_validation(stated, frf):
+    late_s = 0.04
+    late = replace(frf, response=frf.response * np.exp(-2j * np.pi * FREQUENCY_HZ * late_s)[:, None, None])
+    assert [doubt.cause for doubt in validation_doubts((), stated, late, "monday", DELAY_S)] == ["delay"]
+    assert validation_doubts((), stated, late, "monday", DELAY_S + late_s) == ()

@@ -1,0 +1,153 @@
+"""What a robot file has wrong is named first: exact responses of robots that differ from their file in one thing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions
+from robid.robot.description import Inertial, Spring
+from robid.validation.elastic.assessment import assess_fit
+from robid.validation.elastic.causes import Explanation, _doubt, explain
+from robid.validation.elastic.fitted import fitted_model
+
+FREQUENCY_HZ = np.geomspace(1, 60, 40)
+PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
+DELAY_S = 1e-3
+OPTIONS = ElasticOptions()
+
+
+def heavier(body, factor):
+    return Inertial(body.mass_kg * factor, body.com_m, body.inertia_kgm2 * factor)
+
+
+def with_payload(robot, factor):
+    return replace(robot, payload=heavier(robot.payload, factor))
+
+
+def with_link(robot, factor):
+    elbow = replace(robot.joints[1], link=heavier(robot.joints[1].link, factor))
+    springs = tuple(
+        replace(spring, outboard=heavier(spring.outboard, factor)) if spring.outboard else spring
+        for spring in robot.springs
+    )
+    return replace(robot, joints=(robot.joints[0], elbow), springs=springs)
+
+
+def without(robot, name):
+    return replace(robot, springs=tuple(spring for spring in robot.springs if spring.name != name))
+
+
+@pytest.fixture(scope="module")
+def true_arm():
+    return with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
+
+
+def measured(robot, seed=5):
+    return exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=seed)
+
+
+def explained(stated, frf, options=OPTIONS):
+    solution = fit_elastic(stated, frf, options, DELAY_S)
+    return solution, explain(stated, fitted_model(stated, solution, frf, options, DELAY_S), options, DELAY_S)
+
+
+@pytest.mark.parametrize("estimator", ["lls", "llsm"])
+def test_a_payload_that_is_off_is_weighed(true_arm, estimator):
+    options = replace(OPTIONS, estimator=estimator)
+    _, found = explained(two_joint_robot(), measured(with_payload(true_arm, 1.1)), options)
+    assert (found[0].cause, found[0].names[0]) == ("payload", "payload mass")
+    np.testing.assert_allclose(found[0].amounts[0], 0.4, rtol=0.15)  # of 4 kg, to first order
+    assert found[0].share > 0.8
+
+
+def test_a_link_that_is_heavier_is_named(true_arm):
+    _, found = explained(two_joint_robot(), measured(with_link(true_arm, 1.1)))
+    assert found[0].cause == "masses"
+    assert found[0].share > 0.8
+
+
+def test_a_torque_constant_that_is_off_is_measured(true_arm):
+    frf = measured(true_arm)
+    column = np.where(np.arange(2) == 1, 1 / 1.08, 1.0)  # the elbow's torque was read 8 % too large
+    solution, found = explained(two_joint_robot(), replace(frf, response=frf.response * column))
+    assert (found[0].cause, found[0].names[0]) == ("torque_constant", "torque constant of elbow")
+    np.testing.assert_allclose(found[0].amounts[0], 8.0, rtol=0.1)
+    assert solution.model_error.share_above > 0.3
+
+
+@pytest.mark.parametrize("spring", ["bearing_1", "forearm"])
+def test_a_spring_that_the_file_lacks_is_found(true_arm, spring):
+    _, found = explained(without(two_joint_robot(), spring), measured(true_arm))
+    assert found[0].cause == "missing_spring"
+
+
+def with_twist(robot, stiffness):
+    """The robot with a first link that twists along the second joint's axis, in series with that joint's gear."""
+    link, elbow = robot.joints[0].link, robot.joints[1]
+    twist = Spring(
+        *("twist", 0, "split", elbow.rotation[:, 2], stiffness, 1e-3 * stiffness),
+        point_m=elbow.position_m,
+        outboard=heavier(link, 0.6),
+    )
+    return replace(robot, springs=(*robot.springs, twist))
+
+
+def test_a_spring_in_series_with_a_gear_is_found_and_its_error_forbids_use():
+    frf = measured(with_twist(two_joint_robot(), 2e4))
+    solution, found = explained(two_joint_robot(), frf)
+    gear = solution.estimate.names.index("gear_2.stiffness")
+    assert solution.estimate.value[gear] > 1.2 * 6e3  # the fit makes a compromise of it
+    assert (found[0].cause, found[0].names[0]) == ("missing_spring", "link of shoulder about its z axis")
+    np.testing.assert_allclose(found[0].amounts[0], 0.02, rtol=0.02)
+    np.testing.assert_allclose(solution.estimate.value[gear] * np.exp(found[0].moved[gear]), 6e3, rtol=0.02)
+    assert found[0].share > 0.9
+    grade = assess_fit(two_joint_robot(), solution, frf, OPTIONS, DELAY_S)
+    assert (grade.value, grade.causes[0], bool(grade.decisive[0])) == (0, "missing_spring", True)
+    assert grade.reasons[0] == grade.messages[0]
+    assert grade.messages[0].endswith("% off")
+
+
+def test_a_series_spring_far_softer_than_the_fitted_gear_is_tried_from_where_both_share_its_compliance():
+    _, found = explained(two_joint_robot(), measured(with_twist(two_joint_robot(), 3e3)))
+    assert (found[0].cause, found[0].names[0]) == ("missing_spring", "link of shoulder about its z axis")
+
+
+def test_explanations_that_move_springs_little_or_explain_little_or_are_linear_forbid_nothing():
+    robot = two_joint_robot()
+    estimate = fit_elastic(robot, measured(robot), OPTIONS, DELAY_S).estimate
+    gear = np.array(estimate.names) == "gear_2.stiffness"
+
+    def decisive(cause="missing_spring", share=0.8, moved=0.3, leads=True):
+        found = Explanation(cause, ("spring",), np.ones(1), ("MN m/rad",), share, moved * gear)
+        return _doubt(estimate, found, leads=leads).decisive
+
+    assert decisive()
+    assert decisive(moved=-0.2)  # 22 % off
+    assert not decisive(moved=0.2)  # 18 % off
+    assert not decisive(share=0.4)
+    assert not decisive(cause="masses")
+    assert not decisive(leads=False)
+    unknown = replace(estimate, lower=0.5 * estimate.value, upper=1.5 * estimate.value)
+    assert not _doubt(
+        unknown, Explanation("missing_spring", ("spring",), np.ones(1), ("MN m/rad",), 0.8, 0.3 * gear), leads=True
+    ).decisive
+
+
+def test_a_right_model_has_nothing_to_explain(true_arm):
+    frf = measured(true_arm)
+    solution, found = explained(two_joint_robot(), frf)
+    assert max((one.share for one in found), default=0.0) < 0.1
+    grade = assess_fit(two_joint_robot(), solution, frf, OPTIONS, DELAY_S)
+    assert (grade.value, grade.causes) == (1, ())
+
+
+def test_the_fit_alone_names_the_cause_and_how_far_it_moves_a_parameter(true_arm):
+    frf = measured(with_payload(true_arm, 1.1))
+    solution = fit_elastic(two_joint_robot(), frf, OPTIONS, DELAY_S)
+    grade = assess_fit(two_joint_robot(), solution, frf, OPTIONS, DELAY_S)
+    assert grade.causes[0] == "payload"
+    assert "half-widths of its interval" in grade.messages[0]
+    assert grade.messages[0] in grade.sentence
