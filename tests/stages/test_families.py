@@ -121,10 +121,10 @@ def test_every_result_has_the_common_core(made, case):
     assert {name.partition("/")[0] for name in validation.datasets} <= {"outcome", "grade", case.family.name}
     assert len(set(estimate.names)) == len(estimate.names) == len(estimate.units) == estimate.value.size > 0
     assert ((estimate.lower <= estimate.value) & (estimate.value <= estimate.upper)).all()
-    np.testing.assert_array_equal(estimate.covariance, estimate.covariance.T)
-    assert (
-        np.linalg.eigvalsh(estimate.covariance / np.outer(*2 * [np.sqrt(np.diag(estimate.covariance))])).min() > -1e-9
-    )
+    deviation = np.sqrt(np.diag(estimate.covariance))
+    correlation = estimate.covariance / np.outer(deviation, deviation)
+    np.testing.assert_allclose(correlation, correlation.T, atol=1e-9)
+    assert np.linalg.eigvalsh(correlation).min() > -1e-9
     known = dict(zip(outcome.recovery.names, outcome.recovery.truth, strict=True))
     values = case.family.true_values(*true_robot_of(made))
     assert known == {name: values[name] for name in estimate.names if name in values}
