@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import check_count, check_mapping, check_period, check_shot, check_time
+from robid.logs.checks import check_count, check_mapping, check_period, check_shot, check_time, still_note
 from robid.logs.columns import check_lengths, read_columns
 from robid.logs.files import load_variables
 from robid.logs.mapping import LogMapping
@@ -74,7 +74,8 @@ def import_log(
 def import_shot(mapping: LogMapping) -> Record:
     """Imports a log that does not repeat, all of its samples, whatever was played.
 
-    The record has no excited lines and no configuration to rest in; the references are those of the log.
+    The record has no excited lines and no configuration to rest in; the references are those of the log. Channels
+    may be constant, as those of a joint that stands still: a note names them.
 
     Args:
         mapping: File, channels, units and sampling period.
@@ -86,12 +87,13 @@ def import_shot(mapping: LogMapping) -> Record:
     check_shot(mapping)
     columns, problems = _read(mapping)
     _raise(mapping.file, problems)
+    still = still_note(mapping, columns)
     record = _sampled(mapping, columns, slice(None), 1)
     if mapping.references:
         reference = _signal(mapping.references, columns, slice(None))[None, None, None]
         channels = tuple(channel.channel for channel in mapping.references)
         record = replace(record, reference=reference, reference_channels=channels)
-    return replace(record, notes=tuple(_notes(mapping)))
+    return replace(record, notes=(*_notes(mapping), *still))
 
 
 def join_shots(records: list[Record]) -> Record:

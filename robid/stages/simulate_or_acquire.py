@@ -15,6 +15,7 @@ from robid.artifacts.record import RECORD, record_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
 from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation.excitation import CampaignExcitation
+from robid.logs.checks import is_still_note
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part
@@ -49,7 +50,7 @@ def phrase(output: Path) -> str:
     shape = found["datasets"]["inputs"]["shape"]
     period_s = shape[4] * found["attributes"]["sampling_period_s"]
     if found["datasets"]["excited_lines"]["shape"] == [0]:
-        return f"{counted(shape[1], 'shot')} of {period_s:.3g} s"
+        return _shots(shape[1], period_s, found["datasets"]["notes"].get("values", ()))
     return figures(shape, period_s)
 
 
@@ -61,6 +62,11 @@ def figures(shape: Sequence[int], period_s: float) -> str:
         f"{counted(n_conf, 'configuration')}, {counted(n_real, 'realization')} of {counted(n_exp, 'experiment')},"
         f" {counted(n_period, 'period')} of {period_s:g} s, {duration_s:.0f} s in all"
     )
+
+
+def _shots(count: int, period_s: float, notes: Sequence[str]) -> str:
+    """Says what was imported, with the channels that never change."""
+    return "; ".join((f"{counted(count, 'shot')} of {period_s:.3g} s", *filter(is_still_note, notes)))
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,7 @@ def _acquire_shots(job: Job) -> str:
         raise RuntimeError(message)
     record = acquire_shots(campaign, campaign.source.acquire, job.loaded.path.parent)
     write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
-    return f"{counted(campaign.realizations, 'shot')} of {record.period_s:.3g} s"
+    return _shots(campaign.realizations, record.period_s, record.notes)
 
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
