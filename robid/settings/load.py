@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robid.errors import SettingsError
-from robid.settings.checks.experiment import check_experiment
+from robid.settings.checks.experiment import StudyCheck, check_experiment
 from robid.settings.checks.robot import check_robot
 from robid.settings.checks.robot_missing import missing_keys
 from robid.settings.experiment import Experiment, experiment_type
@@ -41,12 +41,13 @@ class LoadedExperiment:
         return {**to_plain(self.experiment), "robot": to_plain(self.robot)}
 
 
-def load_experiment_of(families: Families, path: Path) -> LoadedExperiment:
+def load_experiment_of(families: Families, path: Path, check_study: StudyCheck | None = None) -> LoadedExperiment:
     """Loads an experiment file and the robot file it names, and checks both.
 
     Args:
         families: The families that its fits may be of, by name.
         path: The experiment file.
+        check_study: Finds what is wrong with the study for the robot, where that could be read; studies lie above.
 
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
@@ -55,7 +56,7 @@ def load_experiment_of(families: Families, path: Path) -> LoadedExperiment:
     experiment, problems = validate(experiment_type(families), document)
     robot, robot_problems = _named_robot(document)
     if experiment is not None:
-        problems += check_experiment(document, experiment, None if robot_problems else robot, families)
+        problems += check_experiment(document, experiment, None if robot_problems else robot, families, check_study)
     raise_problems([*problems, *robot_problems])
     if experiment is None or robot is None:
         message = "a file without a problem has no model"

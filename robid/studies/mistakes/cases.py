@@ -26,8 +26,9 @@ from robid.settings.slices import to_plain
 from robid.settings.study import Mistake
 from robid.studies.mistakes.grades import GRADING, Against, against_truth, refused_causes
 from robid.studies.mistakes.mistaken import mistaken_robot, mistaken_truth
-from robid.studies.mistakes.responses import Earlier, read_response, read_truth
+from robid.studies.mistakes.responses import read_response, read_truth
 from robid.studies.mistakes.study import Case, campaigns_of, cases, study_of
+from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 from robid.validation.assessment import assess_fit
 from robid.validation.elastic import Validation, validate_elastic

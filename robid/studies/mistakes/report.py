@@ -16,8 +16,8 @@ from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
 from robid.studies.mistakes.grades import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
-from robid.studies.mistakes.responses import Earlier
 from robid.studies.mistakes.study import SOUND, study_of
+from robid.studies.study import Earlier
 
 ASKED = {"graded": 0.9, "named": 0.8, "false_alarms": 0.1}
 """What is asked: at least, at least, at most."""

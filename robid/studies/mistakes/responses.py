@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -22,19 +22,17 @@ from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
 from robid.robot.description import Robot
-from robid.settings.checks.mistakes import changed_simulation
 from robid.settings.experiment import Campaign
 from robid.settings.robot_parts import delay_s
 from robid.settings.slices import to_plain
 from robid.settings.study import Mistake
 from robid.simulate.experiment import Experiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
-from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot
+from robid.studies.mistakes.mistaken import changed_simulation, mistaken_record, mistaken_robot
 from robid.studies.mistakes.study import Case, campaigns_of, cases, read_with, study_of, subjects
 from robid.studies.simulated import Estimator, make_estimator, simulation_settings
-from robid.studies.tasks import Content, Results, Task
-
-Earlier: TypeAlias = tuple[Results, ...]
+from robid.studies.study import Earlier
+from robid.studies.tasks import Content, Task
 
 
 @dataclass(frozen=True)

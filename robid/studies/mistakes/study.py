@@ -9,11 +9,11 @@ from robid.artifacts.provenance import canonical_hash
 from robid.errors import SettingsError
 from robid.families.files import load_experiment
 from robid.pipeline import Run
-from robid.settings.checks.mistakes import fit_problem, mistake_problems
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field
 from robid.settings.slices import to_plain
 from robid.settings.study import Mistake, MistakesStudy
+from robid.studies.mistakes.check import fit_problem, mistake_problems
 
 SOUND = "sound"
 """Name of a robot with which nothing is wrong."""

@@ -35,8 +35,9 @@ from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.studies.simulated import simulate_options
+from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
-from robid.studies.zimmermann2023.study import Earlier, Pair, pairs, study_of
+from robid.studies.zimmermann2023.study import Pair, pairs, study_of
 from robid.validation.elastic import weighted_costs
 from robid.validation.extrema import first_resonances
 from robid.validation.fitted import FittedModel, fitted_model

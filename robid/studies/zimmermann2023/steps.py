@@ -20,8 +20,9 @@ from robid.settings.truth import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.stages.configurations import draw_in_reach
 from robid.studies.simulated import simulate_options
+from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
-from robid.studies.zimmermann2023.study import Earlier, study_of
+from robid.studies.zimmermann2023.study import study_of
 from robid.validation.step_options import StepOptions
 from robid.validation.steps import StepResponses, step_responses
 

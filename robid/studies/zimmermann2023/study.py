@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -25,9 +24,8 @@ from robid.simulate.experiment import Experiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.paper import paper_figures
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
-from robid.studies.tasks import Content, Results, Task
-
-Earlier: TypeAlias = tuple[Results, ...]
+from robid.studies.study import Earlier
+from robid.studies.tasks import Content, Task
 
 
 @dataclass(frozen=True)
