@@ -16,7 +16,7 @@ from robid.logs.checks import check_count, check_mapping, check_period, check_sh
 from robid.logs.columns import check_lengths, read_columns
 from robid.logs.files import load_variables
 from robid.logs.mapping import LogMapping
-from robid.logs.match import Played, check_size, explain_mismatch, find_periods
+from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
 from robid.signals.log_channels import LogChannel
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
@@ -30,7 +30,7 @@ def import_log(
     excited_lines: IntArray,
     configurations: FloatArray,
     detection_lines: IntArray | None = None,
-    played: Played | None = None,
+    played: PlayedExcitation | None = None,
 ) -> Record:
     """Imports one realization of one experiment in one configuration.
 
@@ -203,7 +203,7 @@ def _place(
 
 
 def _match(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], played: Played, periods: int, lines: IntArray
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], played: PlayedExcitation, periods: int, lines: IntArray
 ) -> tuple[int, list[DataError], list[str]]:
     """First sample that is used, where the logged references show which periods were played."""
     names = tuple(channel.name for channel in mapping.references)
@@ -233,7 +233,7 @@ def _match(
 
 
 def _unmatched(
-    mapping: LogMapping, logged: FloatArray, played: Played, periods: int, lines: IntArray
+    mapping: LogMapping, logged: FloatArray, played: PlayedExcitation, periods: int, lines: IntArray
 ) -> list[DataError]:
     """Says why a log does not hold the periods that are needed."""
     names = tuple(channel.name for channel in mapping.references)
@@ -255,7 +255,7 @@ def _unmatched(
     return [DataError(what, where=where, remedy=remedy)]
 
 
-def _played_channels(mapping: LogMapping, played: Played) -> tuple[Channel, ...]:
+def _played_channels(mapping: LogMapping, played: PlayedExcitation) -> tuple[Channel, ...]:
     """What the columns of the matched excitation are, in the order of the inputs."""
     return motor_channels((channel.name for channel in mapping.inputs), INJECTED[played.kind])
 

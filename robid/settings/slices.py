@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment
 
 
-def to_plain(settings: object) -> Any:  # noqa: ANN401
+def plain_settings(settings: object) -> Any:  # noqa: ANN401
     """Returns a settings model, an options dataclass or a container of them as values that JSON knows."""
     from pydantic_core import to_jsonable_python
 
@@ -36,7 +36,7 @@ def settings_slice(loaded: LoadedExperiment, *sections: str) -> dict[str, Any]:
 
 def settings_hash(settings: object) -> str:
     """Returns the SHA-256 of a value's canonical JSON, as hexadecimal digits."""
-    text = json.dumps(to_plain(settings), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(plain_settings(settings), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -17,7 +17,7 @@ from robid.design.configurations.stability import Trial, stability
 from robid.report.design import design_numbers, design_tables, stability_sentence
 from robid.report.numbers import percent
 from robid.stages.chain.design_configs import STAGE, visit_s
-from robid.stages.design_information import Gathered, gather_information
+from robid.stages.design_information import CandidateInformation, gather_information
 from robid.stages.stage import Job, counted
 from robid.stages.terminal import section_table
 
@@ -54,7 +54,7 @@ def run(job: Job) -> str:
     return figures(choice)
 
 
-def _trials(found: Gathered) -> list[Trial]:
+def _trials(found: CandidateInformation) -> list[Trial]:
     """Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean."""
     if len(found.halves):
         return [Trial(way[side], way[1 - side]) for way in found.halves for side in (0, 1)]

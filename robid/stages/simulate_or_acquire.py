@@ -22,7 +22,7 @@ from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.settings.truth import true_robot_of
-from robid.simulate.experiment import Experiment, simulate, with_settled_steps
+from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
 from robid.stages.acquire import acquire_configuration, acquire_shots
@@ -72,7 +72,7 @@ def _shots(count: int, period_s: float, notes: Sequence[str]) -> str:
 @dataclass(frozen=True)
 class _Task:
     parts: Parts
-    experiment: Experiment
+    experiment: SimulatedExperiment
     configuration: FloatArray
     index: int
     threads: int
@@ -145,9 +145,9 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
 
 def simulated_experiment(
     loaded: LoadedExperiment, campaign: Campaign, options: SimulateOptions, content: CampaignExcitation
-) -> Experiment:
+) -> SimulatedExperiment:
     """Returns what is simulated in each configuration of a campaign, on its true robot."""
-    return Experiment(
+    return SimulatedExperiment(
         robot=true_robot_of(loaded.robot, campaign.payload_kg, options.truth),
         controller=require_controller(loaded),
         options=options,
@@ -160,7 +160,7 @@ def simulated_experiment(
     )
 
 
-def simulated_truth(experiment: Experiment, delay_s: float) -> TrueRobot:
+def simulated_truth(experiment: SimulatedExperiment, delay_s: float) -> TrueRobot:
     """Returns the true robot of a simulated campaign.
 
     Args:

@@ -22,7 +22,7 @@ from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
-from robid.settings.slices import to_plain
+from robid.settings.slices import plain_settings
 from robid.settings.study import FrfStudy
 from robid.stages.replacing import check_replaceable, settings_files
 from robid.stages.report import write_page
@@ -104,7 +104,7 @@ def _provenance(run: Run, hashes: dict[str, str], started: str) -> Provenance:
     settings: dict[str, Any] = {
         "name": run.loaded.experiment.name,
         "robot.name": run.loaded.robot.name,
-        "study": to_plain(run.loaded.experiment.study),
+        "study": plain_settings(run.loaded.experiment.study),
         "tasks": sorted(hashes),
     }
     return Provenance(

@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.model_error import ModelError
 from robid.fit.solution import Solution
-from robid.validation.doubt import CAUSES, Doubt, plain
+from robid.validation.doubt import CAUSES, Doubt, two_digits
 
 TRUST, PREDICTS, DO_NOT_USE = 2, 1, 0
 WORDS = {
@@ -137,7 +137,9 @@ def _doubtful(solution: Solution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
     """Why single parameters may be off by more than their intervals say."""
     found = [doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1]
     if solution.misfit > _MISFIT_LIMIT:
-        found.append(f"the residual costs {plain(solution.misfit)} times what noise and the assumed model error allow")
+        found.append(
+            f"the residual costs {two_digits(solution.misfit)} times what noise and the assumed model error allow"
+        )
     error = solution.model_error
     if error is not None:
         above, correlated = telling_shares(error)

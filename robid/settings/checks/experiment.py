@@ -15,7 +15,7 @@ from robid.settings.checks.logs import check_channels, check_logs
 from robid.settings.checks.truth import check_truth
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import Families, FitSettings
-from robid.settings.problems import Problem, problem_at, suggest
+from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import Document, FieldPath
 
@@ -32,7 +32,7 @@ def check_experiment(
     robot: RobotFile | None,
     families: Families,
     check_study: StudyCheck | None = None,
-) -> list[Problem]:
+) -> list[SettingsProblem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
     found: list[Iterable[tuple[FieldPath, str]]] = [
         _folders(experiment),

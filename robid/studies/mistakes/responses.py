@@ -24,9 +24,9 @@ from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.settings.robot_parts import delay_s
-from robid.settings.slices import to_plain
+from robid.settings.slices import plain_settings
 from robid.settings.study import Mistake
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.studies.mistakes.mistaken import changed_simulation, mistaken_record, mistaken_robot
 from robid.studies.mistakes.study import Case, campaigns_of, cases, read_with, study_of, subjects
@@ -49,7 +49,7 @@ class Measured:
     """
 
     name: str
-    experiment: Experiment
+    experiment: SimulatedExperiment
     configurations: FloatArray
     estimators: Mapping[str, Estimator]
     nominal: Robot
@@ -110,12 +110,12 @@ def _measured(
     reference = hashlib.sha256(np.ascontiguousarray(experiment.reference).tobytes()).hexdigest()
     decides = {
         **simulation_settings(loaded, campaign),
-        "source": to_plain(options),
+        "source": plain_settings(options),
         "reference": reference,
         "configurations": content.configurations.tolist(),
         "excited_lines": content.excitation.excited_lines.tolist(),
         "detection_lines": content.excitation.detection_lines.tolist(),
-        "estimate": to_plain(campaign.estimate),
+        "estimate": plain_settings(campaign.estimate),
     }
     nominal, delay = loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
     return Measured(name, experiment, content.configurations, estimators, nominal, delay), decides
@@ -180,7 +180,7 @@ def _inside(named: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     return ((name.removeprefix(prefix), value) for name, value in named.items() if name.startswith(prefix))
 
 
-def read_truth(held: Artifact) -> dict[str, float]:
+def read_true_values(held: Artifact) -> dict[str, float]:
     """Returns the true values by name."""
     names, values = (held.datasets[key].values.tolist() for key in ("truth_names", "truth"))
     return dict(zip(names, values, strict=True))

@@ -11,7 +11,7 @@ from robid.families.files import load_experiment
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field
-from robid.settings.slices import to_plain
+from robid.settings.slices import plain_settings
 from robid.settings.study import Mistake, MistakesStudy
 from robid.studies.mistakes.check import fit_problem, mistake_problems
 
@@ -142,4 +142,4 @@ def cases(run: Run) -> list[Case]:
 def read_with(mistake: Mistake) -> dict[str, Any]:
     """Returns what of a mistake decides its response beyond what is simulated."""
     keys = ("torque_factor", "angle_factor", "swapped", "delay_samples", "gear_ratio_factor", "friction_factor")
-    return {key: to_plain(getattr(mistake, key)) for key in keys}
+    return {key: plain_settings(getattr(mistake, key)) for key in keys}

@@ -18,9 +18,9 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.frf.estimate import estimate_frf
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
-from robid.settings.slices import to_plain
+from robid.settings.slices import plain_settings
 from robid.settings.study import ZimmermannStudy
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.paper import paper_figures
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
@@ -32,7 +32,7 @@ from robid.studies.tasks import Content, Task
 class Measurement:
     """One configuration of a campaign: simulated, and its response estimated."""
 
-    experiment: Experiment
+    experiment: SimulatedExperiment
     configuration: FloatArray
     index: int
     estimator: Estimator
@@ -105,7 +105,7 @@ def _campaign_tasks(run: Run, name: str) -> list[Task]:
         "reference": hashlib.sha256(reference.tobytes()).hexdigest(),
         "excited_lines": excitation.excitation.excited_lines.tolist(),
         "detection_lines": excitation.excitation.detection_lines.tolist(),
-        "estimate": to_plain(campaign.estimate),
+        "estimate": plain_settings(campaign.estimate),
         **simulation_settings(run.loaded, campaign),
     }
     threads = run.workers if run.backend == "serial" else 1

@@ -9,7 +9,7 @@ from robid.families.files import load_experiment
 from robid.fit.options import ElasticOptions, Weights
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Configurations, Design, Execution
-from robid.settings.slices import settings_hash, settings_slice, to_plain
+from robid.settings.slices import plain_settings, settings_hash, settings_slice
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -65,7 +65,7 @@ def test_slices_hold_what_was_asked_for_under_the_files_names():
 def test_hash_depends_on_content_and_not_on_order_or_number_form():
     loaded = load_experiment(CONFIGS / "kr300.yaml")
     excitation = loaded.experiment.campaigns["estimation"].excitation
-    plain = to_plain(excitation)
+    plain = plain_settings(excitation)
     assert settings_hash(excitation) == settings_hash(dict(reversed(plain.items())))
     assert settings_hash(excitation) != settings_hash({**plain, "seed": plain["seed"] + 1})
     # `period_s: 5` and `period_s: 5.0` are the same setting.

@@ -17,7 +17,7 @@ from robid.robot.response import nominal_parameters, response
 from robid.settings.load import load_robot
 from robid.signals.multisine import multisine, time_signal
 from robid.simulate.controller import Cascade, angle_reference, frequency_response
-from robid.simulate.experiment import Experiment, measure, simulate
+from robid.simulate.experiment import SimulatedExperiment, measure, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions, Truth
 
 ROBOT_FILE = Path(__file__).parents[3] / "configs" / "robots" / "kr300.yaml"
@@ -38,7 +38,7 @@ def experiment(robot=None, *, period_s=2.0, rms=5.0, count=25, inject="speed_ref
     amplitude = np.full((n_motor, lines.size), rms * np.sqrt(2 / lines.size))
     phase = np.random.default_rng(5).uniform(0, 2 * np.pi, (realizations, n_motor, lines.size))
     reference = time_signal(multisine(amplitude, phase), lines, n_sample)
-    return Experiment(
+    return SimulatedExperiment(
         robot=robot,
         controller=controller,
         options=SimulateOptions(**options),

@@ -18,7 +18,7 @@ from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.truth import true_robot
 from robid.validation.plausible import data_doubts, evidence_doubts
 from robid.validation.plausible_evidence import gather_evidence, join_evidence
@@ -318,7 +318,7 @@ def simulated(seed, *, friction=1.0, rms=8.0):
     joints = [
         replace(joint, motor=replace(joint.motor, friction=law)) for joint, law in zip(true.joints, laws, strict=True)
     ]
-    experiment = Experiment(
+    experiment = SimulatedExperiment(
         robot=replace(true, joints=tuple(joints)),
         controller=controller,
         options=options,
