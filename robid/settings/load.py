@@ -13,9 +13,9 @@ from robid.settings.checks.robot import check_robot
 from robid.settings.checks.robot_missing import missing_keys
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
+from robid.settings.plain import plain_settings
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile
-from robid.settings.slices import plain_settings
 from robid.settings.yaml import Document, load_yaml
 
 

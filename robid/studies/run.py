@@ -22,7 +22,7 @@ from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
-from robid.settings.slices import plain_settings
+from robid.settings.plain import plain_settings
 from robid.settings.study import FrfStudy
 from robid.stages.replacing import check_replaceable, settings_files
 from robid.stages.report import write_page

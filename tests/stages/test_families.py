@@ -19,7 +19,7 @@ from robid.families.family import Family
 from robid.families.files import experiment_schema, load_experiment
 from robid.families.known import FAMILIES
 from robid.pipeline import graph
-from robid.settings.slices import plain_settings
+from robid.settings.plain import plain_settings
 from toy_family import INERTIA
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)

@@ -6,7 +6,7 @@ import pytest
 
 from robid.families.files import load_experiment
 from robid.pipeline import graph
-from robid.settings.slices import plain_settings
+from robid.settings.plain import plain_settings
 
 PLAYED = (
     *("inject", "rms", "amplitude", "phase_iterations", "phase_starts", "crest_at", "limit_share"),

@@ -183,29 +183,6 @@ def design_configurations(
     )
 
 
-def next_configuration(matrices: FloatArray, prior: FloatArray, parameter_names: tuple[str, ...]) -> FloatArray:
-    """What each candidate would add to what is known: measure the one that adds most.
-
-    Args:
-        matrices (n_conf, n_param, n_param): Information of each candidate about the log-parameters, or
-            (n_draw, n_conf, n_param, n_param) under draws of the parameters.
-        prior (n_param, n_param): Information known beforehand.
-        parameter_names: Names of the parameters.
-
-    Returns:
-        Gain of `log det` (n_conf,), its mean over the draws.
-
-    Raises:
-        DataError: If the information is not finite, or what is known leaves a combination of parameters unseen.
-    """
-    draws = matrices if matrices.ndim == 4 else matrices[None]
-    check_finite(draws)
-    remedy = "Choose configurations without prior first, or fix one of the named parameters in each combination."
-    scale = checked_scale(prior, parameter_names, "the earlier experiments", remedy)
-    unit = scale[:, None] * scale
-    return _gain(draws[:, :, None] / unit, np.repeat(prior[None, None] / unit, len(draws), axis=0), len(prior))
-
-
 def _plan(
     draws: FloatArray,
     known: FloatArray,

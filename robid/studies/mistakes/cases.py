@@ -21,8 +21,8 @@ from robid.frf.frf import Frf
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.slices import plain_settings
 from robid.settings.study import Mistake
 from robid.studies.mistakes.grades import GRADING, Against, against_truth, refused_causes
 from robid.studies.mistakes.mistaken import mistaken_robot, mistaken_truth

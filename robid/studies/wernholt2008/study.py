@@ -23,8 +23,8 @@ from robid.frf.residual import EstimatorKind
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.slices import plain_settings
 from robid.settings.study import WernholtStudy
 from robid.studies.paper import paper_figures
 from robid.studies.tasks import Content, Task

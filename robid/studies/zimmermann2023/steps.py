@@ -14,8 +14,8 @@ from robid.fit.fitted_robot import with_estimates
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import require_controller, robot_settings
-from robid.settings.slices import plain_settings
 from robid.settings.truth import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.stages.configurations import draw_in_reach

@@ -18,7 +18,7 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.frf.estimate import estimate_frf
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
-from robid.settings.slices import plain_settings
+from robid.settings.plain import plain_settings
 from robid.settings.study import ZimmermannStudy
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
