@@ -62,7 +62,6 @@ def play(
     configuration: FloatArray,
     index: int,
     motion: Playback,
-    threads: int = 1,
 ) -> Played:
     """Plays motor motions from rest, feedback around the feed-forward, one simulation each.
 
@@ -73,7 +72,6 @@ def play(
         configuration (n_joint,): Arm-side angles that the encoders show at rest [rad].
         index: The configuration's index, which seeds its noise.
         motion: What the controller is told to do.
-        threads: Simulation threads; the result does not depend on them.
 
     Returns:
         Tool positions and torques at the controller's samples.
@@ -89,7 +87,7 @@ def play(
     model, flaws = true_model(robot, controller, options, sensors=True), options.imperfections
     rest = solve_statics(model, configuration[None])
     n_time, n_sim, n_motor = motion.angle.shape
-    batch = Batch(model.mujoco, n_sim, nthread=threads)
+    batch = Batch(model.mujoco, n_sim, nthread=1)
     batch.qpos[:] = rest.position
     limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])
     shown = measure(model.motor_angles(batch.qpos), np.zeros((n_sim, n_motor)), flaws)

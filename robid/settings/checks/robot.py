@@ -40,9 +40,9 @@ def check_robot(
     return [problem_at(document, field, message) for field, message in found]
 
 
-def check_springs(robot: RobotFile, immobile: Mapping[str, str] | None = None) -> Iterator[tuple[FieldPath, str]]:
+def check_springs(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     """Yields what is wrong with the springs of a robot file: names, places, and what splits leave of a link."""
-    yield from _springs(robot, immobile or {})
+    yield from _springs(robot, {})
     yield from _splits(robot)
     yield from _values(robot)
     yield from _names(robot)
