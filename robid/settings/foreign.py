@@ -16,7 +16,8 @@ from robid.robot.foreign import ForeignModel, read_model
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_sections import Body, Frame, InertiaTensor, JointSection, MotorSection, SpringSection, moved
+from robid.settings.robot_frames import Frame
+from robid.settings.robot_sections import Body, InertiaTensor, JointSection, MotorSection, SpringSection, moved
 from robid.settings.yaml import Document, FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
