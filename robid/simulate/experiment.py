@@ -170,7 +170,7 @@ class _Run:
         steps = self._experiment.options.steps_per_sample or 1
         further = self._generator.standard_normal((*torque.shape[:2], len(self.names))) * self._sensor_noise
         for sample in range(torque.shape[0]):
-            measured = measure(qpos[:, self._motor] * self._turns, noise[sample], flaws)
+            measured = encoder_readings(qpos[:, self._motor] * self._turns, noise[sample], flaws)
             command = self._cascade.command(measured, self._angle[sample], self._speed[sample])
             command = command + self._torque[sample]
             angle[sample, :, : self._motor.size], torque[sample] = measured, command
@@ -186,7 +186,7 @@ class _Run:
                 batch.step(nstep=steps - 1)
 
 
-def measure(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:
+def encoder_readings(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:
     """Returns what the encoders show: resolver error, noise and quantisation on the true angle [rad]."""
     shown = angle + noise
     if flaws.resolver_error_rad:

@@ -51,7 +51,7 @@ def run(job: Job) -> str:
         choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
     choice = replace(choice, cost_s=cost, stability=repeated, joint_units=job.loaded.robot.joint_units)
     write_artifact(job.output, design_to_artifact(choice, job.provenance(STAGE.name)))
-    return figures(choice)
+    return choice_phrase(choice)
 
 
 def _trials(found: CandidateInformation) -> list[Trial]:
@@ -62,7 +62,7 @@ def _trials(found: CandidateInformation) -> list[Trial]:
     return [Trial(draw, mean) for draw in found.matrices] if len(found.matrices) > 1 else []
 
 
-def figures(choice: ConfigurationDesign) -> str:
+def choice_phrase(choice: ConfigurationDesign) -> str:
     """Says what was chosen, in a phrase."""
     deviation = 100 * float(np.median(choice.predicted_relative_std))
     worth = f"{choice.criterion.upper()}-efficiency {percent(choice.efficiency)}"
@@ -77,7 +77,7 @@ def figures(choice: ConfigurationDesign) -> str:
 
 def phrase(output: Path) -> str:
     """Says what a design chose, in a phrase."""
-    return figures(design_from_artifact(read_artifact(output, DESIGN)))
+    return choice_phrase(design_from_artifact(read_artifact(output, DESIGN)))
 
 
 def show(output: Path) -> Group:

@@ -51,10 +51,10 @@ def phrase(output: Path) -> str:
     period_s = shape[4] * found["attributes"]["sampling_period_s"]
     if found["datasets"]["excited_lines"]["shape"] == [0]:
         return _shots(shape[1], period_s, found["datasets"]["notes"].get("values", ()))
-    return figures(shape, period_s)
+    return record_phrase(shape, period_s)
 
 
-def figures(shape: Sequence[int], period_s: float) -> str:
+def record_phrase(shape: Sequence[int], period_s: float) -> str:
     """Says what was recorded, in a phrase, from the shape of the torque."""
     n_conf, n_real, n_exp, n_period = shape[:4]
     duration_s = n_conf * n_real * n_exp * n_period * period_s
@@ -111,7 +111,7 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
     tasks = [_LogTask(parts, campaign, acquire, content, index, folder, units) for index in todo]
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
     parts.merge(n_conf, job.provenance(STAGE.name))
-    return figures((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
+    return record_phrase((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
 
 
 def _acquire_shots(job: Job) -> str:
@@ -140,7 +140,7 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     n_real, n_exp, n_sample, _ = experiment.reference.shape
     period_s = n_sample * experiment.controller.sampling_period_s
     said = f"{counted(steps.count, 'RK4 step')} per sample ({steps.reason})"
-    return f"{figures((n_conf, n_real, n_exp, experiment.periods), period_s)}, {said}"
+    return f"{record_phrase((n_conf, n_real, n_exp, experiment.periods), period_s)}, {said}"
 
 
 def simulated_experiment(

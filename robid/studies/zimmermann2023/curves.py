@@ -21,7 +21,7 @@ _MOST = 7
 _MM = 1e3
 
 
-def cost_section(found: Found) -> Section:
+def model_cost_section(found: Found) -> Section:
     """Fig. 3: sorted costs of every model, averaged over the individuals."""
     names, figures = list(found.models), []
     for part in (names[:_MOST], names[_MOST:]):
@@ -69,7 +69,7 @@ def _response(title: str, frequency_hz: FloatArray, curves: Mapping[str, FloatAr
     return Figure(title, "Frequency [Hz]", "Magnitude [rad/(s² N m)]", drawn)
 
 
-def parameter_section(found: Found) -> Section:
+def spring_section(found: Found) -> Section:
     """Fig. 5: springs over the truth, with two predicted deviations, of the first individual."""
     figures = []
     for name, one in found.models.items():
