@@ -13,7 +13,7 @@ from robid.artifacts.leftovers import remove_leftovers
 from robid.errors import DataError, RobidError, SettingsError
 from robid.stages.chain import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
 from robid.stages.chain.report import report_stage
-from robid.stages.freshness import State, compare, input_hashes
+from robid.stages.freshness import State, input_hashes, state_of_output
 from robid.stages.replacing import check_outputs
 from robid.stages.stage import Job, Plan, Stage, check_room
 
@@ -134,7 +134,7 @@ def _settle(run: Run, node: Node, states: dict[str, State]) -> State:
             "missing", f"{gone[0]} has a problem: {above[gone[0]].problem or above[gone[0]].why}", blocked=True
         )
     else:
-        state = compare(
+        state = state_of_output(
             node.stage, node.plan, run.folder, {path: state for path, state in above.items() if not state.blocked}
         )
     states.update(dict.fromkeys(node.plan.outputs, state))

@@ -8,7 +8,7 @@ import numpy as np
 from robid.design.excitation.lines import choose_lines
 from robid.families.files import load_experiment
 from robid.signals.multisine import multisine, time_signal
-from robid.simulate.experiment import Experiment
+from robid.simulate.experiment import SimulatedExperiment
 from robid.simulate.truth import true_robot
 
 LOADED = load_experiment(Path(__file__).parents[1] / "configs/kr300.yaml")
@@ -29,7 +29,7 @@ def default_experiment(period_s, periods):
     level = np.broadcast_to(excitation.rms, n_motor) * np.sqrt(2 / lines.size)
     phases = generator.uniform(0, 2 * np.pi, (CAMPAIGN.realizations, n_motor, lines.size))
     spectrum = multisine(np.tile(level[:, None], lines.size), phases)
-    return Experiment(
+    return SimulatedExperiment(
         robot=true_robot(ROBOT, options.truth),
         controller=LOADED.robot.controller,
         options=options,

@@ -120,22 +120,19 @@ def write_header(file: h5py.File, header: Header, attributes: Mapping[str, Attri
     set_attributes(file.create_group(_ATTRIBUTES), attributes)
 
 
-def read_artifact(
-    path: Path, kind: Kind, *, row: int | None = None, verify: bool = True, leave_out: Collection[str] = ()
-) -> Artifact:
+def read_artifact(path: Path, kind: Kind, *, row: int | None = None, leave_out: Collection[str] = ()) -> Artifact:
     """Reads an artifact of a known kind.
 
     Args:
         path: The file.
         kind: The kind it must be of.
         row: Read this configuration alone, its axis kept; memory and time do not depend on how many there are.
-        verify: Compare what is read with its hash.
         leave_out: Datasets not to read.
 
     Raises:
         ArtifactError: If the file is missing, damaged, of another kind or of an unknown version.
     """
-    header, (attributes, datasets) = _read(path, kind, partial(_content, row=row, verify=verify, leave_out=leave_out))
+    header, (attributes, datasets) = _read(path, kind, partial(_content, row=row, leave_out=leave_out))
     return Artifact(replace(kind, version=header.version), datasets, attributes, header.provenance)
 
 
@@ -155,7 +152,7 @@ def kind_of(path: Path) -> str:
 
 def read_outline(path: Path, kind: Kind) -> Outline:
     """Reads all that does not grow with the number of configurations; see `read_artifact` for errors."""
-    return _read(path, kind, partial(_outline, verify=True))[1]
+    return _read(path, kind, _outline)[1]
 
 
 def check_artifact(path: Path, kind: Kind) -> None:
@@ -233,41 +230,41 @@ def _check_kind(path: Path, kind: Kind, header: Header) -> None:
         )
 
 
-def _outline(file: h5py.File, header: Header, *, verify: bool) -> Outline:
+def _outline(file: h5py.File, header: Header) -> Outline:
     labels = {name: read_label(dataset) for name, dataset in find_datasets(file).items()}
     attributes = get_attributes(file[_ATTRIBUTES])
-    if verify and content_hash(header.kind, attributes, labels) != header.content_sha256:
+    if content_hash(header.kind, attributes, labels) != header.content_sha256:
         raise ValueError(_MISMATCH)
     alone = {name: label for name, label in labels.items() if not label.by_row}
-    return Outline(attributes, labels, {name: _values(file, name, label, verify) for name, label in alone.items()})
+    return Outline(attributes, labels, {name: _values(file, name, label) for name, label in alone.items()})
 
 
-def _values(file: h5py.File, name: str, label: Label, verify: bool, row: int | None = None) -> NDArray[Any]:
+def _values(file: h5py.File, name: str, label: Label, row: int | None = None) -> NDArray[Any]:
     values = read_values(file[name], label, row)
-    if verify and not matches(label if row is None else label.row(row), values):
+    if not matches(label if row is None else label.row(row), values):
         raise ValueError(_MISMATCH)
     return values
 
 
 def _content(
-    file: h5py.File, header: Header, *, row: int | None, verify: bool, leave_out: Collection[str]
+    file: h5py.File, header: Header, *, row: int | None, leave_out: Collection[str]
 ) -> tuple[dict[str, Attribute], dict[str, Dataset]]:
-    outline = _outline(file, header, verify=verify)
+    outline = _outline(file, header)
     if row is not None and not 0 <= row < outline.n_rows:
         raise IndexError(f"There is no row {row} of {outline.n_rows}.")
     datasets = {}
     for name, label in outline.labels.items():
         if name in leave_out:
             continue
-        values = _values(file, name, label, verify, row) if label.by_row else outline.shared[name]
+        values = _values(file, name, label, row) if label.by_row else outline.shared[name]
         datasets[name] = decode(label if row is None else label.row(row), values)
     return outline.attributes, datasets
 
 
 def _check(file: h5py.File, header: Header) -> None:
-    for name, label in _outline(file, header, verify=True).labels.items():
+    for name, label in _outline(file, header).labels.items():
         for row in range(file[name].shape[0] if label.by_row else 0):
-            _values(file, name, label, True, row)
+            _values(file, name, label, row)
 
 
 def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict[str, dict[str, Any]]]:

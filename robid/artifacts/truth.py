@@ -33,7 +33,7 @@ def read_truth(path: Path, record: Path) -> TrueRobot:
     Raises:
         ArtifactError: If it is missing, damaged, or not the one that the record was simulated with.
     """
-    if not check_truth(path, record):
+    if not check_vouched(path, record):
         raise ArtifactError(
             "The record does not say which truth it was simulated with.",
             where=str(record),
@@ -53,7 +53,7 @@ def _text(truth: TrueRobot) -> bytes:
     return json_text(to_plain(truth)).encode()
 
 
-def check_truth(path: Path, record: Path) -> bool:
+def check_vouched(path: Path, record: Path) -> bool:
     """Refuses a truth that a record does not vouch for; tells whether the record says anything of its truth.
 
     Raises:

@@ -9,7 +9,7 @@ from pathlib import Path
 from robid.artifacts.store import read_header
 from robid.errors import ArtifactError, SettingsError
 from robid.pipeline import STAGES, Node, Run, examine, graph, needed_for
-from robid.stages.freshness import State, compare
+from robid.stages.freshness import State, state_of_output
 from robid.stages.replacing import outputs_at
 
 
@@ -92,4 +92,4 @@ def fresh_at(node: Node, inputs: Mapping[str, Path], output: Path) -> State:
     """Tells whether a file would come out the same if the node's stage wrote it from these inputs."""
     named = {name: str(path) for name, path in inputs.items()}
     moved = replace(node.plan, outputs=tuple(map(str, outputs_at(node.plan, output))), inputs=named)
-    return compare(node.stage, moved, Path(), {str(path): State("fresh") for path in inputs.values()})
+    return state_of_output(node.stage, moved, Path(), {str(path): State("fresh") for path in inputs.values()})

@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 from robid.artifacts.lock import FOLDER_LOCK
 from robid.families.family import Graded
-from robid.families.files import load_experiment
 from robid.pipeline import Result, Run
 from robid.report.numbers import duration
 from robid.stages.terminal import Shell, make_console
+from robid.studies.known import load_with_study
 
 PROBLEM = 5
 _TRUST = 2
@@ -21,7 +21,7 @@ def open_run(
     path: Path, folder: Path | None, backend: Literal["serial", "processes"] | None, workers: int | None
 ) -> Run:
     """Loads an experiment; the backend and the workers are its own where none are given."""
-    loaded = load_experiment(path)
+    loaded = load_with_study(path)
     execution = loaded.experiment.execution
     return Run(
         loaded=loaded,

@@ -10,7 +10,7 @@ from robid.commands.output import print_json
 from robid.commands.shared import make_shell, tell
 from robid.pipeline import Run
 from robid.stages.terminal import section_table
-from robid.studies.study import run_study
+from robid.studies.run import run_study
 
 
 def study_experiment(run: Run, *, force: bool, as_json: bool) -> int:

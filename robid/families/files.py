@@ -8,21 +8,25 @@ from typing import Any
 
 from robid.families.family import Family
 from robid.families.known import FAMILIES
+from robid.settings.checks.experiment import StudyCheck
 from robid.settings.load import LoadedExperiment, load_experiment_of
 from robid.settings.schema import experiment_schema_of
 
 
-def load_experiment(path: Path, families: Mapping[str, Family] | None = None) -> LoadedExperiment:
+def load_experiment(
+    path: Path, families: Mapping[str, Family] | None = None, check_study: StudyCheck | None = None
+) -> LoadedExperiment:
     """Loads an experiment file and the robot file it names, and checks both.
 
     Args:
         path: The experiment file.
         families: The families that its fits may be of, by name; all that there are when None.
+        check_study: Finds what is wrong with the study; a caller that runs none may do without.
 
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
     """
-    return load_experiment_of(FAMILIES if families is None else families, path)
+    return load_experiment_of(FAMILIES if families is None else families, path, check_study)
 
 
 def experiment_schema(families: Mapping[str, Family] | None = None) -> dict[str, Any]:

@@ -1,1 +1,4 @@
-"""Frequency responses. Read `frf`, `estimate`, `blocks`, `local`, then friction: `compensation`, `silent`, `laws`."""
+"""Frequency responses.
+
+Read `frf`, `estimate`, `blocks`, `windows`, `local`, then friction: `compensation`, `silent`, `laws`.
+"""

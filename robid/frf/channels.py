@@ -5,7 +5,7 @@ from __future__ import annotations
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.options import EstimateOptions
-from robid.signals.quantities import DRIVES, Channel, Wanted, describe
+from robid.signals.quantities import DRIVES, Channel, UsableChannels, describe
 from robid.signals.record import Record
 
 
@@ -22,7 +22,7 @@ def to_accelerations(record: Record, options: EstimateOptions) -> bool:
     return options.outputs == "acceleration"
 
 
-def require(frf: Frf, inputs: Wanted, outputs: Wanted, reader: str) -> None:
+def require(frf: Frf, inputs: UsableChannels, outputs: UsableChannels, reader: str) -> None:
     """Refuses a response whose channels are not what its reader can use.
 
     Args:

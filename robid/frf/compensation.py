@@ -11,10 +11,10 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.spectra import line_amplitudes, mean_without_drift
 from robid.signals.friction import KINDS, VALUES, TorqueLaw, friction_torque, periodic_speed
-from robid.signals.quantities import MOTOR_TORQUE, Channel, Wanted, channel_names, describe
+from robid.signals.quantities import MOTOR_TORQUE, Channel, UsableChannels, channel_names, describe
 from robid.signals.record import Record
 
-_MOTOR_ANGLE = Wanted(("angle",), ("motor",))
+_MOTOR_ANGLE = UsableChannels(("angle",), ("motor",))
 _NOISE_CUT = 2.5  # times the highest excited line
 _SHAPE_STEP = 0.05
 

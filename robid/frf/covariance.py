@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.errors import DataError
 
 _STANDS_OUT = 4.0  # standard deviations of a sum of chance correlations
 _FEWEST = 2.0  # degrees of freedom below which inverted variances have no use
@@ -107,48 +106,6 @@ def element_scale(errors: ComplexArray, factor: ComplexArray, total: ComplexArra
     product = rows[:, :, None] * columns[:, None, :]
     ratio = np.divide(sample, product, out=np.ones_like(product), where=product > 0)
     return np.asarray(ratio.mean(axis=0))
-
-
-def sample_covariance(errors: ComplexArray) -> tuple[ComplexArray, float]:
-    """Unstructured covariance of `vec G` over realizations, for comparison with the structured one.
-
-    Args:
-        errors (n_real, n_freq, n_out, n_in): `V_m W_m`, what each realization's residual adds to the response.
-
-    Returns:
-        Covariance (n_freq, n_out n_in, n_out n_in), columns of G stacked, and its complex degrees of freedom,
-        which are its rank.
-    """
-    n_real, n_freq = errors.shape[:2]
-    stacked = np.swapaxes(errors, -1, -2).reshape(n_real, n_freq, -1)
-    freedom = n_real - 1
-    return _outer(stacked.transpose(1, 2, 0)) * n_real / freedom, float(freedom)
-
-
-def inverse_covariance(covariance: ComplexArray, freedom: float, *, name: str = "covariance") -> ComplexArray:
-    """Inverse of an estimated covariance without the bias that few degrees of freedom give it.
-
-    Args:
-        covariance (..., n, n): Estimated covariance, complex Wishart over its degrees of freedom.
-        freedom: Complex degrees of freedom.
-        name: What to call it in the message.
-
-    Returns:
-        `(freedom - n) / freedom` times the inverse (..., n, n), whose mean is the inverse of the true covariance.
-
-    Raises:
-        DataError: If the covariance has no inverse, or its inverse no mean.
-
-    Source:
-        Mean of the inverted complex Wishart distribution; METHODS sec. 4.
-    """
-    size = covariance.shape[-1]
-    if freedom <= size:
-        rank = min(int(freedom), size)
-        message = f"the {name} of size {size} has rank {rank} from {freedom:g} degrees of freedom: no usable inverse"
-        remedy = f"use the structured covariance, or record enough realizations for more than {size} degrees of freedom"
-        raise DataError(message, remedy=remedy)
-    return np.asarray(np.linalg.inv(covariance) * (freedom - size) / freedom)
 
 
 def pool(covariance: ComplexArray, count: int) -> ComplexArray:

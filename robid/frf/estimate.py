@@ -10,7 +10,8 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, NEEDS_SQUARE_BLOCKS, BlockEstimate
+from robid.frf.block_checks import check_blocks, place_of
+from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, BlockEstimate
 from robid.frf.channels import response_channels, to_accelerations
 from robid.frf.checks import check_record, finding_notes, refuse_faults
 from robid.frf.compensation import (
@@ -24,18 +25,16 @@ from robid.frf.compensation import (
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
 from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
 from robid.frf.frf import Frf
-from robid.frf.local import LOCAL, Windows, bin_windows, half_width, line_windows, local_fit
+from robid.frf.local import LOCAL, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
 from robid.frf.transient import robust_blocks
+from robid.frf.windows import Windows, bin_windows, half_width, line_windows
 from robid.signals.friction import TorqueLaw
-from robid.signals.positions import shown
 from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
 """Estimators that look at what was injected, if it was recorded."""
-
-_CONDITION_LIMIT = 1e6
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,7 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
             removed = _removed(source, lines, laws, delay_s)
     if not (np.isfinite(blocks.inputs).all() and np.isfinite(blocks.outputs).all()):
         message = "the record holds NaN or infinite samples"
-        raise DataError(message, where=_where(record), remedy="acquire the record again")
+        raise DataError(message, where=place_of(record), remedy="acquire the record again")
     return _Spectra(_without(blocks, removed), removed, silent, windows)
 
 
@@ -185,7 +184,7 @@ def _without(blocks: Blocks, removed: Disturbance) -> Blocks:
 def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _Found:
     """An estimate whose blocks each excite every input; its covariance is that of the realizations."""
     blocks = spectra.blocks
-    _check_blocks(record, blocks, options.estimator)
+    check_blocks(record, blocks, options.estimator)
     estimate = ESTIMATORS[options.estimator](blocks)
     residual = blocks.outputs - estimate.response @ blocks.inputs
     total, freedom = total_covariance(residual, blocks.inputs.shape[2], options.pooled_lines)
@@ -210,50 +209,6 @@ def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
     if spectra.windows is None:
         return ESTIMATORS[options.estimator](measured).response
     return local_fit(measured, spectra.windows, options).response
-
-
-def _where(record: Record) -> str:
-    configuration = record.require_periods("A frequency response")[0]
-    return f"configuration at {shown(configuration, record.joint_units)}"
-
-
-def _check_blocks(record: Record, blocks: Blocks, estimator: str) -> None:
-    n_real, _, n_in, n_exp = blocks.inputs.shape
-    square = estimator in NEEDS_SQUARE_BLOCKS
-    if n_exp != n_in if square else n_real * n_exp < n_in:
-        message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
-        remedy = "record as many experiments per realization as there are motors, or use the estimator `local_periodic`"
-        raise DataError(message, where=_where(record), remedy=remedy)
-    condition = _condition(blocks.inputs, square=square)
-    worst = int(np.argmax(condition))
-    if condition[worst] > _CONDITION_LIMIT:
-        frequency = record.frequency_hz[worst]
-        message = f"the experiments do not excite every motor at {frequency:.3g} Hz (condition {condition[worst]:.1e})"
-        remedy = "excite all motors, or check that the lines are those played"
-        raise DataError(message, where=_where(record), remedy=remedy)
-    if estimator in NEEDS_REFERENCE:
-        _check_reference(record, blocks, estimator)
-
-
-def _check_reference(record: Record, blocks: Blocks, estimator: str) -> None:
-    if blocks.reference is None:
-        remedy = "choose `logarithmic`, or import what was injected with the log"
-        raise DataError(
-            f"estimator `{estimator}` needs the reference, which the record lacks", where=_where(record), remedy=remedy
-        )
-    lost = ~(_condition(blocks.reference, square=estimator in NEEDS_SQUARE_BLOCKS) < _CONDITION_LIMIT)
-    if lost.any():
-        frequency = record.frequency_hz[int(np.argmax(lost))]
-        message = f"estimator `{estimator}`: the reference does not excite every motor at {frequency:.3g} Hz"
-        raise DataError(message, where=_where(record), remedy="choose `logarithmic`, or check the imported reference")
-
-
-def _condition(inputs: ComplexArray, *, square: bool) -> FloatArray:
-    """Condition (n_freq,) of the worst of the blocks (n_real, n_freq, n_in, n_exp), or of all of them together."""
-    if square:
-        return np.asarray(np.linalg.cond(inputs, 1).max(axis=0))
-    power = (inputs @ np.swapaxes(inputs, -1, -2).conj()).sum(axis=0)
-    return np.asarray(np.sqrt(np.linalg.cond(power, 1)))
 
 
 def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:

@@ -7,13 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.signals.friction import TorqueLaw
-
-COEFFICIENTS = ("coulomb", "breakaway", "stribeck", "presliding", "lag", "ripple_sin", "ripple_cos")
-"""Coulomb level [N m], excess of breakaway over it, logarithms of Stribeck speed and of presliding deflection or
-smoothing speed, lag [samples], ripple over its amplitude."""
 
 _MIN_EXPLAINED = 0.5
 _SIGNIFICANT = 2.0  # friction as strong as the noise
@@ -24,10 +20,10 @@ class LawEstimate:
     """Torque laws of all motors as one configuration shows them.
 
     Attributes:
-        values (n_in, 7): The values of `COEFFICIENTS`.
+        values (n_in, 7): Coulomb level [N m], excess of breakaway over it, logarithms of Stribeck speed and of
+            presliding deflection or smoothing speed, lag [samples], ripple's sine and cosine over its amplitude.
         covariance (n_in, 7, 7): Their covariance, robust against errors that all experiments share at a line.
         form_deviation (n_in, 7): Their deviations if all that the law leaves were the error of its form.
-        bristle (n_in,): Whether the law has memory.
         explained (n_in,): Share of the silent lines' torque above noise that the law explains.
         significance (n_in,): Silent lines' torque power over that of noise; infinite without a noise estimate.
         form_share (n_in,): Share of what the law leaves there that is not noise: the error of the law's form.
@@ -37,7 +33,6 @@ class LawEstimate:
     values: FloatArray
     covariance: FloatArray
     form_deviation: FloatArray
-    bristle: BoolArray
     explained: FloatArray
     significance: FloatArray
     form_share: FloatArray
@@ -130,7 +125,7 @@ def _distance(law: TorqueLaw, stated: TorqueLaw) -> TorqueLaw:
 
 
 def values_of(laws: Sequence[TorqueLaw]) -> FloatArray:
-    """The values (n_in, 7) of `COEFFICIENTS` of some laws with friction."""
+    """The values (n_in, 7) of some laws with friction, as `LawEstimate` has them."""
     return np.array(
         [
             [

@@ -120,7 +120,7 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
     solved = [_step(error[:, :, m], derivative[:, :, :, m], 0 * origin[m]) for m in range(len(values))]
     covariance, form = (np.array(part) for part in list(zip(*solved, strict=True))[1:])
     form_share = np.maximum(after - noise, 0) / np.maximum(after, np.finfo(float).tiny)
-    return LawEstimate(values, covariance, form, bristle, explained, significance, form_share, _torque_peak(record))
+    return LawEstimate(values, covariance, form, explained, significance, form_share, _torque_peak(record))
 
 
 def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampling: int = 2) -> _Silent:

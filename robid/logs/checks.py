@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError, SettingsError
@@ -13,6 +17,8 @@ from robid.signals.quantities import INJECTED, units_of
 
 _SHOWN = 8
 """How many names or runs of lines a message lists."""
+
+_STILL = "Constant in"
 
 _JITTER = 0.05
 """Largest deviation of a time step from the sampling period, relative, that still counts as regular."""
@@ -73,6 +79,29 @@ def _channels(mapping: LogMapping) -> list[str]:
         names = [channel.name for channel in group]
         problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     return problems
+
+
+def still_note(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
+    """Names the channels of one shot that never change: their joints stood still, or they were not connected.
+
+    Raises:
+        DataError: If no output changes, so that nothing moved.
+    """
+    outputs: list[LogChannel] = [*mapping.outputs]
+    still = [one for one in (*mapping.inputs, *outputs, *mapping.references) if np.ptp(columns[one.variable]) == 0]
+    if all(channel in still for channel in outputs):
+        raise DataError(
+            "No output changes: nothing moved.",
+            where=str(mapping.file),
+            remedy="Check that the channels were connected and that their variables are the right ones.",
+        )
+    told = ", ".join(f"`{channel.variable}` ({columns[channel.variable][0]:g})" for channel in still)
+    return (f"{_STILL} {mapping.file.name}: {told}; right only where these joints stood still.",) if still else ()
+
+
+def is_still_note(note: str) -> bool:
+    """Whether a note of a record names channels that never change."""
+    return note.startswith(_STILL)
 
 
 def check_time(mapping: LogMapping, variable: str, stamps: FloatArray, to_seconds: float) -> list[DataError]:

@@ -33,7 +33,10 @@ def read_columns(mapping: LogMapping, variables: Mapping[str, Any]) -> tuple[dic
 def read_column(
     mapping: LogMapping, variables: Mapping[str, Any], name: str
 ) -> tuple[NDArray[Any] | None, list[DataError]]:
-    """Returns a variable as a real column of finite, changing numbers, or why it is none."""
+    """Returns a variable as a real column of finite numbers, or why it is none.
+
+    A channel that never changes cannot have been excited; in one shot its joint may have stood still.
+    """
     where = f"{mapping.file}: variable `{name}`"
     try:
         raw = np.asarray(find_variable(variables, name))
@@ -55,7 +58,7 @@ def read_column(
         what = f"{len(bad)} of {len(column)} values are NaN or infinite, the first at sample {bad[0]}."
         remedy = "Record again, or cut the log to whole periods without them."
         return column, [DataError(what, where=f"{where}, sample {bad[0]}", remedy=remedy)]
-    if np.ptp(column) == 0:
+    if np.ptp(column) == 0 and not mapping.one_shot:
         remedy = "Check that the channel was connected and that the variable is the right one."
         return column, [DataError(f"It is constant ({column[0]:g}).", where=where, remedy=remedy)]
     return column, []

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import check_count, check_mapping, check_period, check_shot, check_time
+from robid.logs.checks import check_count, check_mapping, check_period, check_shot, check_time, still_note
 from robid.logs.columns import check_lengths, read_columns
 from robid.logs.files import load_variables
 from robid.logs.mapping import LogMapping
-from robid.logs.match import Played, check_size, explain_mismatch, find_periods
+from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
 from robid.signals.log_channels import LogChannel
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
@@ -30,7 +30,7 @@ def import_log(
     excited_lines: IntArray,
     configurations: FloatArray,
     detection_lines: IntArray | None = None,
-    played: Played | None = None,
+    played: PlayedExcitation | None = None,
 ) -> Record:
     """Imports one realization of one experiment in one configuration.
 
@@ -74,7 +74,8 @@ def import_log(
 def import_shot(mapping: LogMapping) -> Record:
     """Imports a log that does not repeat, all of its samples, whatever was played.
 
-    The record has no excited lines and no configuration to rest in; the references are those of the log.
+    The record has no excited lines and no configuration to rest in; the references are those of the log. Channels
+    may be constant, as those of a joint that stands still: a note names them.
 
     Args:
         mapping: File, channels, units and sampling period.
@@ -86,12 +87,13 @@ def import_shot(mapping: LogMapping) -> Record:
     check_shot(mapping)
     columns, problems = _read(mapping)
     _raise(mapping.file, problems)
+    still = still_note(mapping, columns)
     record = _sampled(mapping, columns, slice(None), 1)
     if mapping.references:
         reference = _signal(mapping.references, columns, slice(None))[None, None, None]
         channels = tuple(channel.channel for channel in mapping.references)
         record = replace(record, reference=reference, reference_channels=channels)
-    return replace(record, notes=tuple(_notes(mapping)))
+    return replace(record, notes=(*_notes(mapping), *still))
 
 
 def join_shots(records: list[Record]) -> Record:
@@ -201,7 +203,7 @@ def _place(
 
 
 def _match(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], played: Played, periods: int, lines: IntArray
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], played: PlayedExcitation, periods: int, lines: IntArray
 ) -> tuple[int, list[DataError], list[str]]:
     """First sample that is used, where the logged references show which periods were played."""
     names = tuple(channel.name for channel in mapping.references)
@@ -231,7 +233,7 @@ def _match(
 
 
 def _unmatched(
-    mapping: LogMapping, logged: FloatArray, played: Played, periods: int, lines: IntArray
+    mapping: LogMapping, logged: FloatArray, played: PlayedExcitation, periods: int, lines: IntArray
 ) -> list[DataError]:
     """Says why a log does not hold the periods that are needed."""
     names = tuple(channel.name for channel in mapping.references)
@@ -253,7 +255,7 @@ def _unmatched(
     return [DataError(what, where=where, remedy=remedy)]
 
 
-def _played_channels(mapping: LogMapping, played: Played) -> tuple[Channel, ...]:
+def _played_channels(mapping: LogMapping, played: PlayedExcitation) -> tuple[Channel, ...]:
     """What the columns of the matched excitation are, in the order of the inputs."""
     return motor_channels((channel.name for channel in mapping.inputs), INJECTED[played.kind])
 

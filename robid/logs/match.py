@@ -25,7 +25,7 @@ _UNITS = {180 / np.pi: "deg for rad", np.pi / 180: "rad for deg", 30 / np.pi: "r
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedExcitation:
     """What was designed for a campaign, and which part of it a log should hold.
 
     Attributes:
@@ -105,7 +105,7 @@ def correlation(logged: FloatArray, period: FloatArray) -> FloatArray:
     return np.asarray(np.where(moving, product / scale, 0.0))
 
 
-def explain_mismatch(logged: FloatArray, played: Played, names: tuple[str, ...]) -> tuple[str, str]:
+def explain_mismatch(logged: FloatArray, played: PlayedExcitation, names: tuple[str, ...]) -> tuple[str, str]:
     """Says what a log holds instead of the expected period, and what to do.
 
     Args:

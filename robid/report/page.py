@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 from importlib import resources
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -28,18 +26,6 @@ _SCRIPTS = (
     "bars.js",
     "skeletons.js",
 )
-
-
-def write_report(path: Path, content: ReportContent) -> None:
-    """Renders a report and puts it in place at once, so that a half-written page is never seen.
-
-    Args:
-        path: Where the page goes; its folder exists.
-        content: What it shows.
-    """
-    partial = path.with_name(f"{path.name}.partial")
-    partial.write_text(render(content), encoding="utf-8")
-    os.replace(partial, path)  # noqa: PTH105
 
 
 def render(content: ReportContent) -> str:

@@ -14,9 +14,10 @@ from robid.robot.chain import ForeignJoint, extract_chain, frame_on_last, order_
 from robid.robot.description import Inertial
 from robid.robot.foreign import ForeignModel, read_model
 from robid.settings.base import DATA_VARIABLE, data_path
-from robid.settings.problems import Problem, problem_at, suggest
+from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_sections import Body, Frame, InertiaTensor, JointSection, MotorSection, SpringSection, moved
+from robid.settings.robot_frames import Frame
+from robid.settings.robot_sections import Body, InertiaTensor, JointSection, MotorSection, SpringSection, moved
 from robid.settings.yaml import Document, FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
@@ -34,7 +35,7 @@ class Completed:
     """
 
     robot: RobotFile
-    problems: list[Problem]
+    problems: list[SettingsProblem]
     immobile: dict[str, str]
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from robid.errors import SettingsError
-from robid.settings.checks.experiment import check_experiment
+from robid.settings.checks.experiment import StudyCheck, check_experiment
 from robid.settings.checks.robot import check_robot
 from robid.settings.checks.robot_missing import missing_keys
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
-from robid.settings.problems import Problem, problem_at, raise_problems, validate
+from robid.settings.plain import plain_settings
+from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile
-from robid.settings.slices import to_plain
 from robid.settings.yaml import Document, load_yaml
 
 
@@ -38,24 +38,25 @@ class LoadedExperiment:
     @cached_property
     def plain(self) -> dict[str, Any]:
         """The experiment as values that JSON knows, with the whole robot file as its `robot`; not to be changed."""
-        return {**to_plain(self.experiment), "robot": to_plain(self.robot)}
+        return {**plain_settings(self.experiment), "robot": plain_settings(self.robot)}
 
 
-def load_experiment_of(families: Families, path: Path) -> LoadedExperiment:
+def load_experiment_of(families: Families, path: Path, check_study: StudyCheck | None = None) -> LoadedExperiment:
     """Loads an experiment file and the robot file it names, and checks both.
 
     Args:
         families: The families that its fits may be of, by name.
         path: The experiment file.
+        check_study: Finds what is wrong with the study for the robot, where that could be read; studies lie above.
 
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
     """
     document = load_yaml(path)
-    experiment, problems = validate(experiment_type(families), document)
+    experiment, problems = validate_document(experiment_type(families), document)
     robot, robot_problems = _named_robot(document)
     if experiment is not None:
-        problems += check_experiment(document, experiment, None if robot_problems else robot, families)
+        problems += check_experiment(document, experiment, None if robot_problems else robot, families, check_study)
     raise_problems([*problems, *robot_problems])
     if experiment is None or robot is None:
         message = "a file without a problem has no model"
@@ -77,7 +78,7 @@ def load_robot(path: Path) -> RobotFile:
     return robot
 
 
-def _named_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
+def _named_robot(document: Document) -> tuple[RobotFile | None, list[SettingsProblem]]:
     name = document.data.get("robot")
     if not isinstance(name, str):
         return None, []
@@ -89,8 +90,8 @@ def _named_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
     return _checked_robot(robot)
 
 
-def _checked_robot(document: Document) -> tuple[RobotFile | None, list[Problem]]:
-    robot, problems = validate(RobotFile, document)
+def _checked_robot(document: Document) -> tuple[RobotFile | None, list[SettingsProblem]]:
+    robot, problems = validate_document(RobotFile, document)
     if robot is None:
         return None, [*problems, *missing_keys(document)]
     if robot.model is None:

@@ -21,7 +21,7 @@ _LONGEST_VALUE = 60
 
 
 @dataclass(frozen=True)
-class Problem:
+class SettingsProblem:
     """One thing that is wrong in a settings file."""
 
     file: Path
@@ -33,9 +33,9 @@ class Problem:
         return f"{self.file}:{self.line}: {self.field}: {self.message}"
 
 
-def problem_at(document: Document, field: FieldPath, message: str) -> Problem:
+def problem_at(document: Document, field: FieldPath, message: str) -> SettingsProblem:
     """Places a message on the line of a field, or of its nearest parent that is written."""
-    return Problem(document.path, document.line(field), format_field(field), message)
+    return SettingsProblem(document.path, document.line(field), format_field(field), message)
 
 
 def format_field(field: FieldPath) -> str:
@@ -44,7 +44,7 @@ def format_field(field: FieldPath) -> str:
     return text.removeprefix(".")
 
 
-def raise_problems(problems: Sequence[Problem]) -> None:
+def raise_problems(problems: Sequence[SettingsProblem]) -> None:
     """Raises all problems as one error, in the order of files and lines; does nothing when there are none.
 
     Raises:
@@ -66,7 +66,7 @@ def suggest(wrong: str, known: Iterable[str]) -> str:
     return f"known here: {', '.join(f'`{name}`' for name in names)}" if names else "there is none"
 
 
-def validate(model: type[_Model], document: Document) -> tuple[_Model | None, list[Problem]]:
+def validate_document(model: type[_Model], document: Document) -> tuple[_Model | None, list[SettingsProblem]]:
     """Builds a model from a document, or returns why it cannot be."""
     try:
         return model.model_validate(document.data), []
@@ -74,7 +74,7 @@ def validate(model: type[_Model], document: Document) -> tuple[_Model | None, li
         return None, _translate(model, document, error)
 
 
-def _translate(model: type[BaseModel], document: Document, error: ValidationError) -> list[Problem]:
+def _translate(model: type[BaseModel], document: Document, error: ValidationError) -> list[SettingsProblem]:
     schema = model.model_json_schema(by_alias=True)
     messages: dict[FieldPath, list[str]] = {}
     choices: set[FieldPath] = set()

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, TypeAlias, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from robid.arrays import FloatArray
 from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring
-from robid.robot.rotation import turn_about
 from robid.settings.base import Assumed, Name, Section, Vector
 from robid.settings.gears import GearSection, SpringDamper
+from robid.settings.robot_frames import Dh, Frame
 
 _Value = TypeVar("_Value")
-Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 
 class InertiaTensor(Section):
@@ -116,40 +115,6 @@ class MotorSection(Assumed):
             ripple_order=self.ripple_order,
             inertia_relative_std=self.inertia_relative_std,
         )
-
-
-class Dh(Assumed):
-    """Standard Denavit-Hartenberg parameters: Rz(q + offset) Tz(d) Tx(a) Rx(alpha); prismatic, q is added to d."""
-
-    d_m: float = Field(default=0.0, description="Translation along the joint axis [m].")
-    a_m: float = Field(default=0.0, description="Translation along the turned x axis [m].")
-    alpha_deg: float = Field(default=0.0, description="Turn about the turned x axis [deg].")
-    offset_deg: float = Field(default=0.0, description="Joint angle of the DH frame at zero robot angle [deg].")
-
-    def link_frame(self) -> tuple[FloatArray, FloatArray]:
-        """Returns position (3,) [m] and orientation (3, 3) of the DH frame at the link's end in the joint frame."""
-        return np.array([self.a_m, 0.0, self.d_m]), turn_about("x", self.alpha_deg)
-
-    def joint_frame(self) -> tuple[FloatArray, FloatArray]:
-        """Returns position (3,) [m] and orientation (3, 3) of the joint frame in the previous link's frame."""
-        return np.zeros(3), turn_about("z", self.offset_deg)
-
-
-class Frame(Assumed):
-    """A joint's frame, its axis along z, in the previous joint's frame at zero angle; links are given in it."""
-
-    position_m: Vector = Field(default=(0.0, 0.0, 0.0), description="Origin [m].")
-    rotation: Matrix = Field(
-        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), description="Orientation, row by row."
-    )
-
-    def joint_frame(self) -> tuple[FloatArray, FloatArray]:
-        """Returns position (3,) [m] and orientation (3, 3) of the joint frame in the previous link's frame."""
-        return np.array(self.position_m), np.array(self.rotation)
-
-    def link_frame(self) -> tuple[FloatArray, FloatArray]:
-        """Returns position (3,) [m] and orientation (3, 3) of the link's frame in the joint frame: the same frame."""
-        return np.zeros(3), np.eye(3)
 
 
 class JointSection(Assumed):

@@ -13,6 +13,10 @@ from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.validation.step_options import StepOptions
 
+PaperFile: TypeAlias = Annotated[
+    str | None, Field(description="File with the paper's figures, relative to this one.", min_length=1)
+]
+
 
 class FrfStudy(Section):
     """Estimators against the best linear approximation, and what compensation leaves of the bias."""
@@ -68,9 +72,7 @@ class WernholtStudy(Section):
     element: tuple[int, int] = Field(
         default=(1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
     )
-    paper: str | None = Field(
-        default=None, description="File with the paper's figures, relative to this one.", min_length=1
-    )
+    paper: PaperFile = None
 
 
 class ModelChoice(Section):
@@ -122,9 +124,7 @@ class ZimmermannStudy(Section):
         default_factory=StepOptions, description="Steps that compare the models in the time domain."
     )
     stepped: tuple[Name, ...] = Field(default=(), description="Models that control the steps, the robot file beside.")
-    paper: str | None = Field(
-        default=None, description="File with the paper's figures, relative to this one.", min_length=1
-    )
+    paper: PaperFile = None
 
 
 class Mistake(Section):

@@ -130,7 +130,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class UsableChannels:
     """What a family can use as the inputs or as the outputs of a response or of a record.
 
     Attributes:
@@ -150,8 +150,8 @@ class Wanted:
         return names if self.sides == SIDES else f"{' or '.join(self.sides)} {names}"
 
 
-MOTOR_TORQUE = Wanted(("torque", "current"), ("motor",))
-ACCELERATION = Wanted(("acceleration",))
+MOTOR_TORQUE = UsableChannels(("torque", "current"), ("motor",))
+ACCELERATION = UsableChannels(("acceleration",))
 
 
 def motor_channels(names: Iterable[str], quantity: QuantityName) -> tuple[Channel, ...]:

@@ -22,7 +22,7 @@ from robid.simulate.truth import recorded_torque_factor
 
 
 @dataclass(frozen=True)
-class Experiment:
+class SimulatedExperiment:
     """What all configurations of a simulated campaign share.
 
     Attributes:
@@ -48,7 +48,9 @@ class Experiment:
     outputs: tuple[str, ...] = ()
 
 
-def with_settled_steps(experiment: Experiment, configurations: FloatArray) -> tuple[Experiment, Steps]:
+def with_settled_steps(
+    experiment: SimulatedExperiment, configurations: FloatArray
+) -> tuple[SimulatedExperiment, Steps]:
     """Returns the experiment with the number of steps that its options leave open, and why it is that.
 
     Args:
@@ -62,7 +64,7 @@ def with_settled_steps(experiment: Experiment, configurations: FloatArray) -> tu
     return replace(experiment, options=replace(options, steps_per_sample=steps.count)), steps
 
 
-def simulate(experiment: Experiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
+def simulate(experiment: SimulatedExperiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
     """Simulates every realization and experiment of one configuration in closed loop.
 
     Args:
@@ -120,7 +122,7 @@ class _Run:
 
     def __init__(
         self,
-        experiment: Experiment,
+        experiment: SimulatedExperiment,
         model: ElasticModel,
         batch: Batch,
         rest_torque: FloatArray,
@@ -168,7 +170,7 @@ class _Run:
         steps = self._experiment.options.steps_per_sample or 1
         further = self._generator.standard_normal((*torque.shape[:2], len(self.names))) * self._sensor_noise
         for sample in range(torque.shape[0]):
-            measured = measure(qpos[:, self._motor] * self._turns, noise[sample], flaws)
+            measured = encoder_readings(qpos[:, self._motor] * self._turns, noise[sample], flaws)
             command = self._cascade.command(measured, self._angle[sample], self._speed[sample])
             command = command + self._torque[sample]
             angle[sample, :, : self._motor.size], torque[sample] = measured, command
@@ -184,7 +186,7 @@ class _Run:
                 batch.step(nstep=steps - 1)
 
 
-def measure(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:
+def encoder_readings(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:
     """Returns what the encoders show: resolver error, noise and quantisation on the true angle [rad]."""
     shown = angle + noise
     if flaws.resolver_error_rad:

@@ -14,7 +14,7 @@ from robid.robot.linearize import Equilibrium, solve_statics
 from robid.robot.model import ElasticModel, site_name
 from robid.simulate.controller import Cascade
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
-from robid.simulate.experiment import measure
+from robid.simulate.experiment import encoder_readings
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.steps import settled
 
@@ -62,7 +62,6 @@ def play(
     configuration: FloatArray,
     index: int,
     motion: Playback,
-    threads: int = 1,
 ) -> Played:
     """Plays motor motions from rest, feedback around the feed-forward, one simulation each.
 
@@ -73,7 +72,6 @@ def play(
         configuration (n_joint,): Arm-side angles that the encoders show at rest [rad].
         index: The configuration's index, which seeds its noise.
         motion: What the controller is told to do.
-        threads: Simulation threads; the result does not depend on them.
 
     Returns:
         Tool positions and torques at the controller's samples.
@@ -89,10 +87,10 @@ def play(
     model, flaws = true_model(robot, controller, options, sensors=True), options.imperfections
     rest = solve_statics(model, configuration[None])
     n_time, n_sim, n_motor = motion.angle.shape
-    batch = Batch(model.mujoco, n_sim, nthread=threads)
+    batch = Batch(model.mujoco, n_sim, nthread=1)
     batch.qpos[:] = rest.position
     limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])
-    shown = measure(model.motor_angles(batch.qpos), np.zeros((n_sim, n_motor)), flaws)
+    shown = encoder_readings(model.motor_angles(batch.qpos), np.zeros((n_sim, n_motor)), flaws)
     reference = motion.angle - motion.angle[0] + shown
     # At rest the feedback has learnt what the feed-forward lacks to hold the robot.
     lacking = rest.motor_torque - motion.torque[0]
@@ -107,7 +105,9 @@ def play(
     start = int(model.mujoco.sensor(model.robot.sensors[0].name).adr[0])
     with quiet_mujoco():
         for sample in range(n_time):
-            measured = measure(model.motor_angles(batch.qpos), flaws.encoder_noise_rad * angle_noise[sample], flaws)
+            measured = encoder_readings(
+                model.motor_angles(batch.qpos), flaws.encoder_noise_rad * angle_noise[sample], flaws
+            )
             feedback = cascade.command(measured, reference[sample], speed[sample])
             torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
             pending.append(torque[sample])

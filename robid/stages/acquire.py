@@ -10,7 +10,7 @@ import numpy as np
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.logs.importing import import_log, import_shot, join_experiments, join_shots
 from robid.logs.mapping import LogMapping
-from robid.logs.match import Played
+from robid.logs.match import PlayedExcitation
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.signals.log_channels import LogOptions
@@ -64,7 +64,7 @@ def acquire_configuration(
             excited_lines=excitation.excited_lines,
             configurations=content.configurations[index : index + 1],
             detection_lines=np.asarray(excitation.detection_lines),
-            played=Played(np.asarray(excitation.reference), excitation.kind, realization, experiment)
+            played=PlayedExcitation(np.asarray(excitation.reference), excitation.kind, realization, experiment)
             if acquire.references
             else None,
         )

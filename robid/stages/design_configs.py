@@ -17,7 +17,7 @@ from robid.design.configurations.stability import Trial, stability
 from robid.report.design import design_numbers, design_tables, stability_sentence
 from robid.report.numbers import percent
 from robid.stages.chain.design_configs import STAGE, visit_s
-from robid.stages.design_information import Gathered, gather_information
+from robid.stages.design_information import CandidateInformation, gather_information
 from robid.stages.stage import Job, counted
 from robid.stages.terminal import section_table
 
@@ -51,10 +51,10 @@ def run(job: Job) -> str:
         choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
     choice = replace(choice, cost_s=cost, stability=repeated, joint_units=job.loaded.robot.joint_units)
     write_artifact(job.output, design_to_artifact(choice, job.provenance(STAGE.name)))
-    return figures(choice)
+    return choice_phrase(choice)
 
 
-def _trials(found: Gathered) -> list[Trial]:
+def _trials(found: CandidateInformation) -> list[Trial]:
     """Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean."""
     if len(found.halves):
         return [Trial(way[side], way[1 - side]) for way in found.halves for side in (0, 1)]
@@ -62,7 +62,7 @@ def _trials(found: Gathered) -> list[Trial]:
     return [Trial(draw, mean) for draw in found.matrices] if len(found.matrices) > 1 else []
 
 
-def figures(choice: ConfigurationDesign) -> str:
+def choice_phrase(choice: ConfigurationDesign) -> str:
     """Says what was chosen, in a phrase."""
     deviation = 100 * float(np.median(choice.predicted_relative_std))
     worth = f"{choice.criterion.upper()}-efficiency {percent(choice.efficiency)}"
@@ -77,7 +77,7 @@ def figures(choice: ConfigurationDesign) -> str:
 
 def phrase(output: Path) -> str:
     """Says what a design chose, in a phrase."""
-    return figures(design_from_artifact(read_artifact(output, DESIGN)))
+    return choice_phrase(design_from_artifact(read_artifact(output, DESIGN)))
 
 
 def show(output: Path) -> Group:

@@ -39,7 +39,7 @@ def run(job: Job) -> str:
         CampaignExcitation(configurations, excitation), job.provenance(STAGE.name, campaign.excitation.seed)
     )
     write_artifact(job.output, artifact)
-    return figures(excitation, len(configurations))
+    return excitation_phrase(excitation, len(configurations))
 
 
 def _declared(loaded: LoadedExperiment, campaign: Campaign, sampling_period_s: float) -> Excitation:
@@ -73,7 +73,7 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
 def phrase(output: Path) -> str:
     """Says what an excitation is, in a phrase."""
     content = excitation_from_artifact(read_artifact(output, EXCITATION))
-    return figures(content.excitation, len(content.configurations))
+    return excitation_phrase(content.excitation, len(content.configurations))
 
 
 def show(output: Path, loaded: LoadedExperiment) -> Group | None:
@@ -82,7 +82,7 @@ def show(output: Path, loaded: LoadedExperiment) -> Group | None:
     return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints), loaded.robot.joint_units)
 
 
-def figures(excitation: Excitation, n_conf: int) -> str:
+def excitation_phrase(excitation: Excitation, n_conf: int) -> str:
     """Says what was designed, in a phrase."""
     low, high = excitation.frequency_hz[[0, -1]]
     lines = counted(len(excitation.excited_lines), "line")

@@ -38,7 +38,7 @@ _CHUNK = 20
 
 
 @dataclass(frozen=True)
-class Gathered:
+class CandidateInformation:
     """What a choice is made of.
 
     Attributes:
@@ -90,7 +90,7 @@ class _Found:
     fitted: FittedInformation | None
 
 
-def gather_information(job: Job) -> Gathered:
+def gather_information(job: Job) -> CandidateInformation:
     """Computes the information of all candidates, in parallel and with little memory.
 
     Raises:
@@ -105,7 +105,7 @@ def gather_information(job: Job) -> Gathered:
     job.progress.expect(len(tasks), "configurations" if measured else "parts")
     found = job.map(_information, tasks, lambda _index, _result: job.progress.advance())
     names = found[0].names
-    return Gathered(
+    return CandidateInformation(
         matrices=np.concatenate([each.matrices for each in found], axis=1),
         names=names,
         configurations=np.concatenate([each.configurations for each in found]),

@@ -35,7 +35,7 @@ class State:
     unreadable: ArtifactError | None = None
 
 
-def compare(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) -> State:
+def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) -> State:
     """Compares an output with what its stage would make now.
 
     Args:

@@ -19,7 +19,7 @@ from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION
 from robid.design.configurations.information import ConfigurationDesign
-from robid.design.excitation.excitation import UNITS, CampaignExcitation, Plan
+from robid.design.excitation.excitation import UNITS, CampaignExcitation, ExcitationPlan
 from robid.families.family import Data, Shown, family_of
 from robid.frf.frf import Frf
 from robid.report.content import FitReport, ReportContent, Verdict, fit_sections
@@ -48,7 +48,7 @@ _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn
 
 
 @dataclass(frozen=True)
-class Gathered:
+class RunContent:
     """What a run holds.
 
     Attributes:
@@ -66,7 +66,7 @@ class Gathered:
     comparison: dict[str, float]
 
 
-def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], chain: Sequence[Stage]) -> Gathered:
+def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], chain: Sequence[Stage]) -> RunContent:
     """Reads the artifacts of a run and lays them out.
 
     Args:
@@ -96,7 +96,7 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], cha
             *run_section(_stages(loaded, folder, present, chain)),
         ),
     )
-    return Gathered(content, fits, run.designs, excitations, _comparison(loaded, shown))
+    return RunContent(content, fits, run.designs, excitations, _comparison(loaded, shown))
 
 
 def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warnings: tuple[str, ...]) -> Shown:
@@ -222,7 +222,7 @@ def _motors(loaded: LoadedExperiment, run: _Run, campaign: str) -> tuple[str, ..
     return tuple(joint.name for joint in loaded.robot.joints)
 
 
-def _worst_snr_db(plan: Plan | None) -> float | None:
+def _worst_snr_db(plan: ExcitationPlan | None) -> float | None:
     """Lowest predicted ratio of the motors' own responses; those across motors have zeros."""
     if plan is None or plan.snr_db is None:
         return None

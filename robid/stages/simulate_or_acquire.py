@@ -15,13 +15,14 @@ from robid.artifacts.record import RECORD, record_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
 from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation.excitation import CampaignExcitation
+from robid.logs.checks import is_still_note
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.settings.truth import true_robot_of
-from robid.simulate.experiment import Experiment, simulate, with_settled_steps
+from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
 from robid.stages.acquire import acquire_configuration, acquire_shots
@@ -49,11 +50,11 @@ def phrase(output: Path) -> str:
     shape = found["datasets"]["inputs"]["shape"]
     period_s = shape[4] * found["attributes"]["sampling_period_s"]
     if found["datasets"]["excited_lines"]["shape"] == [0]:
-        return f"{counted(shape[1], 'shot')} of {period_s:.3g} s"
-    return figures(shape, period_s)
+        return _shots(shape[1], period_s, found["datasets"]["notes"].get("values", ()))
+    return record_phrase(shape, period_s)
 
 
-def figures(shape: Sequence[int], period_s: float) -> str:
+def record_phrase(shape: Sequence[int], period_s: float) -> str:
     """Says what was recorded, in a phrase, from the shape of the torque."""
     n_conf, n_real, n_exp, n_period = shape[:4]
     duration_s = n_conf * n_real * n_exp * n_period * period_s
@@ -63,10 +64,15 @@ def figures(shape: Sequence[int], period_s: float) -> str:
     )
 
 
+def _shots(count: int, period_s: float, notes: Sequence[str]) -> str:
+    """Says what was imported, with the channels that never change."""
+    return "; ".join((f"{counted(count, 'shot')} of {period_s:.3g} s", *filter(is_still_note, notes)))
+
+
 @dataclass(frozen=True)
 class _Task:
     parts: Parts
-    experiment: Experiment
+    experiment: SimulatedExperiment
     configuration: FloatArray
     index: int
     threads: int
@@ -105,7 +111,7 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
     tasks = [_LogTask(parts, campaign, acquire, content, index, folder, units) for index in todo]
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
     parts.merge(n_conf, job.provenance(STAGE.name))
-    return figures((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
+    return record_phrase((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
 
 
 def _acquire_shots(job: Job) -> str:
@@ -115,7 +121,7 @@ def _acquire_shots(job: Job) -> str:
         raise RuntimeError(message)
     record = acquire_shots(campaign, campaign.source.acquire, job.loaded.path.parent)
     write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
-    return f"{counted(campaign.realizations, 'shot')} of {record.period_s:.3g} s"
+    return _shots(campaign.realizations, record.period_s, record.notes)
 
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
@@ -134,14 +140,14 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     n_real, n_exp, n_sample, _ = experiment.reference.shape
     period_s = n_sample * experiment.controller.sampling_period_s
     said = f"{counted(steps.count, 'RK4 step')} per sample ({steps.reason})"
-    return f"{figures((n_conf, n_real, n_exp, experiment.periods), period_s)}, {said}"
+    return f"{record_phrase((n_conf, n_real, n_exp, experiment.periods), period_s)}, {said}"
 
 
 def simulated_experiment(
     loaded: LoadedExperiment, campaign: Campaign, options: SimulateOptions, content: CampaignExcitation
-) -> Experiment:
+) -> SimulatedExperiment:
     """Returns what is simulated in each configuration of a campaign, on its true robot."""
-    return Experiment(
+    return SimulatedExperiment(
         robot=true_robot_of(loaded.robot, campaign.payload_kg, options.truth),
         controller=require_controller(loaded),
         options=options,
@@ -154,7 +160,7 @@ def simulated_experiment(
     )
 
 
-def simulated_truth(experiment: Experiment, delay_s: float) -> TrueRobot:
+def simulated_truth(experiment: SimulatedExperiment, delay_s: float) -> TrueRobot:
     """Returns the true robot of a simulated campaign.
 
     Args:

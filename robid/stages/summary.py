@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from robid.stages.report_content import Gathered
+from robid.stages.report_content import RunContent
 
 
-def summarize(gathered: Gathered) -> dict[str, float]:
+def summarize(gathered: RunContent) -> dict[str, float]:
     """Returns everything that a run says in numbers, in SI units."""
     found: dict[str, float] = {}
     for name, design in gathered.designs.items():

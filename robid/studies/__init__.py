@@ -1,1 +1,4 @@
-"""What reproduces a paper or a comparison beyond its file. Read `study`, `tasks`, then a package for each study."""
+"""What reproduces a paper or a comparison beyond its file.
+
+Read `study`, `known`, `tasks`, `run`, then a package for each study.
+"""

@@ -8,8 +8,8 @@ from typing import Any
 from robid.frf.options import EstimateOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import robot_settings
-from robid.settings.slices import to_plain
 from robid.signals.friction import TorqueLaw
 from robid.simulate.options import SimulateOptions
 from robid.stages.estimate_frf import stated_laws
@@ -41,7 +41,7 @@ def simulate_options(campaign: Campaign) -> SimulateOptions:
 def simulation_settings(loaded: LoadedExperiment, campaign: Campaign) -> dict[str, Any]:
     """Returns what decides, beside the excitation, what a campaign's simulation and estimate give."""
     return {
-        "source": to_plain(campaign.source),
+        "source": plain_settings(campaign.source),
         "periods": campaign.periods,
         "payload_kg": campaign.payload_kg,
         **robot_settings(loaded, "mechanics", "motor_limits", "friction", "friction_std", "controller"),

@@ -1,52 +1,24 @@
-"""What a study is, and running one: its chain, its tasks, its figures and its page."""
+"""What a study is: its settings' check, and what it needs, does and concludes, imported when it runs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from datetime import datetime
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-from robid.artifacts.artifact import Artifact, Provenance
-from robid.artifacts.atomic import write_json
-from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
-from robid.artifacts.store import read_header
-from robid.artifacts.task import TASK
-from robid.backends.map import make_map
-from robid.backends.progress import Progress
-from robid.errors import ArtifactError, SettingsError
-from robid.pipeline import Result, Run, run_all
-from robid.report.content import ReportContent
-from robid.report.experiment import StageRow, run_section
-from robid.report.numbers import duration, significant
-from robid.report.section import Section, Table
-from robid.settings.load import LoadedExperiment
-from robid.settings.slices import to_plain
-from robid.settings.study import FrfStudy
-from robid.stages.replacing import check_replaceable, settings_files
-from robid.stages.report import write_page
-from robid.stages.stage import counted
-from robid.stages.stamp import read_stamp
-from robid.studies.conclusion import Conclusion
-from robid.studies.frf import report as frf_report
-from robid.studies.frf import study as frf
-from robid.studies.mistakes import cases as mistakes_cases
-from robid.studies.mistakes import report as mistakes_report
-from robid.studies.mistakes import responses as mistakes_responses
-from robid.studies.mistakes import study as mistakes
-from robid.studies.tasks import Function, Results, Task, run_tasks
-from robid.studies.wernholt2008 import report as wernholt2008_report
-from robid.studies.wernholt2008 import study as wernholt2008
-from robid.studies.zimmermann2023 import models as zimmermann2023_models
-from robid.studies.zimmermann2023 import report as zimmermann2023_report
-from robid.studies.zimmermann2023 import steps as zimmermann2023_steps
-from robid.studies.zimmermann2023 import study as zimmermann2023
+if TYPE_CHECKING:
+    from robid.artifacts.artifact import Artifact
+    from robid.pipeline import Run
+    from robid.settings.experiment import Experiment
+    from robid.settings.load import LoadedExperiment
+    from robid.settings.robot import RobotFile
+    from robid.settings.yaml import FieldPath
+    from robid.studies.conclusion import Conclusion
+    from robid.studies.tasks import Function, Results, Task
 
-REPORT, SUMMARY, TASKS = "report.html", "summary.json", "tasks"
+TASKS = "tasks"
 
-
-Earlier: TypeAlias = tuple[Results, ...]
+Earlier: TypeAlias = "tuple[Results, ...]"
 """Results of the steps before."""
 
 
@@ -71,8 +43,8 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Study:
-    """A kind of study.
+class Procedure:
+    """What a study needs, does and concludes.
 
     Attributes:
         needs: Outputs of the chain that its tasks read.
@@ -87,173 +59,26 @@ class Study:
     further: Callable[[Run], tuple[tuple[Run, tuple[str, ...]], ...]] = lambda _run: ()
 
 
-def _of_one_step(
+@dataclass(frozen=True)
+class Study:
+    """A kind of study. Loading a file needs its check alone, which imports no science.
+
+    Attributes:
+        check: Finds what is wrong between its settings, the experiment and the robot file, where that could be read:
+            fields and messages.
+        procedure: Imports what it runs.
+    """
+
+    check: Callable[[Experiment, RobotFile | None], Iterator[tuple[FieldPath, str]]]
+    procedure: Callable[[], Procedure]
+
+
+def one_step(
     needs: Callable[[LoadedExperiment], tuple[str, ...]],
     tasks: Callable[[Run], list[Task]],
     function: Function,
     conclude: Callable[[Run, list[Artifact]], Conclusion],
-) -> Study:
+) -> Procedure:
+    """Returns the procedure of a study whose tasks wait for no others."""
     step = Step("", lambda run, _: tasks(run), function)
-    return Study(needs, (step,), lambda run, results: conclude(run, list(results[0])))
-
-
-STUDIES = {
-    "frf": _of_one_step(frf.needs, frf.tasks, frf.estimate_chunk, frf_report.conclude),
-    "wernholt2008": _of_one_step(
-        wernholt2008.needs, wernholt2008.tasks, wernholt2008.fit_chunk, wernholt2008_report.conclude
-    ),
-    "zimmermann2023": Study(
-        zimmermann2023.needs,
-        (
-            Step("responses", zimmermann2023.response_tasks, zimmermann2023.measure),
-            Step("models", zimmermann2023_models.model_tasks, zimmermann2023_models.fit_model),
-            Step("steps", zimmermann2023_steps.step_tasks, zimmermann2023_steps.step),
-        ),
-        zimmermann2023_report.conclude,
-    ),
-    "mistakes": Study(
-        mistakes.needs,
-        (
-            Step("responses", mistakes_responses.response_tasks, mistakes_responses.measure),
-            Step("models", mistakes_cases.model_tasks, mistakes_cases.fit_case),
-            Step("cases", mistakes_cases.case_tasks, mistakes_cases.judge_case),
-        ),
-        mistakes_report.conclude,
-        mistakes.further,
-    ),
-}
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a study: whether its page was written anew, and what it says."""
-
-    outcome: Literal["made", "fresh"]
-    conclusion: Conclusion
-
-
-def run_study(
-    run: Run,
-    progress: Callable[[str], AbstractContextManager[Progress]],
-    tell: Callable[[Result], None],
-    *,
-    force: bool = False,
-) -> Outcome:
-    """Runs a study: what is done stays, so that a stopped one goes on where it was.
-
-    Args:
-        run: The experiment with the study, and its run folder.
-        progress: Shows how far something is.
-        tell: Is told what became of each node of the chain.
-        force: Whether to do the tasks again that are done.
-
-    Raises:
-        SettingsError: If the experiment file has no study.
-        RobidError: What a stage or a task raised.
-    """
-    settings = run.loaded.experiment.study
-    if settings is None:
-        raise SettingsError(
-            "the file has no `study`", where=str(run.loaded.path), remedy="`robid run` runs what it has"
-        )
-    study, started = STUDIES[settings.kind], utc_now()
-    for name, kind in ((REPORT, "report"), (SUMMARY, "summary")):
-        check_replaceable(run.path(name), kind, settings_files(run.loaded))
-    for other, outputs in ((run, study.needs(run.loaded)), *study.further(run)):
-        run_all(other, lambda node: progress(node.output), tell, outputs)
-    results: Earlier = ()
-    with make_map(run.backend, run.workers) as parallel_map:
-        for step in study.steps:
-            tasks = step.tasks(run, results)
-            with progress(step.folder) as shown:
-                done = run_tasks(run.path(step.folder), step.function, tasks, parallel_map, shown, force=force)
-            results = (*results, done)
-    conclusion = study.conclude(run, results)
-    headers = [[read_header(path, TASK) for path in done.paths] for done in results]
-    rows = tuple(
-        _row(step, [each.provenance for each in made]) for step, made in zip(study.steps, headers, strict=True)
-    )
-    hashes = {
-        f"{step.name}/{path.stem}".lstrip("/"): header.content_sha256
-        for step, done, made in zip(study.steps, results, headers, strict=True)
-        for path, header in zip(done.paths, made, strict=True)
-    }
-    provenance = _provenance(run, hashes, started)
-    if _is_fresh(run, provenance):
-        return Outcome("fresh", conclusion)
-    seconds = sum(_seconds(header.provenance) for made in headers for header in made)
-    write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
-    write_page(run.path(REPORT), _content(run.loaded, conclusion, rows), provenance)
-    return Outcome("made", conclusion)
-
-
-def _provenance(run: Run, hashes: dict[str, str], started: str) -> Provenance:
-    """Content hashes are by the name of the task's file, which tells the settings that it was made with."""
-    settings: dict[str, Any] = {
-        "name": run.loaded.experiment.name,
-        "robot.name": run.loaded.robot.name,
-        "study": to_plain(run.loaded.experiment.study),
-        "tasks": sorted(hashes),
-    }
-    return Provenance(
-        stage="study",
-        settings=settings,
-        settings_hash=canonical_hash(settings),
-        inputs=hashes,
-        versions=package_versions(),
-        git_commit=git_commit(),
-        started_utc=started,
-        finished_utc=utc_now(),
-    )
-
-
-def _is_fresh(run: Run, now: Provenance) -> bool:
-    if not (run.path(REPORT).exists() and run.path(SUMMARY).exists()):
-        return False
-    try:
-        made = read_stamp(run.path(REPORT))
-    except ArtifactError:
-        return False
-    return (made.stage, made.settings_hash, made.inputs) == (now.stage, now.settings_hash, now.inputs)
-
-
-def _row(step: Step, made: list[Provenance]) -> StageRow:
-    seconds = sum(_seconds(one) for one in made)
-    return StageRow(
-        stage="study",
-        artifact=f"{step.folder}/",
-        settings_hash=made[0].settings_hash[:8] if made else "",
-        content_hash="",
-        seconds=seconds,
-        phrase=f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each",
-    )
-
-
-def _content(loaded: LoadedExperiment, conclusion: Conclusion, rows: tuple[StageRow, ...]) -> ReportContent:
-    references = _against_references(loaded, conclusion.summary)
-    return ReportContent(
-        title=loaded.experiment.name,
-        verdict=conclusion.verdict,
-        robot=loaded.robot.name,
-        sections=conclusion.sections + references + run_section(rows),
-        warnings=conclusion.warnings,
-    )
-
-
-def _against_references(loaded: LoadedExperiment, summary: dict[str, float]) -> tuple[Section, ...]:
-    """The table of reference figures, where the study names any."""
-    study = loaded.experiment.study
-    if not isinstance(study, FrfStudy) or not study.references:
-        return ()
-    rows = []
-    for name, reference in study.references.items():
-        ours = summary.get(name)
-        ratio = None if ours is None or reference == 0 else ours / reference
-        rows.append((name, significant(reference), significant(ours), significant(ratio)))
-    table = Table(("Figure", "Reference", "Ours", "Ours over reference"), tuple(rows))
-    return (Section("Against reference figures", "By their name in summary.json.", (table,)),)
-
-
-def _seconds(made: Provenance) -> float:
-    begun, ended = (datetime.fromisoformat(at) for at in (made.started_utc, made.finished_utc))
-    return (ended - begun).total_seconds()
+    return Procedure(needs, (step,), lambda run, results: conclude(run, list(results[0])))

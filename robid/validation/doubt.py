@@ -23,7 +23,7 @@ CAUSES = {
 """Likely causes, in words."""
 
 
-def plain(value: float, sign: str = "") -> str:
+def two_digits(value: float, sign: str = "") -> str:
     """Writes a number with two digits, never with an exponent; `+` as sign shows it always."""
     return f"{float(f'{value:.2g}'):{sign}.15g}"
 

@@ -10,7 +10,7 @@ from robid.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
-class Spread:
+class StartSpread:
     """Statistics of parameters over models, each parameter divided by the best model's.
 
     Attributes:
@@ -30,7 +30,7 @@ class Spread:
     count: int
 
 
-def spread(values: FloatArray, best: FloatArray) -> Spread:
+def spread(values: FloatArray, best: FloatArray) -> StartSpread:
     """Returns the statistics of models near the best one.
 
     Args:
@@ -41,7 +41,7 @@ def spread(values: FloatArray, best: FloatArray) -> Spread:
         Wernholt and Moberg (2008), Table 1.
     """
     relative = values / best
-    return Spread(
+    return StartSpread(
         minimum=relative.min(axis=0),
         median=np.asarray(np.median(relative, axis=0)),
         maximum=relative.max(axis=0),

@@ -112,13 +112,6 @@ class StepFigures:
     vibration_relative: float
 
 
-def draw_configurations(robot: Robot, options: StepOptions) -> FloatArray:
-    """Draws configurations (n_conf, n_joint) within the joint limits, with room for the steps [rad]."""
-    room = np.where(robot.prismatic, options.step_m, np.deg2rad(options.step_deg))
-    shape = (options.configurations, len(robot.joints))
-    return np.random.default_rng(options.seed).uniform(robot.lower, robot.upper - room, shape)
-
-
 def step_responses(
     true: Robot,
     models: Mapping[str, Robot],

@@ -15,7 +15,7 @@ from robid.frf.silent import identify_laws, start_laws
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Imperfections
 from robid.simulate.truth import true_robot
 from robid.stages.estimate_frf import stated_law
@@ -39,7 +39,7 @@ BLIND = tuple(replace(law, coulomb_nm=0.0, static_nm=0.0) for law in STATED)
 def record(configuration, index, **changes):
     simulated = replace(CAMPAIGN.source.simulate, **changes)
     excitation = design_excitation(CAMPAIGN.excitation, len(NAMES), 2, CONTROLLER.sampling_period_s)
-    run = Experiment(
+    run = SimulatedExperiment(
         robot=TRUTH,
         controller=CONTROLLER,
         options=simulated,

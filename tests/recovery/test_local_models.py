@@ -13,7 +13,7 @@ from robid.frf.options import EstimateOptions
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Imperfections, SimulateOptions
 
 LOADED = load_experiment(Path(__file__).parents[2] / "configs/kr300.yaml")
@@ -33,7 +33,7 @@ def kr300_record(flaws, *, transient_periods=1, realizations=4, seed=1, **excita
     period_s = CONTROLLER.sampling_period_s
     changed = replace(CAMPAIGN.excitation, phase_iterations=0, seed=seed, **excitation)
     designed = design_excitation(changed, len(ROBOT.joints), realizations, period_s)
-    experiment = Experiment(
+    experiment = SimulatedExperiment(
         robot=ROBOT,
         controller=CONTROLLER,
         options=SimulateOptions(imperfections=flaws, seed=seed, transient_periods=transient_periods),

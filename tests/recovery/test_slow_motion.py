@@ -13,7 +13,7 @@ from robid.frf.options import EstimateOptions
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Imperfections, SimulateOptions
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -26,7 +26,7 @@ def bias(loaded, slow_rad_s, line):
     options = loaded.experiment.campaigns["estimation"].excitation
     options = replace(options, slow_motion_rad_s=slow_rad_s, slow_motion_line=line, phase_iterations=10)
     excitation = design_signal(options, 6, 1, controller.sampling_period_s)
-    experiment = Experiment(
+    experiment = SimulatedExperiment(
         robot=robot,
         controller=controller,
         options=SimulateOptions(imperfections=Imperfections(friction="lugre")),

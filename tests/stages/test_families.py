@@ -21,7 +21,7 @@ from robid.families.family import Family
 from robid.families.files import experiment_schema, load_experiment
 from robid.families.known import FAMILIES
 from robid.pipeline import graph
-from robid.settings.slices import to_plain
+from robid.settings.plain import plain_settings
 from toy_family import INERTIA
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
@@ -78,7 +78,7 @@ def test_settings_come_back_and_their_schema_knows_them(shop, case):
     fit = loaded.experiment.fits["own"]
     assert type(fit) is case.family.settings
     content = YAML(typ="safe").load((shop.folder / "small.yaml").read_text())
-    content["fits"]["own"] = to_plain(fit)
+    content["fits"]["own"] = plain_settings(fit)
     with (shop.folder / "again.yaml").open("w") as file:
         YAML(typ="safe").dump(content, file)
     assert load_experiment(shop.folder / "again.yaml").experiment.fits["own"] == fit

@@ -90,8 +90,8 @@ def test_angles_that_contradict_the_robot_file_are_told_and_not_kept(tmp_path):
     (tmp_path / "frf.h5").unlink()
     warnings, notes = run_stage(tmp_path, replace(placed, output_offset=offset[None]))
     told = (
-        "Campaign estimation: axis_2: off by the same angle in every configuration (30 deg): this points to"
+        "Campaign estimation: axis_2: off by the same amount in every configuration (30 deg): this points to"
         " configurations that are swapped or mislabelled."
     )
     assert told in warnings
-    assert not any("off by the same angle" in text for text in (*sound, *notes))
+    assert not any("off by the same amount" in text for text in (*sound, *notes))

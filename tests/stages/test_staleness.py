@@ -6,7 +6,7 @@ import pytest
 
 from robid.families.files import load_experiment
 from robid.pipeline import graph
-from robid.settings.slices import to_plain
+from robid.settings.plain import plain_settings
 
 PLAYED = (
     *("inject", "rms", "amplitude", "phase_iterations", "phase_starts", "crest_at", "limit_share"),
@@ -117,7 +117,7 @@ def test_every_setting_is_read_by_some_stage(file):
     loaded = load_experiment(Path(__file__).parent / file)
     read = {leaf for node in graph(loaded) for key, value in node.plan.settings.items() for leaf in leaves(value, key)}
     for section in ("campaigns", "designs", "fits"):
-        for owner, content in to_plain(getattr(loaded.experiment, section)).items():
+        for owner, content in plain_settings(getattr(loaded.experiment, section)).items():
             unread = leaves(content, f"{section}.{owner}") - read
             if owner == "candidates":  # only chosen from, never measured
                 continue
@@ -126,7 +126,7 @@ def test_every_setting_is_read_by_some_stage(file):
                 unread -= {f"campaigns.log.{key}" for key in ("realizations", "experiments", "outputs")}
             assert unread == set()
     if file == "small.yaml":
-        unread = leaves(to_plain(loaded.robot), "robot") - read
+        unread = leaves(plain_settings(loaded.robot), "robot") - read
         # What a rigid model brings reaches the stages as frames, links and limits.
         brought = {"robot.model", "robot.flange", "robot.total_mass_kg"}
         assert {leaf for leaf in unread if not leaf.endswith("assumed")} == {"robot.schema_version"} | brought

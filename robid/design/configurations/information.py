@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 from robid.design.configurations.fitted import FittedInformation, merged
 from robid.design.configurations.options import DesignOptions
-from robid.design.configurations.plan import Plan, checked_plan, choose_counts
+from robid.design.configurations.plan import ConfigurationPlan, checked_plan, choose_counts
 from robid.design.configurations.regularity import check_different, check_finite, checked_scale, is_regular
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
@@ -183,29 +183,6 @@ def design_configurations(
     )
 
 
-def next_configuration(matrices: FloatArray, prior: FloatArray, parameter_names: tuple[str, ...]) -> FloatArray:
-    """What each candidate would add to what is known: measure the one that adds most.
-
-    Args:
-        matrices (n_conf, n_param, n_param): Information of each candidate about the log-parameters, or
-            (n_draw, n_conf, n_param, n_param) under draws of the parameters.
-        prior (n_param, n_param): Information known beforehand.
-        parameter_names: Names of the parameters.
-
-    Returns:
-        Gain of `log det` (n_conf,), its mean over the draws.
-
-    Raises:
-        DataError: If the information is not finite, or what is known leaves a combination of parameters unseen.
-    """
-    draws = matrices if matrices.ndim == 4 else matrices[None]
-    check_finite(draws)
-    remedy = "Choose configurations without prior first, or fix one of the named parameters in each combination."
-    scale = checked_scale(prior, parameter_names, "the earlier experiments", remedy)
-    unit = scale[:, None] * scale
-    return _gain(draws[:, :, None] / unit, np.repeat(prior[None, None] / unit, len(draws), axis=0), len(prior))
-
-
 def _plan(
     draws: FloatArray,
     known: FloatArray,
@@ -215,19 +192,21 @@ def _plan(
     price: FloatArray,
     experiments: int,
     budget: float,
-) -> Plan:
+) -> ConfigurationPlan:
     """The choice to be made, over the scale of the log-parameters."""
     unit = scale[:, None] * scale
     known = known / unit
     if fitted is None:
         matrices = draws / unit
-        return Plan(options, matrices, matrices[:, :, None], known, known[None], price, experiments, budget)
+        return ConfigurationPlan(
+            options, matrices, matrices[:, :, None], known, known[None], price, experiments, budget
+        )
     own = fitted.scaled(scale)
     visits = np.full(price.size, budget / price.sum())
     lowest = np.inf
     for _ in range(_TIGHTENED):
         bound, beside = own.bound(known, visits)
-        plan = Plan(options, bound, own.parts(), beside, own.base(known), price, experiments, budget)
+        plan = ConfigurationPlan(options, bound, own.parts(), beside, own.base(known), price, experiments, budget)
         relaxed = plan.relaxed()
         if plan.bound(relaxed) >= lowest:
             break
@@ -241,7 +220,7 @@ def _gain(parts: FloatArray, here: FloatArray, count: int) -> FloatArray:
     return np.asarray((after - before[:, None]).mean(axis=0))
 
 
-def _check_chosen(plan: Plan, counts: IntArray, names: tuple[str, ...]) -> None:
+def _check_chosen(plan: ConfigurationPlan, counts: IntArray, names: tuple[str, ...]) -> None:
     options = plan.options
     by, remedy = f"the best {options.count} configurations", "Raise count."
     if options.experiments is not None:
@@ -251,7 +230,7 @@ def _check_chosen(plan: Plan, counts: IntArray, names: tuple[str, ...]) -> None:
         checked_scale(total, names, by, remedy)
 
 
-def _choice_efficiency(plan: Plan, found: float, efficiency: float) -> float:
+def _choice_efficiency(plan: ConfigurationPlan, found: float, efficiency: float) -> float:
     """Efficiency against the bound on different candidates with equal effort, where it is tighter."""
     options = plan.options
     if options.experiments is not None or np.ptp(plan.cost) > 0 or options.count == 1:

@@ -18,7 +18,7 @@ _RIDGE = 1e-14
 
 
 @dataclass(frozen=True)
-class Problem:
+class RelaxedProblem:
     """A relaxed design.
 
     Attributes:
@@ -54,7 +54,7 @@ def level(slopes: FloatArray, limit: float) -> float:
 
 
 def descend(
-    problem: Problem,
+    problem: RelaxedProblem,
     working: IntArray,
     weights: FloatArray,
     smoothing: float,
@@ -114,7 +114,7 @@ def descend(
     return weights, barrier, step
 
 
-def _first_duals(problem: Problem, slopes: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+def _first_duals(problem: RelaxedProblem, slopes: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
     """Multipliers of the lower and upper limits that slopes suggest."""
     needed = level(slopes, problem.limit)
     above = least if problem.limit < 1 else 0.0
@@ -139,7 +139,7 @@ def _longest(values: FloatArray, change: FloatArray, room: FloatArray | None) ->
 
 
 def _searched(
-    problem: Problem,
+    problem: RelaxedProblem,
     flat: FloatArray,
     weights: FloatArray,
     direction: FloatArray,

@@ -20,7 +20,7 @@ from robid.robot.response import ElasticParameters
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ParametersOfInterest:
     """Parameters of a design.
 
     Attributes:
@@ -53,7 +53,7 @@ def choose_parameters(
     nuisance: Sequence[str],
     fixed: Sequence[str],
     prior_decades: float = np.inf,
-) -> Wanted:
+) -> ParametersOfInterest:
     """Chooses the parameters of a design.
 
     Args:
@@ -88,7 +88,7 @@ def choose_parameters(
     known |= {name: np.log(10) * prior_decades for kind, name in pairs if kind in LOGARITHMIC and name not in known}
     deviation = [np.inf if kind in kinds else known.get(name, np.inf) for kind, name in pairs]
     names = tuple(name for kind, name in pairs if kind in kinds and name not in fixed)
-    return Wanted(every, columns, names, 1 / np.array(deviation)[columns] ** 2)
+    return ParametersOfInterest(every, columns, names, 1 / np.array(deviation)[columns] ** 2)
 
 
 def eliminated(matrices: Sequence[FloatArray], precision: FloatArray, count: int) -> list[FloatArray]:

@@ -22,7 +22,7 @@ _FLOOR = 1e-9
 
 
 @dataclass(frozen=True)
-class Plan:
+class ConfigurationPlan:
     """A choice to be made.
 
     Attributes:
@@ -110,7 +110,7 @@ def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
     return experiments, budget
 
 
-def choose_counts(plan: Plan, relaxed: Relaxed) -> IntArray:
+def choose_counts(plan: ConfigurationPlan, relaxed: Relaxed) -> IntArray:
     """Numbers of experiments (n_cand,): different candidates by exchange, then shares of repeats among them."""
     order = np.argsort(-relaxed.slopes, kind="stable")
     pool = np.union1d(order[:_POOL], np.flatnonzero(relaxed.weights))
@@ -131,7 +131,7 @@ def choose_counts(plan: Plan, relaxed: Relaxed) -> IntArray:
     return whole
 
 
-def _exchange(plan: Plan, relaxed: Relaxed, pool: IntArray) -> Exchange:
+def _exchange(plan: ConfigurationPlan, relaxed: Relaxed, pool: IntArray) -> Exchange:
     visits = relaxed.weights / plan.cost
     if plan.parts.shape[2] > 1:
         # Other weights than the optimal ones may see nothing where these see all.

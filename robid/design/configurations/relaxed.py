@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.design.configurations.criteria import Criterion, tangent, worth
-from robid.design.configurations.interior import Problem, descend, level, most
+from robid.design.configurations.interior import RelaxedProblem, descend, level, most
 from robid.design.configurations.packed import Packed, pack
 
 _UPDATES = 8
@@ -74,7 +74,7 @@ def relaxed_design(
         matrices = Packed(pack(draws), draws.shape[-1])
     size = matrices.n_param
     gap = max(gap, _LEAST_GAP_E) if criterion == "e" else gap
-    problem = Problem(criterion, matrices, np.zeros((size, size)) if prior is None else prior, limit)
+    problem = RelaxedProblem(criterion, matrices, np.zeros((size, size)) if prior is None else prior, limit)
     working, weights, smoothing = _start(problem)
     wanted, steps, stalled = 1e-2, 0, 0
     best: Relaxed | None = None
@@ -94,7 +94,7 @@ def relaxed_design(
         smoothing = max(smoothing, 0.1 * found.gap * found.worth / working.size)
 
 
-def _start(problem: Problem) -> tuple[IntArray, FloatArray, float]:
+def _start(problem: RelaxedProblem) -> tuple[IntArray, FloatArray, float]:
     """The candidates to begin with, as many as make a regular total, their weights, and the smoothing of `e`."""
     packed = problem.candidates
     weights = np.full(packed.n_cand, 1 / packed.n_cand)
@@ -117,7 +117,7 @@ def _start(problem: Problem) -> tuple[IntArray, FloatArray, float]:
     return order, _spread(problem, weights[order]), smoothing
 
 
-def _spread(problem: Problem, weights: FloatArray) -> FloatArray:
+def _spread(problem: RelaxedProblem, weights: FloatArray) -> FloatArray:
     """Weights that sum to 1, all of them inside their limits."""
     even = 1 / weights.size
     mixed = 0.9 * weights / weights.sum() + 0.1 * even
@@ -127,13 +127,13 @@ def _spread(problem: Problem, weights: FloatArray) -> FloatArray:
     return np.asarray(even + share * (mixed - even))
 
 
-def _part_totals(problem: Problem, working: IntArray, weights: FloatArray) -> FloatArray:
+def _part_totals(problem: RelaxedProblem, working: IntArray, weights: FloatArray) -> FloatArray:
     part = Packed(problem.candidates.rows[:, working], problem.candidates.n_param)
     return np.asarray(part.total(weights) + problem.prior)
 
 
 def _enlarged(
-    problem: Problem, working: IntArray, weights: FloatArray, slopes: FloatArray
+    problem: RelaxedProblem, working: IntArray, weights: FloatArray, slopes: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """Adds the candidates that promise most, with small weights."""
     outside = slopes.copy()
@@ -149,7 +149,7 @@ def _enlarged(
     return np.concatenate([working, new]), extended
 
 
-def _pruned(problem: Problem, found: Relaxed, smoothing: float, gap: float, most_steps: int) -> Relaxed:
+def _pruned(problem: RelaxedProblem, found: Relaxed, smoothing: float, gap: float, most_steps: int) -> Relaxed:
     """Leaves out what the optimum does not need: weights that are smaller than their candidates' lack of slope."""
     lack = level(found.slopes, problem.limit) - found.slopes
     kept = np.flatnonzero(found.weights > np.maximum(lack, 0))
@@ -165,7 +165,7 @@ def _pruned(problem: Problem, found: Relaxed, smoothing: float, gap: float, most
     return pruned if pruned.gap <= max(gap, found.gap) else found
 
 
-def _priced(problem: Problem, weights: FloatArray, smoothing: float, steps: int) -> tuple[Relaxed, FloatArray]:
+def _priced(problem: RelaxedProblem, weights: FloatArray, smoothing: float, steps: int) -> tuple[Relaxed, FloatArray]:
     totals = problem.totals(weights)
     value = float(worth(problem.criterion, totals))
     if value == 0:

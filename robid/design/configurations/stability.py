@@ -12,6 +12,9 @@ from robid.design.configurations.criteria import worth
 from robid.design.configurations.information import ConfigurationDesign, Stability, design_configurations
 from robid.design.configurations.options import DesignOptions
 
+_WAYS = 3
+"""Most ways that realizations are divided."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -21,17 +24,16 @@ class Trial:
     judged_by: FloatArray
 
 
-def halves(n_real: int, most: int = 3) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+def halves(n_real: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Ways to divide realizations into two halves of at least two each; none with fewer than four.
 
     Args:
         n_real: Number of realizations.
-        most: Number of ways at most.
     """
     if n_real < 4:
         return []
     size, found = n_real // 2, []
-    for partner in range(1, min(most, n_real - 1) + 1):
+    for partner in range(1, min(_WAYS, n_real - 1) + 1):
         first = tuple(sorted((0, *((partner + step - 1) % (n_real - 1) + 1 for step in range(size - 1)))))
         found.append((first, tuple(index for index in range(n_real) if index not in first)))
     return found

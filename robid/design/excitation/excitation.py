@@ -23,7 +23,7 @@ UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m
 
 
 @dataclass(frozen=True)
-class Plan:
+class ExcitationPlan:
     """What the excitation will do to the nominal robot, over all realizations and experiments.
 
     Attributes:
@@ -98,7 +98,7 @@ class Excitation:
     spectrum: ComplexArray
     rms: FloatArray
     crest_factor: FloatArray
-    plan: Plan | None = None
+    plan: ExcitationPlan | None = None
 
     @property
     def period_s(self) -> float:

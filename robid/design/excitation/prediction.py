@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import FloatArray, check_shape
-from robid.design.excitation.excitation import UNITS, Excitation, Plan
+from robid.design.excitation.excitation import UNITS, Excitation, ExcitationPlan
 from robid.design.excitation.loop import NominalLoop
 from robid.design.excitation.options import ExcitationOptions
 from robid.design.excitation.snr import predicted_snr_db, residual_covariance
@@ -67,7 +67,7 @@ def predict(
     _check_limits(excitation, loop.robot, peak, limits, scale, every)
     length = np.prod(excitation.reference.shape[:2]) * n_conf * (periods + transient_periods)
     whole = excitation.reference.shape[1] == n_motor
-    plan = Plan(
+    plan = ExcitationPlan(
         speed_rms=rms[0],
         speed_peak=peak[0],
         torque_rms=rms[1],

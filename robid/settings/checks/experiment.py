@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
 
@@ -12,27 +12,33 @@ from robid.settings.checks.configurations import check_cycles, check_reachable, 
 from robid.settings.checks.designs import check_designs
 from robid.settings.checks.limits import check_limits
 from robid.settings.checks.logs import check_channels, check_logs
-from robid.settings.checks.study import check_study
 from robid.settings.checks.truth import check_truth
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import Families, FitSettings
-from robid.settings.problems import Problem, problem_at, suggest
+from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import Document, FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
+StudyCheck: TypeAlias = Callable[[Experiment, RobotFile | None], _Found]
+"""Finds what is wrong with the study of an experiment, for its robot where that could be read."""
+
 _FOLDERS = ("designs", "fits", "tasks")
 
 
 def check_experiment(
-    document: Document, experiment: Experiment, robot: RobotFile | None, families: Families
-) -> list[Problem]:
+    document: Document,
+    experiment: Experiment,
+    robot: RobotFile | None,
+    families: Families,
+    check_study: StudyCheck | None = None,
+) -> list[SettingsProblem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
-    found = [
+    found: list[Iterable[tuple[FieldPath, str]]] = [
         _folders(experiment),
         check_designs(experiment, robot),
         check_cycles(experiment),
-        check_study(experiment, robot, configuration_count),
+        () if check_study is None else check_study(experiment, robot),
     ]
     for name, campaign in experiment.campaigns.items():
         found.append(_campaign(experiment, name, campaign))

@@ -14,7 +14,7 @@ from robid.robot.inertia import remove
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.checks.robot_missing import missing
 from robid.settings.plausible import implausible
-from robid.settings.problems import Problem, problem_at, suggest
+from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile, assumed_sections
 from robid.settings.robot_sections import Body, JointSection, SpringSection
 from robid.settings.yaml import Document, FieldPath
@@ -24,7 +24,9 @@ _PARALLEL = 1e-6
 _OTHER = {"revolute": "prismatic", "prismatic": "revolute"}
 
 
-def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str] | None = None) -> list[Problem]:
+def check_robot(
+    document: Document, robot: RobotFile, immobile: Mapping[str, str] | None = None
+) -> list[SettingsProblem]:
     """Returns everything that is wrong with a robot file whose fields have the right types.
 
     Args:
@@ -38,9 +40,9 @@ def check_robot(document: Document, robot: RobotFile, immobile: Mapping[str, str
     return [problem_at(document, field, message) for field, message in found]
 
 
-def check_springs(robot: RobotFile, immobile: Mapping[str, str] | None = None) -> Iterator[tuple[FieldPath, str]]:
+def check_springs(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     """Yields what is wrong with the springs of a robot file: names, places, and what splits leave of a link."""
-    yield from _springs(robot, immobile or {})
+    yield from _springs(robot, {})
     yield from _splits(robot)
     yield from _values(robot)
     yield from _names(robot)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from robid.robot.parameters import PARAMETER_KINDS
-from robid.settings.problems import Problem, problem_at
+from robid.settings.problems import SettingsProblem, problem_at
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection
 from robid.settings.yaml import Document, FieldPath
@@ -16,7 +16,7 @@ _PARALLEL = 1e-6
 _NO_GEOMETRY = "is missing (or `frame`, or a `model` for the whole robot)"
 
 
-def missing_keys(document: Document) -> list[Problem]:
+def missing_keys(document: Document) -> list[SettingsProblem]:
     """Returns what a robot file lacks by the types of its joints, whatever else keeps it from being read."""
     joints = document.data.get("joints")
     if not isinstance(joints, list):

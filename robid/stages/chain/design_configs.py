@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from robid.artifacts.design import DESIGN
 from robid.artifacts.store import inspect_artifact
 from robid.report.numbers import percent
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import Part, delay_s, line_settings, log_sampling_settings, robot_settings
-from robid.settings.slices import to_plain
 from robid.stages.design_options import about_options, fit_options
 from robid.stages.stage import Job, Plan, Stage
 
@@ -52,7 +52,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         settings |= {f"{section}.pooled_lines": campaign.estimate.pooled_lines, "delay_s": delay_s(loaded, campaign)}
         inputs["frf"] = f"{design.campaign}/frf.h5"
         if (fit := fit_options(loaded.experiment, design)) is not None:
-            settings[f"designs.{owner}.for"] = {name: to_plain(getattr(fit, name)) for name in _READ_OF_FIT}
+            settings[f"designs.{owner}.for"] = {name: plain_settings(getattr(fit, name)) for name in _READ_OF_FIT}
     else:
         settings |= {
             f"{section}.configurations": loaded.plain["campaigns"][design.campaign]["configurations"],

@@ -37,7 +37,7 @@ def data_inputs(reads: Sequence[Read], campaigns: Sequence[str]) -> dict[str, st
     }
 
 
-def graded(path: Path) -> Graded:
+def read_grade(path: Path) -> Graded:
     """Reads the grade that an artifact holds."""
     attributes = inspect_artifact(path)["attributes"]
     return Graded(int(attributes["grade/value"]), str(attributes["grade/sentence"]))
@@ -45,7 +45,7 @@ def graded(path: Path) -> Graded:
 
 def _grade(loaded: LoadedExperiment, owner: str, output: Path) -> Graded | None:
     """Where a fit is validated, the validation owns the grade."""
-    return graded(output) if loaded.experiment.fits[owner].validate_on is None else None
+    return read_grade(output) if loaded.experiment.fits[owner].validate_on is None else None
 
 
 def _problem(output: Path) -> str:

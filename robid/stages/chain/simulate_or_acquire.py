@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robid.artifacts.record import RECORD
-from robid.artifacts.truth import check_truth
+from robid.artifacts.truth import check_vouched
 from robid.settings.robot_parts import require_controller, robot_settings
 from robid.simulate.options import STEP_LIMITS
 from robid.stages.stage import Job, Plan, Stage, measured_campaigns
@@ -79,7 +79,7 @@ def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
 def _vouched(outputs: Sequence[Path]) -> str:
     """Refuses a truth that is not the record's; an imported record has none, and an older one says nothing of it."""
     for truth in outputs[1:]:
-        if not check_truth(truth, outputs[0]):
+        if not check_vouched(truth, outputs[0]):
             return "the record is of an earlier version, which does not say its truth"
     return ""
 

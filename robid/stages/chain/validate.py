@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
 from robid.families.family import family_of
-from robid.stages.chain.fit import data_inputs, graded
+from robid.stages.chain.fit import data_inputs, read_grade
 from robid.stages.stage import Job, Plan, Stage
 
 if TYPE_CHECKING:
@@ -56,5 +56,5 @@ STAGE = Stage(
     _plan,
     _run,
     _phrase,
-    grade=lambda _loaded, _owner, output: graded(output),
+    grade=lambda _loaded, _owner, output: read_grade(output),
 )

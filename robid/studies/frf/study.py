@@ -19,12 +19,12 @@ from robid.frf.silent import identify_laws, start_laws
 from robid.pipeline import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.slices import to_plain
+from robid.settings.plain import plain_settings
 from robid.settings.study import FrfStudy, choices
 from robid.signals.friction import TorqueLaw
 from robid.signals.quantities import units_text
 from robid.signals.record import Record
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
@@ -35,7 +35,7 @@ from robid.studies.tasks import Content, Task
 class Chunk:
     """Some realizations in one configuration: simulated at once, estimated group by group and as a whole."""
 
-    experiment: Experiment
+    experiment: SimulatedExperiment
     configuration: FloatArray
     index: int
     group: int
@@ -116,8 +116,8 @@ def _decides(loaded: LoadedExperiment, excitation: str) -> dict[str, Any]:
         **simulation_settings(loaded, campaign),
         "group": study.group,
         "groups_per_task": study.groups_per_task,
-        "estimates": to_plain(compared(study, campaign)),
-        "references": to_plain(reference_options(study, campaign)),
+        "estimates": plain_settings(compared(study, campaign)),
+        "references": plain_settings(reference_options(study, campaign)),
     }
 
 

@@ -21,13 +21,14 @@ from robid.frf.frf import Frf
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.slices import to_plain
 from robid.settings.study import Mistake
 from robid.studies.mistakes.grades import GRADING, Against, against_truth, refused_causes
 from robid.studies.mistakes.mistaken import mistaken_robot, mistaken_truth
-from robid.studies.mistakes.responses import Earlier, read_response, read_truth
+from robid.studies.mistakes.responses import read_response, read_true_values
 from robid.studies.mistakes.study import Case, campaigns_of, cases, study_of
+from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 from robid.validation.elastic.assessment import assess_fit
 from robid.validation.elastic.grading import telling_shares
@@ -101,7 +102,7 @@ def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fit
     decides = {
         "responses": responses.name,
         "response": case.response,
-        "options": to_plain(options),
+        "options": plain_settings(options),
         "settings": [model_settings(loaded, name) for name in campaigns_of(loaded, fit).values()],
     }
     return decides, Fitting(responses, case.response, robots, options, delay_s(loaded, used[0]))
@@ -120,7 +121,7 @@ def fit_case(one: Fitting) -> Content:
 def judge_case(one: Judged) -> Content:
     """Validates and grades a case, and holds it against the truth."""
     held, responses = read_artifact(one.model, TASK), read_artifact(one.fitting.responses, TASK)
-    fitting, truth = one.fitting, mistaken_truth(read_truth(responses), one.mistake)
+    fitting, truth = one.fitting, mistaken_truth(read_true_values(responses), one.mistake)
     frf: Frf | None = None
     try:
         frf = read_response(responses, fitting.response, "estimation")

@@ -16,8 +16,8 @@ from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
 from robid.studies.mistakes.grades import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
-from robid.studies.mistakes.responses import Earlier
 from robid.studies.mistakes.study import SOUND, study_of
+from robid.studies.study import Earlier
 
 ASKED = {"graded": 0.9, "named": 0.8, "false_alarms": 0.1}
 """What is asked: at least, at least, at most."""
@@ -26,7 +26,7 @@ _TRUST = 2
 
 
 @dataclass(frozen=True)
-class Row:
+class CaseRow:
     """One case.
 
     Attributes:
@@ -71,7 +71,7 @@ class Row:
         return self.causes[:1] == (self.cause,)
 
 
-def read_row(held: Artifact) -> Row:
+def read_row(held: Artifact) -> CaseRow:
     """Reads a case."""
     told = held.attributes
 
@@ -79,7 +79,7 @@ def read_row(held: Artifact) -> Row:
         value = told.get(key, math.nan)
         return float(value) if isinstance(value, int | float) else math.nan
 
-    return Row(
+    return CaseRow(
         name=str(told["case"]),
         robot=str(told["robot"]),
         cause=str(told["cause"]),
@@ -108,7 +108,7 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     return Conclusion(Verdict(text, "ok" if level == "ok" else "warn"), summary, sections, warnings)
 
 
-def summarise(rows: Sequence[Row]) -> dict[str, float]:
+def summarise(rows: Sequence[CaseRow]) -> dict[str, float]:
     """Returns the figures of summary.json; what is not known is left out."""
     sound = [row for row in rows if row.name == SOUND]
     mistaken = [row for row in rows if row.name != SOUND]
@@ -176,7 +176,7 @@ def _sentence(name: str, value: float) -> str:
     return f"{said[name].format(percent(value))} (asked: {least} {percent(ASKED[name])}, {end})"
 
 
-def _mistake_section(rows: Sequence[Row]) -> Section:
+def _mistake_section(rows: Sequence[CaseRow]) -> Section:
     names = [name for name in dict.fromkeys(row.name for row in rows) if name != SOUND]
     cells = tuple(_cells(name, [row for row in rows if row.name == name]) for name in names)
     caption = (
@@ -195,7 +195,7 @@ _HEADS = (
 )
 
 
-def _cells(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
+def _cells(name: str, rows: Sequence[CaseRow]) -> tuple[str, ...]:
     refused = sum(bool(row.refusal) for row in rows)
     given = _counted(GRADES[row.given] for row in rows)
     return (
@@ -212,7 +212,7 @@ def _cells(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
     )
 
 
-def _sound_section(rows: Sequence[Row]) -> Section:
+def _sound_section(rows: Sequence[CaseRow]) -> Section:
     sound = [row for row in rows if row.name == SOUND]
     robots = dict.fromkeys(row.robot for row in sound)
     cells = tuple(_cells(robot, [row for row in sound if row.robot == robot]) for robot in robots)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -22,19 +22,17 @@ from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
 from robid.robot.description import Robot
-from robid.settings.checks.mistakes import changed_simulation
 from robid.settings.experiment import Campaign
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.slices import to_plain
 from robid.settings.study import Mistake
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
-from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot
+from robid.studies.mistakes.mistaken import changed_simulation, mistaken_record, mistaken_robot
 from robid.studies.mistakes.study import Case, campaigns_of, cases, read_with, study_of, subjects
 from robid.studies.simulated import Estimator, make_estimator, simulation_settings
-from robid.studies.tasks import Content, Results, Task
-
-Earlier: TypeAlias = tuple[Results, ...]
+from robid.studies.study import Earlier
+from robid.studies.tasks import Content, Task
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class Measured:
     """
 
     name: str
-    experiment: Experiment
+    experiment: SimulatedExperiment
     configurations: FloatArray
     estimators: Mapping[str, Estimator]
     nominal: Robot
@@ -112,12 +110,12 @@ def _measured(
     reference = hashlib.sha256(np.ascontiguousarray(experiment.reference).tobytes()).hexdigest()
     decides = {
         **simulation_settings(loaded, campaign),
-        "source": to_plain(options),
+        "source": plain_settings(options),
         "reference": reference,
         "configurations": content.configurations.tolist(),
         "excited_lines": content.excitation.excited_lines.tolist(),
         "detection_lines": content.excitation.detection_lines.tolist(),
-        "estimate": to_plain(campaign.estimate),
+        "estimate": plain_settings(campaign.estimate),
     }
     nominal, delay = loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
     return Measured(name, experiment, content.configurations, estimators, nominal, delay), decides
@@ -182,7 +180,7 @@ def _inside(named: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     return ((name.removeprefix(prefix), value) for name, value in named.items() if name.startswith(prefix))
 
 
-def read_truth(held: Artifact) -> dict[str, float]:
+def read_true_values(held: Artifact) -> dict[str, float]:
     """Returns the true values by name."""
     names, values = (held.datasets[key].values.tolist() for key in ("truth_names", "truth"))
     return dict(zip(names, values, strict=True))

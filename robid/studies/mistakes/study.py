@@ -9,11 +9,11 @@ from robid.artifacts.provenance import canonical_hash
 from robid.errors import SettingsError
 from robid.families.files import load_experiment
 from robid.pipeline import Run
-from robid.settings.checks.mistakes import fit_problem, mistake_problems
 from robid.settings.load import LoadedExperiment
+from robid.settings.plain import plain_settings
 from robid.settings.problems import format_field
-from robid.settings.slices import to_plain
 from robid.settings.study import Mistake, MistakesStudy
+from robid.studies.mistakes.check import fit_problem, mistake_problems
 
 SOUND = "sound"
 """Name of a robot with which nothing is wrong."""
@@ -142,4 +142,4 @@ def cases(run: Run) -> list[Case]:
 def read_with(mistake: Mistake) -> dict[str, Any]:
     """Returns what of a mistake decides its response beyond what is simulated."""
     keys = ("torque_factor", "angle_factor", "swapped", "delay_samples", "gear_ratio_factor", "friction_factor")
-    return {key: to_plain(getattr(mistake, key)) for key in keys}
+    return {key: plain_settings(getattr(mistake, key)) for key in keys}

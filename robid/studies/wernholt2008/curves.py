@@ -15,7 +15,7 @@ _ABOUT = {"": "by the strategy of this study", "plain": "by plain descents"}
 _SORTED = "Start, by the cost with user weights"
 
 
-def cost_section(found: Found, group: str) -> Section:
+def start_cost_section(found: Found, group: str) -> Section:
     """Figs 3 and 4: sorted costs of every estimator."""
     members = found.groups[group]
     first = max(len(one.own_cost) for one in members.values())

@@ -18,7 +18,7 @@ from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
 from robid.studies.wernholt2008.study import ALL, measured, robot_and_delay, score_options, sets, study_of
-from robid.validation.elastic.extrema import resonance_errors
+from robid.validation.elastic.extrema import own_resonance_errors
 from robid.validation.starts import within_factor
 
 COST_LIMIT = 1.5
@@ -144,7 +144,7 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     near = [part for index, kind in enumerate(kinds) if not kind.group for part in parts[index]]
     best = min(float(part["user_cost"].min()) for part in near)
     best_optimal = min(float(part["optimal_cost"].min()) for part in near)
-    errors = resonance_errors(user, truth)
+    errors = own_resonance_errors(user, truth)
     judge = Judge(user, errors <= _RESONANCE_LIMIT)
     groups: dict[str, dict[str, Models]] = {}
     for index, kind in enumerate(kinds):
@@ -193,7 +193,7 @@ class Judge:
         """Whether a model has every resonance that counts within the limit."""
         key = np.round(internal / _SAME_MODEL).astype(np.int64).tobytes()
         if key not in self._known:
-            errors = resonance_errors(self.problem, internal)[self.counted]
+            errors = own_resonance_errors(self.problem, internal)[self.counted]
             self._known[key] = bool((errors <= _RESONANCE_LIMIT).all())
         return self._known[key]
 

@@ -16,7 +16,7 @@ from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
 from robid.studies.paper import paper_figures
 from robid.studies.wernholt2008.conclusions import Claim, claims
-from robid.studies.wernholt2008.curves import cost_section, parameter_sections, response_sections
+from robid.studies.wernholt2008.curves import parameter_sections, response_sections, start_cost_section
 from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, gather, summarise
 from robid.studies.wernholt2008.study import robot_and_delay, study_of
 from robid.validation.starts import spread
@@ -49,7 +49,7 @@ def conclude(run: Run, results: list[Artifact]) -> Conclusion:
         sections=(
             _success_section(found, summary, paper),
             _claims_section(held),
-            *(cost_section(found, group) for group in ("", "plain") if group in found.groups),
+            *(start_cost_section(found, group) for group in ("", "plain") if group in found.groups),
             *parameter_sections(found, of_gears),
             _statistics_section(found, paper),
             *response_sections(found, study.element),

@@ -23,8 +23,8 @@ from robid.frf.residual import EstimatorKind
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.slices import to_plain
 from robid.settings.study import WernholtStudy
 from robid.studies.paper import paper_figures
 from robid.studies.tasks import Content, Task
@@ -155,7 +155,7 @@ def tasks(run: Run) -> list[Task]:
         for number, first in enumerate(range(1, one.options.starts, study.starts_per_task), 1):
             starts = tuple(range(first, min(first + study.starts_per_task, one.options.starts)))
             chunk = Chunk(robot, path, alone, one.options, score_options(study), starts, delay)
-            place = {"options": to_plain(one.options), "scores": to_plain(chunk.scores), "starts": starts}
+            place = {"options": plain_settings(one.options), "scores": plain_settings(chunk.scores), "starts": starts}
             label = "_".join(part for part in (one.name, one.group, str(number)) if part)
             found.append(Task(label, {**decides, **place, "configuration": alone}, chunk))
     return found

@@ -13,7 +13,7 @@ from robid.report.design_figures import deviation_figures, step_response_figures
 from robid.report.numbers import significant
 from robid.report.section import Beside, Curve, Figure, Section, Table
 from robid.robot.skeleton import skeleton
-from robid.studies.zimmermann2023.effort import Effort
+from robid.studies.zimmermann2023.effort import EffortCurves
 from robid.studies.zimmermann2023.figures import Found
 from robid.studies.zimmermann2023.study import chosen_designs
 
@@ -21,7 +21,7 @@ _MOST = 7
 _MM = 1e3
 
 
-def cost_section(found: Found) -> Section:
+def model_cost_section(found: Found) -> Section:
     """Fig. 3: sorted costs of every model, averaged over the individuals."""
     names, figures = list(found.models), []
     for part in (names[:_MOST], names[_MOST:]):
@@ -69,7 +69,7 @@ def _response(title: str, frequency_hz: FloatArray, curves: Mapping[str, FloatAr
     return Figure(title, "Frequency [Hz]", "Magnitude [rad/(s² N m)]", drawn)
 
 
-def parameter_section(found: Found) -> Section:
+def spring_section(found: Found) -> Section:
     """Fig. 5: springs over the truth, with two predicted deviations, of the first individual."""
     figures = []
     for name, one in found.models.items():
@@ -87,7 +87,7 @@ def parameter_section(found: Found) -> Section:
     return Section("Fig. 5: parameters and deviations", lead, (Beside(tuple(figures), 3),))
 
 
-def effort_section(effort: Effort) -> Section:
+def effort_section(effort: EffortCurves) -> Section:
     """Deviations over the number of experiments."""
     figures = deviation_figures(effort.experiments, effort.average, effort.worst)
     lead = (

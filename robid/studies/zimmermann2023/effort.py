@@ -18,7 +18,7 @@ _NO_WEIGHT = 1e-6
 
 
 @dataclass(frozen=True)
-class Effort:
+class EffortCurves:
     """Deviations of the springs over the number of experiments.
 
     Attributes:
@@ -36,7 +36,7 @@ class Effort:
     figures: dict[str, float]
 
 
-def effort_curves(design: ConfigurationDesign, guess: FloatArray, per_visit: int) -> Effort:
+def effort_curves(design: ConfigurationDesign, guess: FloatArray, per_visit: int) -> EffortCurves:
     """Predicts deviations over the number of experiments.
 
     Args:
@@ -64,7 +64,7 @@ def effort_curves(design: ConfigurationDesign, guess: FloatArray, per_visit: int
         " (median)."
     )
     figures = {f"{name}_experiments": count for name, count in needed.items() if np.isfinite(count)}
-    return Effort(experiments, average, worst, sentence, {**figures, "guess_experiments": own})
+    return EffortCurves(experiments, average, worst, sentence, {**figures, "guess_experiments": own})
 
 
 def deviations(information: FloatArray) -> FloatArray:

@@ -16,9 +16,10 @@ from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
 from robid.pipeline import Run
 from robid.settings.study import ZimmermannStudy
-from robid.studies.zimmermann2023.effort import Effort, effort_curves
+from robid.studies.study import Earlier
+from robid.studies.zimmermann2023.effort import EffortCurves, effort_curves
 from robid.studies.zimmermann2023.steps import read_steps
-from robid.studies.zimmermann2023.study import Earlier, study_of
+from robid.studies.zimmermann2023.study import study_of
 from robid.validation.steps import StepResponses, step_figures
 
 MISSED = 0.03
@@ -99,7 +100,7 @@ class Found:
     truth: FloatArray
     there: BoolArray
     design: ConfigurationDesign
-    effort: Effort
+    effort: EffortCurves
     steps: tuple[StepResponses, ...]
     first: dict[str, dict[str, Any]]
 

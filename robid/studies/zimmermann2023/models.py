@@ -29,14 +29,15 @@ from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.robot.rest import settle_springs
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.slices import to_plain
 from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.studies.simulated import simulate_options
+from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
-from robid.studies.zimmermann2023.study import Earlier, Pair, pairs, study_of
+from robid.studies.zimmermann2023.study import Pair, pairs, study_of
 from robid.validation.elastic.extrema import first_resonances
 from robid.validation.elastic.fitted import FittedModel, fitted_model
 from robid.validation.elastic.validating import weighted_costs
@@ -90,7 +91,7 @@ def _chosen(choice: ModelChoice, torque: dict[str, FloatArray], n_conf: int) -> 
     return tuple(sorted(np.random.default_rng(choice.seed).choice(pool, choice.count, replace=False).tolist()))
 
 
-def gravity_torque(robot: Robot, joint: str, configurations: FloatArray) -> FloatArray:
+def transmission_torque(robot: Robot, joint: str, configurations: FloatArray) -> FloatArray:
     """Torque (n_conf,) of gravity on the transmission of a joint [N m]."""
     index = [one.name for one in robot.joints].index(joint)
     spring = next(at for at, one in enumerate(robot.springs) if one.joint == index and one.place == "transmission")
@@ -119,7 +120,7 @@ def _pair_tasks(run: Run, study: ZimmermannStudy, number: int, pair: Pair) -> li
         true_robot_of(run.loaded.robot, own.payload_kg, simulated.truth), simulated.imperfections
     )
     asked = {choice.low_torque for choice in study.models.values()} - {None}
-    torque = {str(name): gravity_torque(robots[0], str(name), pair.configurations) for name in asked}
+    torque = {str(name): transmission_torque(robots[0], str(name), pair.configurations) for name in asked}
     settings = model_settings(run.loaded, pair.estimation), model_settings(run.loaded, pair.validation)
     found = []
     for name, used in model_sets(study, torque, len(pair.configurations)).items():
@@ -127,10 +128,10 @@ def _pair_tasks(run: Run, study: ZimmermannStudy, number: int, pair: Pair) -> li
         decides = {
             "estimation": [pair.estimation_paths[index].name for index in used],
             "validation": [path.name for path in pair.validation_paths],
-            "options": to_plain(options),
+            "options": plain_settings(options),
             "settings": settings,
             "axes": study.axes,
-            "source": to_plain(own.source),
+            "source": plain_settings(own.source),
         }
         if "cubic" in options.free:
             decides["slopes"] = [path.name for path in pair.estimation_paths]

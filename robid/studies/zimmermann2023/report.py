@@ -15,11 +15,11 @@ from robid.studies.conclusion import Conclusion
 from robid.studies.paper import paper_figures
 from robid.studies.tasks import Results
 from robid.studies.zimmermann2023.curves import (
-    cost_section,
     design_sections,
     effort_section,
-    parameter_section,
+    model_cost_section,
     response_section,
+    spring_section,
     step_section,
 )
 from robid.studies.zimmermann2023.figures import MISSED, Found, explained_springs, gather, rivals, summarise
@@ -36,9 +36,9 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     sections = (
         _data_section(found, paper),
         _model_section(found, summary, paper),
-        cost_section(found),
+        model_cost_section(found),
         response_section(found),
-        parameter_section(found),
+        spring_section(found),
         *_explanation_sections(found, summary),
         effort_section(found.effort),
         *step_section(found, summary),

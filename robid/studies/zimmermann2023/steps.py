@@ -14,14 +14,15 @@ from robid.fit.elastic.fitted_robot import with_estimates
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
+from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import require_controller, robot_settings
-from robid.settings.slices import to_plain
 from robid.settings.truth import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.stages.configurations import draw_in_reach
 from robid.studies.simulated import simulate_options
+from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
-from robid.studies.zimmermann2023.study import Earlier, study_of
+from robid.studies.zimmermann2023.study import study_of
 from robid.validation.step_options import StepOptions
 from robid.validation.steps import StepResponses, step_responses
 
@@ -79,8 +80,8 @@ def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
         wanted = RandomConfigurations(count=study.steps.configurations, seed=study.steps.seed)
         decides = {
             "models": {name: path.name for name, path in used.items()},
-            "source": to_plain(campaign.source),
-            "steps": to_plain(study.steps),
+            "source": plain_settings(campaign.source),
+            "steps": plain_settings(study.steps),
             "payload_kg": campaign.payload_kg,
             **robot_settings(run.loaded, "mechanics", "range", "motor_limits", "friction", "controller"),
         }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -19,22 +18,21 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.frf.estimate import estimate_frf
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
-from robid.settings.slices import to_plain
+from robid.settings.plain import plain_settings
 from robid.settings.study import ZimmermannStudy
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.paper import paper_figures
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
-from robid.studies.tasks import Content, Results, Task
-
-Earlier: TypeAlias = tuple[Results, ...]
+from robid.studies.study import Earlier
+from robid.studies.tasks import Content, Task
 
 
 @dataclass(frozen=True)
 class Measurement:
     """One configuration of a campaign: simulated, and its response estimated."""
 
-    experiment: Experiment
+    experiment: SimulatedExperiment
     configuration: FloatArray
     index: int
     estimator: Estimator
@@ -107,7 +105,7 @@ def _campaign_tasks(run: Run, name: str) -> list[Task]:
         "reference": hashlib.sha256(reference.tobytes()).hexdigest(),
         "excited_lines": excitation.excitation.excited_lines.tolist(),
         "detection_lines": excitation.excitation.detection_lines.tolist(),
-        "estimate": to_plain(campaign.estimate),
+        "estimate": plain_settings(campaign.estimate),
         **simulation_settings(run.loaded, campaign),
     }
     threads = run.workers if run.backend == "serial" else 1

@@ -12,7 +12,7 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.estimate import Estimate
 from robid.robot.description import Robot
-from robid.validation.doubt import Doubt, plain
+from robid.validation.doubt import Doubt, two_digits
 from robid.validation.elastic.fitted import FittedModel
 from robid.validation.elastic.suspects import Suspect, suspects
 from robid.validation.elastic.trials import try_springs
@@ -192,7 +192,7 @@ def _gain(scores: _Scores, chosen: list[int], every: list[Suspect]) -> tuple[flo
 def _doubt(estimate: Estimate, found: Explanation, *, leads: bool) -> Doubt:
     named = zip(found.names[:_MOST_NAMED], found.amounts.tolist(), found.units, strict=False)
     signed = "" if found.cause == "missing_spring" else "+"
-    what = ", ".join(f"{name} {plain(amount, signed)} {unit}" for name, amount, unit in named)
+    what = ", ".join(f"{name} {two_digits(amount, signed)} {unit}" for name, amount, unit in named)
     half = np.maximum(0.5 * (estimate.upper - estimate.lower), 1e-300)
     slopes = np.where(np.array(estimate.nominal) == 0, 1.0, np.abs(estimate.value))
     telling = np.array([kind in ("stiffness", "damping") for kind in estimate.kinds])
@@ -201,7 +201,7 @@ def _doubt(estimate: Estimate, found: Explanation, *, leads: bool) -> Doubt:
     worst = int(np.argmax(widths)) if ruined is None else ruined
     message = (
         f"{what} would explain {found.share:.0%} of the misfit and move {estimate.names[worst]} by "
-        f"{plain(float(widths[worst]))} half-widths of its interval"
+        f"{two_digits(float(widths[worst]))} half-widths of its interval"
     )
     if ruined is not None:
         message += f", which leaves it {_error(found)[ruined]:.0%} off"

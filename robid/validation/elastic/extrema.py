@@ -25,7 +25,7 @@ _Lines: TypeAlias = tuple[FloatArray, ComplexArray, FloatArray, int]
 
 
 @dataclass(frozen=True)
-class Pair:
+class ExtremumPair:
     """A measured extremum and the model's counterpart, NaN where there is none."""
 
     measured_hz: float
@@ -77,7 +77,7 @@ class Elements:
         return Element(self._frequency_hz, *curves, self._dense_hz, self._dense[at])
 
 
-def pair_extrema(element: Element, kind: Kind) -> list[Pair]:
+def pair_extrema(element: Element, kind: Kind) -> list[ExtremumPair]:
     """Measured extrema of one kind with their counterparts in the model, both by the same estimator."""
     dense_hz = element.dense_hz[_extrema(element.dense, np.zeros(element.dense.size), kind)]
     pairs = []
@@ -87,7 +87,7 @@ def pair_extrema(element: Element, kind: Kind) -> list[Pair]:
     return pairs
 
 
-def _pair(element: Element, kind: Kind, index: int, near_hz: FloatArray) -> Pair:
+def _pair(element: Element, kind: Kind, index: int, near_hz: FloatArray) -> ExtremumPair:
     """Refines both by the best estimator that serves both, on the same lines where the model allows it."""
     lines = _model_lines(element.frequency_hz, near_hz, index)
     tried = ((estimate, estimate(*element.measured_at(index), kind)) for estimate in _ESTIMATORS)
@@ -96,9 +96,9 @@ def _pair(element: Element, kind: Kind, index: int, near_hz: FloatArray) -> Pair
         for estimate, found in served:
             counterpart = estimate(*element.modelled_at(line), kind)
             if counterpart is not None and abs(counterpart.frequency_hz / found.frequency_hz - 1) <= MATCH:
-                return Pair(found.frequency_hz, found.std_hz, counterpart.frequency_hz, counterpart.root)
+                return ExtremumPair(found.frequency_hz, found.std_hz, counterpart.frequency_hz, counterpart.root)
     best = served[0][1]
-    return Pair(best.frequency_hz, best.std_hz, np.nan, complex(np.nan, np.nan))
+    return ExtremumPair(best.frequency_hz, best.std_hz, np.nan, complex(np.nan, np.nan))
 
 
 def _model_lines(frequency_hz: FloatArray, near_hz: FloatArray, index: int) -> list[int]:
@@ -148,7 +148,7 @@ def first_resonances(fitted: FittedModel, channels: tuple[str, ...]) -> tuple[Fl
     return measured, modelled
 
 
-def resonance_errors(problem: Problem, internal: FloatArray) -> FloatArray:
+def own_resonance_errors(problem: Problem, internal: FloatArray) -> FloatArray:
     """Relative frequency errors of a model at every measured resonance of the motors' own responses.
 
     Args:
@@ -173,7 +173,7 @@ def resonance_shifts(fitted: FittedModel) -> FloatArray:
     return np.asarray(shifts[np.isfinite(shifts)])
 
 
-def _own_pairs(fitted: FittedModel, kinds: tuple[Kind, ...]) -> list[Pair]:
+def _own_pairs(fitted: FittedModel, kinds: tuple[Kind, ...]) -> list[ExtremumPair]:
     """Extrema of the motors' own responses in all configurations, in the table's order but for their kinds."""
     frf = fitted.problem.frf
     elements = Elements(fitted, frf)

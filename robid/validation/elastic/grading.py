@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.fit.elastic.model_error import ModelError
 from robid.fit.elastic.solution import ElasticSolution
-from robid.validation.doubt import Doubt, plain
+from robid.validation.doubt import Doubt, two_digits
 from robid.validation.grade import Grade, grade_alone, grade_held
 
 _FLOOR = 0.001  # relative errors below move no spring by more than its interval
@@ -64,7 +64,9 @@ def _doubtful(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, 
     """Why single parameters may be off by more than their intervals say."""
     found = [doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1]
     if solution.misfit > _MISFIT_LIMIT:
-        found.append(f"the residual costs {plain(solution.misfit)} times what noise and the assumed model error allow")
+        found.append(
+            f"the residual costs {two_digits(solution.misfit)} times what noise and the assumed model error allow"
+        )
     error = solution.model_error
     if error is not None:
         above, correlated = telling_shares(error)

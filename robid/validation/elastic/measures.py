@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.validation.doubt import Doubt, plain
+from robid.validation.doubt import Doubt, two_digits
 from robid.validation.elastic.extrema import resonance_shifts
 from robid.validation.elastic.fitted import FittedModel
 
@@ -39,7 +39,7 @@ class Measures:
             return ()
         place = f" in configuration {int(np.argmax(self.error_ratio)) + 1}" if len(self.error_ratio) > 1 else ""
         return (
-            f"the error{place} of {data} costs {plain(ratio)} times what noise and the assumed model error "
+            f"the error{place} of {data} costs {two_digits(ratio)} times what noise and the assumed model error "
             f"allow, limit {COST_RATIO_LIMIT:g}",
         )
 
@@ -57,7 +57,7 @@ class Measures:
             ("resonances are off by", 100 * (self.resonance_shift or 0.0), 100 * _RESONANCE_LIMIT, "% in the median"),
         )
         return [
-            (f"{what} {plain(value)} {unit}, limit {limit:g}", value / limit)
+            (f"{what} {two_digits(value)} {unit}, limit {limit:g}", value / limit)
             for what, value, limit, unit in limits
             if value > limit
         ]

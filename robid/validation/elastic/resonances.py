@@ -12,7 +12,7 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.solution import ElasticSolution
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
-from robid.validation.elastic.extrema import KINDS, MATCH, Elements, Pair, pair_extrema
+from robid.validation.elastic.extrema import KINDS, MATCH, Elements, ExtremumPair, pair_extrema
 from robid.validation.elastic.fitted import FittedModel, fitted_model
 from robid.validation.elastic.local_model import Kind
 from robid.validation.elastic.modes import Modes, damping_ratio, frequency_std, poles, zeros
@@ -64,7 +64,7 @@ class _Row:
     configuration: int
     channel: str
     kind: Kind
-    pair: Pair
+    pair: ExtremumPair
     reach_hz: float
     mode: _Mode
 
@@ -135,7 +135,7 @@ def _own_modes(
     return [_Mode(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
 
 
-def _nearest(modes: list[_Mode], pair: Pair) -> _Mode:
+def _nearest(modes: list[_Mode], pair: ExtremumPair) -> _Mode:
     """The mode next to the root that the model's local refinement found, if any is near."""
     if not modes or not np.isfinite(pair.model_hz):
         return _Mode()

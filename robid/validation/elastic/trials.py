@@ -30,7 +30,7 @@ _OUTBOARD = 0.6  # share of a link beyond a split
 
 
 @dataclass(frozen=True)
-class Trial:
+class SpringTrial:
     """What one more spring does to a fit.
 
     Attributes:
@@ -44,7 +44,7 @@ class Trial:
     moved: FloatArray
 
 
-def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Trial]:
+def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[SpringTrial]:
     """Tries every spring that a robot file may lack, the most telling first.
 
     Args:
@@ -105,11 +105,11 @@ def _gears_in_series(robot: Robot, spring: Spring) -> Iterator[str]:
             yield each.name
 
 
-def _trial(spring: Spring, problem: Problem, end: Minimum, fitted: FittedModel) -> Trial:
+def _trial(spring: Spring, problem: Problem, end: Minimum, fitted: FittedModel) -> SpringTrial:
     after = dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
     stiffness = spring.stiffness * float(np.exp(after[f"{spring.name}.stiffness"]))
     before = zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True)
-    return Trial(
+    return SpringTrial(
         replace(spring, stiffness=stiffness),
         1 - end.cost / fitted.problem.cost(fitted.internal),
         np.array([after[name] - value for name, value in before]),

@@ -14,17 +14,19 @@ from robid.signals.positions import METRES, RADIANS
 from robid.validation.doubt import Doubt
 from robid.validation.plausible.evidence import Evidence
 
-_PLACED_RAD = float(np.deg2rad(2.0))
-"""How well a configuration is stated and held, arm side: a rounded figure, a drift."""
+_PLACED = {RADIANS: float(np.deg2rad(2.0)), METRES: 0.01}
+"""How well a configuration is stated and held, arm side: a rounded figure, a drift; by unit."""
 
-_STATED_RAD = float(np.deg2rad(0.2))
-"""Least doubt of a stated angle when a slope is judged."""
+_STATED = {RADIANS: float(np.deg2rad(0.2)), METRES: 0.001}
+"""Least doubt of a stated position when a slope is judged."""
+
+_SPREAD = {RADIANS: float(np.deg2rad(5.0)), METRES: 0.025}
+"""Least way between configurations from which a slope is judged."""
 
 _SWINGS = 3.0
 _LEAST_SLOPE = 0.01
 _GROSS_SLOPE = 0.05
 _FALSE_ALARM = 1e-6
-_SPREAD_RAD = float(np.deg2rad(5.0))
 _SHOWN = 4
 
 
@@ -57,6 +59,11 @@ class _Means:
     logged: FloatArray
     allowed: FloatArray
 
+    @property
+    def least_spread(self) -> FloatArray:
+        """Way from which each motor (n_motor,) counts as turned [rad, or m]."""
+        return np.array([_SPREAD[unit] for unit in self.units])
+
 
 def judge_angles(robot: Robot, evidence: Evidence) -> Angles:
     """Compares mean motor angles with the stated configurations.
@@ -77,25 +84,28 @@ def judge_angles(robot: Robot, evidence: Evidence) -> Angles:
     ratio = np.abs(turns[np.arange(n_motor), evidence.joints(robot)])
     swing = np.zeros_like(evidence.mean_angle) if evidence.motion_rms is None else evidence.motion_rms / ratio
     logged, stated = evidence.mean_angle / ratio, evidence.configurations @ turns.T / ratio
-    relative = _relative(logged, stated, swing, ratio)
+    units = [METRES if robot.prismatic[joint] else RADIANS for joint in evidence.joints(robot)]
+    placed_within = np.array([_PLACED[unit] for unit in units])
+    relative = _relative(logged, stated, swing, ratio, placed_within)
     told = np.flatnonzero(~relative)
     notes = _relative_notes([evidence.names[index] for index in np.flatnonzero(relative)])
     if not told.size:
         return Angles((), notes, sign, fits, placed=True)
     names = [evidence.names[index] for index in told]
-    allowed = _PLACED_RAD + _SWINGS * swing[:, told]
-    units = [METRES if robot.prismatic[joint] else RADIANS for joint in evidence.joints(robot)[told]]
-    means = _Means(names, units, stated[:, told], logged[:, told], allowed)
+    allowed = (placed_within + _SWINGS * swing)[:, told]
+    means = _Means(names, [units[index] for index in told], stated[:, told], logged[:, told], allowed)
     doubts, slopes, more, placed = _explain(means)
     sign[told] = np.sign(slopes) * (np.abs(np.abs(slopes) - 1) < 0.5)
     fits[told] = np.abs(np.abs(slopes) - 1) < _LEAST_SLOPE
     return Angles(doubts, notes + more, sign, fits, placed)
 
 
-def _relative(logged: FloatArray, stated: FloatArray, swing: FloatArray, ratio: FloatArray) -> BoolArray:
+def _relative(
+    logged: FloatArray, stated: FloatArray, swing: FloatArray, ratio: FloatArray, placed_within: FloatArray
+) -> BoolArray:
     """Which motors' angles (n_motor,) stay within a turn or the motion itself wherever the robot stands."""
     turn = 2.1 * np.pi / ratio
-    reach = np.maximum(2 * _SWINGS * swing.max(axis=0), np.where(ratio > 10, turn, _PLACED_RAD))
+    reach = np.maximum(2 * _SWINGS * swing.max(axis=0), np.where(ratio > 10, turn, placed_within))
     if len(logged) == 1:
         return np.asarray((np.abs(logged[0]) <= reach) & (np.abs(stated[0]) > 2 * reach))
     return np.asarray((np.ptp(logged, axis=0) <= reach) & (np.ptp(stated, axis=0) > 2 * reach))
@@ -144,7 +154,7 @@ def _slopes(means: _Means, *, offset: bool | None = None) -> tuple[FloatArray, t
         x, y = means.stated[:, index], means.logged[:, index]
         if offset is not None and (np.abs(y - x) <= means.allowed[:, index]).all():
             continue
-        found = _line(x, y, offset=offset is not False)
+        found = _line(x, y, means.units[index], offset=offset is not False)
         if found is None:
             slopes[index] = 1.0 if offset is None else 0.0
             continue
@@ -157,21 +167,21 @@ def _slopes(means: _Means, *, offset: bool | None = None) -> tuple[FloatArray, t
     return slopes, tuple(sorted(doubts, key=lambda doubt: -doubt.strength))
 
 
-def _line(x: FloatArray, y: FloatArray, *, offset: bool) -> tuple[float, FloatArray, float] | None:
+def _line(x: FloatArray, y: FloatArray, unit: str, *, offset: bool) -> tuple[float, FloatArray, float] | None:
     """Slope, what it leaves, and by how much a sound slope may differ from 1; None where too little is turned.
 
     One angle can only tell a sign; an offset needs a configuration more.
     """
     used = x - x.mean() if offset else x
     freedom = len(x) - 1 - offset
-    if np.sqrt((used**2).mean()) < _SPREAD_RAD or freedom < 0 or (offset and freedom < 1):
+    if np.sqrt((used**2).mean()) < _SPREAD[unit] or freedom < 0 or (offset and freedom < 1):
         return None
     slope = float(used @ y / (used @ used))
     left = y - slope * used - (y.mean() if offset else 0.0)
-    if (freedom == 0 or np.ptp(x) < _SPREAD_RAD) and abs(slope + 1) > 2 * _LEAST_SLOPE:
+    if (freedom == 0 or np.ptp(x) < _SPREAD[unit]) and abs(slope + 1) > 2 * _LEAST_SLOPE:
         return None
-    scatter = max(float(np.sqrt(left @ left / max(freedom, 1))), _STATED_RAD)
-    quantile = float(student.isf(_FALSE_ALARM / 2, 10 if scatter == _STATED_RAD else max(freedom, 1)))
+    scatter = max(float(np.sqrt(left @ left / max(freedom, 1))), _STATED[unit])
+    quantile = float(student.isf(_FALSE_ALARM / 2, 10 if scatter == _STATED[unit] else max(freedom, 1)))
     return slope, left, max(_LEAST_SLOPE, quantile * scatter / float(np.sqrt(used @ used)))
 
 
@@ -227,13 +237,13 @@ def _offset(
     """Constant offsets: encoders without a reference, or, where others agree, one joint's zero or configuration."""
     ones = np.ones(len(means.names))
     shifted = np.asarray(away.any(axis=0))
-    turned = ~shifted & (np.abs(means.stated).max(axis=0) > _SPREAD_RAD)
+    turned = ~shifted & (np.abs(means.stated).max(axis=0) > means.least_spread)
     if turned.any():
         doubt = _elsewhere(means)
         if len(means.stated) == 1:
             return (doubt,), np.where(shifted, 0.0, 1.0), (), False
         names = ", ".join(name for name, moved in zip(means.names, shifted.tolist(), strict=True) if moved)
-        told = f"{names}: off by the same angle in every configuration ({_most(means, middle)})"
+        told = f"{names}: off by the same amount in every configuration ({_most(means, middle)})"
         return (Doubt("configurations", told, decisive=False, strength=doubt.strength),), ones, (), True
     if len(means.stated) == 1:
         ones = np.zeros(len(means.names))

@@ -10,7 +10,7 @@ from robid.arrays import FloatArray
 from robid.frf.frf import Frf
 from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
 from robid.robot.description import Robot
-from robid.validation.doubt import Doubt, plain
+from robid.validation.doubt import Doubt, two_digits
 from robid.validation.plausible.angles import judge_angles
 from robid.validation.plausible.evidence import CLEAR, Evidence, gather_evidence
 from robid.validation.plausible.gravity import gravity_signs, judge_gravity, judge_places, weigh
@@ -73,8 +73,8 @@ def _without_delay(evidence: Evidence, declared_s: float) -> tuple[Evidence, lis
         return evidence, []
     samples, declared = found / evidence.sampling_period_s, declared_s / evidence.sampling_period_s
     told = (
-        f"the phases of the motors' own responses leave no room for a delay below {plain(samples)} samples, "
-        f"where {plain(declared)} are declared"
+        f"the phases of the motors' own responses leave no room for a delay below {two_digits(samples)} samples, "
+        f"where {two_digits(declared)} are declared"
     )
     decisive = found * float(evidence.lines_hz.max()) > _HALF_TURN
     ahead = np.exp(2j * np.pi * evidence.frequency_hz * (found - declared_s))[:, None, None]

@@ -50,7 +50,7 @@ class _Cause:
 
 
 @dataclass(frozen=True)
-class Weights:
+class GravityTorques:
     """Mean torques under gravity.
 
     Attributes:
@@ -73,7 +73,7 @@ class Weights:
         return np.asarray(white.reshape(*torque.shape[:-2], -1))
 
 
-def weigh(robot: Robot, evidence: Evidence, usable: BoolArray) -> Weights | None:
+def weigh(robot: Robot, evidence: Evidence, usable: BoolArray) -> GravityTorques | None:
     """Prepares the comparison of mean torques with gravity; None where there is nothing to compare.
 
     Friction holds a part of the weight, which depends on how the motor came to rest: all of the Coulomb level for a
@@ -92,10 +92,10 @@ def weigh(robot: Robot, evidence: Evidence, usable: BoolArray) -> Weights | None
         own = friction[:, motor]
         scatter = np.diag(own**2 + (_MASS_STD * expected[:, motor]) ** 2) + np.outer(own, own)
         root[motor] = np.linalg.inv(np.linalg.cholesky(scatter + _LEAST_TORQUE**2 * np.eye(len(own))))
-    return Weights(evidence.mean_torque, expected, root, evidence.names, usable)
+    return GravityTorques(evidence.mean_torque, expected, root, evidence.names, usable)
 
 
-def gravity_signs(weights: Weights) -> FloatArray:
+def gravity_signs(weights: GravityTorques) -> FloatArray:
     """Signs (n_motor,) of the torques as gravity shows them, 0 where it does not."""
     signs = np.zeros(len(weights.names))
     for motor in np.flatnonzero(weights.usable):
@@ -110,7 +110,7 @@ def gravity_signs(weights: Weights) -> FloatArray:
     return signs
 
 
-def judge_places(weights: Weights) -> Doubt | None:
+def judge_places(weights: GravityTorques) -> Doubt | None:
     """Finds other stated configurations that fit the mean torques far better than those of the logs do."""
     square = np.array([np.linalg.inv(root.T @ root).diagonal() for root in weights.root])[weights.usable].T
     away = (weights.measured[:, None] - weights.expected)[..., weights.usable]
@@ -124,7 +124,9 @@ def judge_places(weights: Weights) -> Doubt | None:
     return Doubt("configurations", told, decisive=True, strength=float(np.sqrt((own - best) / len(order))) / _SIGMAS)
 
 
-def judge_gravity(robot: Robot, evidence: Evidence, weights: Weights, torque_sign: FloatArray) -> tuple[Doubt, ...]:
+def judge_gravity(
+    robot: Robot, evidence: Evidence, weights: GravityTorques, torque_sign: FloatArray
+) -> tuple[Doubt, ...]:
     """Finds what explains mean torques that are not gravity's: payload, a motor's torque constant, masses.
 
     The causes compete: the one that explains most is taken, then what is left is explained again.
@@ -159,7 +161,7 @@ def judge_gravity(robot: Robot, evidence: Evidence, weights: Weights, torque_sig
     return tuple(doubts) or _unexplained(weights, float(left @ left) / left.size)
 
 
-def _unexplained(weights: Weights, square: float) -> tuple[Doubt, ...]:
+def _unexplained(weights: GravityTorques, square: float) -> tuple[Doubt, ...]:
     """What to say where no single cause explains mean torques that are not gravity's."""
     if square < _SIGMAS**2:
         return ()
@@ -175,7 +177,7 @@ def _possible(robot: Robot, cause: _Cause, values: FloatArray) -> bool:
     return float(values[-len(cause.columns)]) >= least
 
 
-def _effect(weights: Weights, cause: _Cause, values: FloatArray) -> float:
+def _effect(weights: GravityTorques, cause: _Cause, values: FloatArray) -> float:
     """Largest change of a motor's mean torque over its usual size, both RMS."""
     change = np.einsum("k,kcm->cm", values, cause.columns)[:, weights.usable]
     usual = np.sqrt((weights.expected[:, weights.usable] ** 2).mean(axis=0))
@@ -197,7 +199,7 @@ def _friction(robot: Robot, evidence: Evidence) -> FloatArray:
     return np.asarray(level * np.clip(_PRESLIDING_SHARE / swings**2, _LEAST_FRICTION_SHARE, 1.0))
 
 
-def _causes(robot: Robot, evidence: Evidence, weights: Weights) -> list[_Cause]:
+def _causes(robot: Robot, evidence: Evidence, weights: GravityTorques) -> list[_Cause]:
     """Everything that may change mean torques, with the change by each."""
     equilibrium = solve_statics(build_model(robot), evidence.configurations)
 

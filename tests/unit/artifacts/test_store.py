@@ -223,14 +223,13 @@ def test_a_flipped_byte_is_refused_or_harmless(tmp_path: Path) -> None:
     assert refused > len(positions) / 2
 
 
-def test_a_changed_value_is_refused_unless_verification_is_off(tmp_path: Path) -> None:
+def test_a_changed_value_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "thing.h5"
     write_artifact(path, _thing())
     with h5py.File(path, "r+") as file:
         file["response"][0, 0] = 99
     with pytest.raises(ArtifactError, match="does not match its hash"):
         read_artifact(path, KIND)
-    assert read_artifact(path, KIND, verify=False).datasets["response"].values[0, 0] == 99
 
 
 def test_a_file_that_is_no_artifact_is_refused(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, logarithmic_mean
-from robid.frf.covariance import inverse_covariance, pool, sample_covariance
+from robid.frf.covariance import pool
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.friction import TorqueLaw
@@ -170,29 +170,6 @@ def test_one_realization_has_no_error_of_its_own():
 
 def complex_normal(generator, *shape):
     return (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)) / np.sqrt(2)
-
-
-def test_sample_covariance_and_its_inverse_have_the_right_mean():
-    generator, realizations, size = np.random.default_rng(6), 9, 4
-    root = complex_normal(generator, size, size)
-    truth = root @ root.conj().T
-    draws = complex_normal(generator, realizations, 20_000, size) @ root.T
-    # Each realization's share of the mean's error, columns stacked.
-    errors = (draws - draws.mean(axis=0)) / realizations
-    found, freedom = sample_covariance(np.swapaxes(errors.reshape(realizations, -1, 2, 2), -1, -2))
-    assert freedom == realizations - 1
-    distance = np.linalg.norm(found.mean(axis=0) * realizations - truth) / np.linalg.norm(truth)
-    assert distance < 0.03
-    inverse = inverse_covariance(found, freedom).mean(axis=0) / realizations
-    np.testing.assert_allclose(inverse @ truth, np.eye(size), atol=0.1)
-
-
-def test_inverse_of_a_rank_deficient_covariance_is_refused_by_name():
-    draws = complex_normal(np.random.default_rng(7), 4, 3, 2, 2)
-    covariance, freedom = sample_covariance(draws - draws.mean(axis=0))
-    np.testing.assert_array_equal(np.linalg.matrix_rank(covariance), 3)
-    with pytest.raises(DataError, match=r"the covariance of vec G of size 4 has rank 3 .*\n.*structured"):
-        inverse_covariance(covariance, freedom, name="covariance of vec G")
 
 
 def test_error_radius_covers_as_often_as_it_says():

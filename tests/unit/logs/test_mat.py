@@ -329,7 +329,7 @@ def shot_of(file, **changes):
     return import_shot(replace(mapping, **changes))
 
 
-def write_shot(file, n_sample=700):
+def write_shot(file, n_sample=700, **changes):
     time = np.arange(n_sample) * STEP
     angle = 2.0 + time**2
     columns = {
@@ -340,6 +340,7 @@ def write_shot(file, n_sample=700):
         "stage": 1e3 * 0.3 * angle,
         "told": np.degrees(angle + 0.1),
     }
+    columns |= {name: np.full(n_sample, value) for name, value in changes.items()}
     savemat(file, {name: values[:, None] for name, values in columns.items()})
     return time, angle
 
@@ -370,6 +371,18 @@ def test_repeated_shots_are_realizations_cut_to_the_shortest(tmp_path):
     assert joined.notes[-1] == "The shots have 640 to 700 samples; all were cut to the shortest."
     np.testing.assert_allclose(joined.outputs[0, 0], joined.outputs[0, 1], atol=1e-12)
     assert join_shots(records[:1] * 2).notes == records[0].notes
+
+
+def test_a_joint_that_stands_still_in_a_shot_is_noted(tmp_path):
+    write_shot(tmp_path / "log.mat")
+    assert not any("Constant" in note for note in shot_of(tmp_path / "log.mat").notes)
+    _, angle = write_shot(tmp_path / "log.mat", speed=0.0, iq=25.0)
+    record = shot_of(tmp_path / "log.mat")
+    assert record.notes[-1] == "Constant in log.mat: `iq` (25), `speed` (0); right only where these joints stood still."
+    np.testing.assert_allclose((record.outputs + record.output_offset)[0, 0, 0, 0, :, 0], angle, rtol=1e-12)
+    write_shot(tmp_path / "log.mat", count=8192.0, speed=0.0, stage=1.0)
+    with pytest.raises(DataError, match="No output changes"):
+        shot_of(tmp_path / "log.mat")
 
 
 def test_a_shot_is_checked_as_other_logs_are(tmp_path):

@@ -9,7 +9,7 @@ from scipy.io import savemat
 from robid.errors import DataError
 from robid.logs.importing import import_log, join_experiments
 from robid.logs.mapping import LogMapping
-from robid.logs.match import Played, correlation, find_periods
+from robid.logs.match import PlayedExcitation, correlation, find_periods
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
 from robid.signals.multisine import multisine, time_signal
 
@@ -52,7 +52,7 @@ def bring(folder, log, *, reference=None, at=(1, 0), periods=2, lines=LINES, **c
         periods=periods,
         excited_lines=lines,
         configurations=np.zeros((1, 2)),
-        played=Played(designed() if reference is None else reference, "speed_reference", *at),
+        played=PlayedExcitation(designed() if reference is None else reference, "speed_reference", *at),
     )
 
 

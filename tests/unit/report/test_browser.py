@@ -10,7 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from robid.report.page import write_report
+from robid.report.page import render
 
 CHROMIUM = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
@@ -51,7 +51,7 @@ def add_script(path, script):
 def test_all_figures_are_drawn_without_a_complaint(which, tmp_path, request):
     sample = request.getfixturevalue(which)
     page = tmp_path / "report.html"
-    write_report(page, sample.content)
+    page.write_text(render(sample.content), encoding="utf-8")
     html, console = open_page(page, tmp_path, "--dump-dom", "--window-size=1400,2600")
     assert console == []
     _, _, n_out, n_in = sample.fit.frf.response.shape
@@ -68,7 +68,7 @@ def test_all_figures_are_drawn_without_a_complaint(which, tmp_path, request):
 
 def test_the_controls_change_the_figures(tmp_path, arm):
     page = tmp_path / "report.html"
-    write_report(page, arm.content)
+    page.write_text(render(arm.content), encoding="utf-8")
     script = """
       const plot = document.querySelector('.matrix .js-plotly-plot');
       const first = () => plot.data[1].y[5];
@@ -95,7 +95,7 @@ def test_the_controls_change_the_figures(tmp_path, arm):
 
 def test_a_table_and_the_enlarged_element_are_chosen_from_alike(tmp_path, arm):
     page = tmp_path / "report.html"
-    write_report(page, arm.content)
+    page.write_text(render(arm.content), encoding="utf-8")
     script = """
       const rows = [...document.querySelectorAll('#fit-1-resonances tr[data-choice]')];
       const shown = () => rows.filter((row) => !row.hidden).length;
@@ -142,7 +142,7 @@ def expected_first_points(fit):
 def test_screenshots(size, scheme, tmp_path, arm_content):
     page = tmp_path / "report.html"
     picture = tmp_path / "report.png"
-    write_report(page, arm_content)
+    page.write_text(render(arm_content), encoding="utf-8")
     _, console = open_page(
         page, tmp_path, f"--window-size={size}", f"--screenshot={picture}", *([scheme] if scheme else [])
     )

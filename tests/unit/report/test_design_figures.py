@@ -18,7 +18,7 @@ from robid.report.design_figures import (
     step_response_figures,
     weight_figure,
 )
-from robid.report.page import render, write_report
+from robid.report.page import render
 from robid.report.section import Beside, Section
 from robid.validation.steps import StepResponses
 
@@ -105,7 +105,7 @@ def test_names_and_points_must_agree():
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_arms_and_bars_are_drawn_in_a_browser(tmp_path):
     page = tmp_path / "report.html"
-    write_report(page, page_of(Section("Design", parts=(Beside(figures(), 2),))))
+    page.write_text(render(page_of(Section("Design", parts=(Beside(figures(), 2),)))), encoding="utf-8")
     drawing = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
     flags = ("--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync", *drawing)
     quiet = ("--disable-background-networking", "--disable-component-update", "--enable-logging=stderr")

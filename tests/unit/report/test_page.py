@@ -15,7 +15,7 @@ from robid.families.elastic.page.sections import headline
 from robid.report.bode import BodeResponse, band_radius
 from robid.report.content import ReportContent, Verdict
 from robid.report.numbers import MINUS, MISSING, percent
-from robid.report.page import render, write_report
+from robid.report.page import render
 from robid.report.parameter_section import identified_phrase
 from robid.report.parameters import ParameterRow, parameter_line, widened_sentence
 
@@ -245,14 +245,6 @@ def test_numbers_that_are_not_finite_do_not_break_the_figures(bench):
 def test_a_report_without_a_fit_still_stands():
     html = render(ReportContent("empty", Verdict("Nothing was fitted.", "warn"), "robot"))
     assert "Nothing was fitted." in page_text(html)
-
-
-def test_the_page_replaces_the_old_one_and_leaves_nothing_behind(tmp_path, bench_content):
-    path = tmp_path / "report.html"
-    path.write_text("old")
-    write_report(path, bench_content)
-    assert path.read_text(encoding="utf-8") == render(bench_content)
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_model_of_another_shape_is_refused(arm):

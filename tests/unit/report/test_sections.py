@@ -12,7 +12,7 @@ import pytest
 
 from robid.report.bode import BodeMatrix, BodeResponse, Mark
 from robid.report.content import ReportContent, Verdict
-from robid.report.page import render, write_report
+from robid.report.page import render
 from robid.report.section import (
     Bars,
     Beside,
@@ -156,7 +156,7 @@ def test_curves_are_drawn_without_a_complaint(tmp_path):
 def dumped(tmp_path, content):
     """The page as a browser shows it, without a complaint."""
     page = tmp_path / "report.html"
-    write_report(page, content)
+    page.write_text(render(content), encoding="utf-8")
     flags = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync")
     quiet = ("--disable-background-networking", "--disable-component-update", "--enable-logging=stderr")
     command = [CHROMIUM, *flags, *quiet, "--virtual-time-budget=8000", f"--user-data-dir={tmp_path / 'profile'}"]

@@ -14,7 +14,7 @@ from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.signals.multisine import multisine, time_signal
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from tolerances import IDENTITY
 
@@ -66,7 +66,7 @@ def simulated(robot):
     options = SimulateOptions(
         imperfections=Imperfections(friction="lugre", ripple=True, hysteresis_nm=5.0), steps_per_sample=2
     )
-    experiment = Experiment(
+    experiment = SimulatedExperiment(
         robot=replace(robot, joints=tuple(joints)),
         controller=Controller(),
         options=options,

@@ -9,7 +9,7 @@ from robid.design.excitation.options import ChirpOptions, ExcitationOptions, Fou
 from robid.families.files import experiment_schema
 from robid.settings.excitation import ExcitationSettings
 from robid.settings.experiment import Experiment
-from robid.settings.problems import validate
+from robid.settings.problems import validate_document
 from robid.settings.yaml import load_yaml
 
 FILE = """schema_version: 1
@@ -27,7 +27,7 @@ def problems(tmp_path):
     def of(*lines):
         path = tmp_path / "experiment.yaml"
         path.write_text(FILE + "".join(f"      {line}\n" for line in lines))
-        return [str(problem).removeprefix(f"{path}:") for problem in validate(Experiment, load_yaml(path))[1]]
+        return [str(problem).removeprefix(f"{path}:") for problem in validate_document(Experiment, load_yaml(path))[1]]
 
     return of
 

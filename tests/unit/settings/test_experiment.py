@@ -1,15 +1,15 @@
 from pathlib import Path
 
-import pytest
 from pydantic import TypeAdapter
 
+from robid.artifacts.provenance import canonical_hash
 from robid.design.configurations.options import DesignOptions
 from robid.families.elastic.settings import ElasticFit
 from robid.families.files import load_experiment
 from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Configurations, Design, Execution
-from robid.settings.slices import settings_hash, settings_slice, to_plain
+from robid.settings.plain import plain_settings
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -51,24 +51,13 @@ def test_execution_defaults_to_all_cores():
     assert Execution().workers is None
 
 
-def test_slices_hold_what_was_asked_for_under_the_files_names():
-    loaded = load_experiment(CONFIGS / "kr300.yaml")
-    part = settings_slice(loaded, "campaigns.estimation.configurations", "robot.controller", "fits.elastic")
-    assert list(part) == ["campaigns.estimation.configurations", "robot.controller", "fits.elastic"]
-    assert part["campaigns.estimation.configurations"]["from"] == "optimal"
-    assert part["robot.controller"]["delay_samples"] == 1
-    assert part["fits.elastic"]["from"] == "estimation"
-    with pytest.raises(KeyError):
-        settings_slice(loaded, "campaigns.nowhere")
-
-
 def test_hash_depends_on_content_and_not_on_order_or_number_form():
     loaded = load_experiment(CONFIGS / "kr300.yaml")
     excitation = loaded.experiment.campaigns["estimation"].excitation
-    plain = to_plain(excitation)
-    assert settings_hash(excitation) == settings_hash(dict(reversed(plain.items())))
-    assert settings_hash(excitation) != settings_hash({**plain, "seed": plain["seed"] + 1})
+    plain = plain_settings(excitation)
+    assert canonical_hash(plain) == canonical_hash(dict(reversed(plain.items())))
+    assert canonical_hash(plain) != canonical_hash({**plain, "seed": plain["seed"] + 1})
     # `period_s: 5` and `period_s: 5.0` are the same setting.
     assert plain["period_s"] == 5
     assert type(plain["period_s"]) is type(plain["low_hz"]) is float
-    assert settings_hash({}) == "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"
+    assert canonical_hash({}) == "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"

@@ -13,7 +13,8 @@ from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.settings.load import load_robot
 from robid.settings.robot import RobotFile
-from robid.settings.robot_sections import Body, Dh, FrictionSection, InertiaTensor
+from robid.settings.robot_frames import Dh
+from robid.settings.robot_sections import Body, FrictionSection, InertiaTensor
 from robid.settings.robot_sections import moved as _moved
 from tolerances import IDENTITY, RECOVERY
 

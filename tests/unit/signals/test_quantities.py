@@ -13,7 +13,7 @@ from robid.signals.quantities import (
     UNITS,
     Channel,
     QuantityName,
-    Wanted,
+    UsableChannels,
     describe,
     motor_channels,
     response_unit,
@@ -136,7 +136,7 @@ def test_who_wants_what():
     assert not ACCELERATION.accepts(angles)
     assert ACCELERATION.accepts(one.acceleration for one in angles)
     assert str(MOTOR_TORQUE) == "motor torque or current"
-    assert str(Wanted(("position_command",))) == "position command"
+    assert str(UsableChannels(("position_command",))) == "position command"
     assert describe((*angles, Channel("X", "position", "m", "tool"))) == "motor angle (a, b), tool position (X)"
 
 

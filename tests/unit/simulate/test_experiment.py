@@ -17,7 +17,7 @@ from robid.robot.response import nominal_parameters, response
 from robid.settings.load import load_robot
 from robid.signals.multisine import multisine, time_signal
 from robid.simulate.controller import Cascade, angle_reference, frequency_response
-from robid.simulate.experiment import Experiment, measure, simulate
+from robid.simulate.experiment import SimulatedExperiment, encoder_readings, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions, Truth
 
 ROBOT_FILE = Path(__file__).parents[3] / "configs" / "robots" / "kr300.yaml"
@@ -38,7 +38,7 @@ def experiment(robot=None, *, period_s=2.0, rms=5.0, count=25, inject="speed_ref
     amplitude = np.full((n_motor, lines.size), rms * np.sqrt(2 / lines.size))
     phase = np.random.default_rng(5).uniform(0, 2 * np.pi, (realizations, n_motor, lines.size))
     reference = time_signal(multisine(amplitude, phase), lines, n_sample)
-    return Experiment(
+    return SimulatedExperiment(
         robot=robot,
         controller=controller,
         options=SimulateOptions(**options),
@@ -242,9 +242,9 @@ def test_every_imperfection_acts(flaws):
 def test_encoder_shows_resolver_error_noise_and_steps():
     angle = np.linspace(-4, 4, 101)
     flaws = Imperfections(encoder_resolution_rad=0.1, resolver_error_rad=0.5, resolver_order=2)
-    shown = measure(angle, np.full(101, 0.3), flaws)
+    shown = encoder_readings(angle, np.full(101, 0.3), flaws)
     np.testing.assert_allclose(shown, np.round(10 * (angle + 0.3 + 0.5 * np.sin(2 * angle))) / 10, atol=1e-12)
-    np.testing.assert_array_equal(measure(angle, np.zeros(101), Imperfections()), angle)
+    np.testing.assert_array_equal(encoder_readings(angle, np.zeros(101), Imperfections()), angle)
 
 
 def test_torque_stays_within_the_limit():

@@ -11,7 +11,7 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.robot.description import Friction
 from robid.robot.model import build_model
-from robid.simulate.experiment import Experiment, simulate, with_settled_steps
+from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps, peak_motor_speed
 
@@ -40,7 +40,7 @@ def stiff_drive(eigenfrequency_hz):
 def test_the_number_is_enough_for_the_stiffest_mode_and_one_less_is_not(hz):
     robot = stiff_drive(hz)
     steps = chosen(robot)
-    run = Experiment(
+    run = SimulatedExperiment(
         robot, Controller(speed_bandwidth_hz=5), SimulateOptions(transient_periods=3), np.zeros((1, 1, 1000, 1)),
         "torque", np.arange(3, 80, 4), np.zeros(0, int), 1,
     )  # fmt: skip
@@ -122,7 +122,7 @@ def test_what_motors_are_told_gives_their_speed():
 
 def test_an_open_number_is_settled_before_the_simulation():
     wave = np.sin(2 * np.pi * 10 * np.arange(200) / 1000)[:, None]
-    run = Experiment(
+    run = SimulatedExperiment(
         two_joint_robot(), Controller(), SimulateOptions(), np.stack([wave * [1, 0], wave * [0, 1]])[None],
         "speed_reference", np.array([2]), np.zeros(0, int), 1,
     )  # fmt: skip

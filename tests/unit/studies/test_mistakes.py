@@ -12,7 +12,7 @@ from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 from robid.studies.mistakes.grades import Against, against_truth, refused_causes
 from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot, mistaken_truth
-from robid.studies.mistakes.report import Row, summarise
+from robid.studies.mistakes.report import CaseRow, summarise
 from robid.studies.mistakes.study import Case
 from robid.validation.doubt import Doubt
 from tolerances import IDENTITY
@@ -168,7 +168,7 @@ def test_causes_of_a_refusal_are_read_in_their_order():
 
 def row(name, right, given, cause="", causes=(), robot="heavy", **further):
     known = {"spring_error": 0.1, "half_widths": 2.0, "misfit": 1.0, "coverage": 1.0, "refusal": ""}
-    return Row(name, robot, cause, causes, right, given, **{**known, **further})
+    return CaseRow(name, robot, cause, causes, right, given, **{**known, **further})
 
 
 def test_shares_count_what_they_say():

@@ -12,7 +12,7 @@ from robid.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.wernholt2008.conclusions import claims
 from robid.studies.wernholt2008.figures import Found, Judge, Models, model_figures, summarise
 from robid.studies.wernholt2008.study import ALL, best_configuration, score_options, sets
-from robid.validation.elastic.extrema import resonance_errors
+from robid.validation.elastic.extrema import own_resonance_errors
 
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(4, 80, 60), 1))
 CONFIGURATIONS = np.array([[0.3, 0.5], [-0.4, 1.2]])
@@ -122,12 +122,12 @@ def test_predictions_that_are_ten_times_too_small_are_no_indication(found):
 def test_a_missed_resonance_is_seen_and_one_that_does_not_count_is_not(problem):
     n_param = len(problem.parameters.names)
     wrong = np.where(np.array(problem.parameters.kind_of) == "stiffness", np.log(1.3), 0.0)
-    count = resonance_errors(problem, np.zeros(n_param)).size
+    count = own_resonance_errors(problem, np.zeros(n_param)).size
     assert count >= 4
     judge = Judge(problem, np.ones(count, bool))
     assert judge.meets(np.zeros(n_param))
     assert not judge.meets(wrong)
-    assert Judge(problem, resonance_errors(problem, wrong) <= 0.02).meets(wrong)
+    assert Judge(problem, own_resonance_errors(problem, wrong) <= 0.02).meets(wrong)
 
 
 def test_scores_hold_the_data_alone(problem):

@@ -8,7 +8,7 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
 from robid.studies.zimmermann2023.figures import Found, Model, differs, explained_springs, rivals, summarise
-from robid.studies.zimmermann2023.models import gravity_torque, model_sets, options_of
+from robid.studies.zimmermann2023.models import model_sets, options_of, transmission_torque
 
 N_SEED, N_CONF = 5, 6
 SCATTER = np.array([0.97, 1.01, 1.0, 1.02, 0.99])
@@ -53,8 +53,8 @@ def test_a_choice_adds_to_what_all_fits_free_and_fix():
 
 def test_gravity_torque_is_the_weight_times_its_lever():
     robot = two_joint_robot()
-    upright = gravity_torque(robot, robot.joints[1].name, np.array([[0.0, 0.2], [0.0, 1.3], [2.0, 0.2]]))
-    first = gravity_torque(robot, robot.joints[0].name, np.array([[0.0, 0.2], [0.0, 1.3], [2.0, 0.2]]))
+    upright = transmission_torque(robot, robot.joints[1].name, np.array([[0.0, 0.2], [0.0, 1.3], [2.0, 0.2]]))
+    first = transmission_torque(robot, robot.joints[0].name, np.array([[0.0, 0.2], [0.0, 1.3], [2.0, 0.2]]))
     assert np.abs(np.concatenate([upright, first])).max() > 1
     assert upright.shape == first.shape == (3,)
 

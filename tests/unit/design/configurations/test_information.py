@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.design.configurations.fitted import FittedInformation
-from robid.design.configurations.information import design_configurations, information, next_configuration
+from robid.design.configurations.information import design_configurations, information
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.relaxed import relaxed_design
 from robid.errors import DataError, SettingsError
@@ -127,14 +127,11 @@ def test_prior_counts_by_the_planned_number_of_experiments():
 def test_gain_ranks_what_to_measure_next():
     matrices, prior = random_matrices(6, 2, 3, seed=13), random_matrices(1, 5, 3, seed=14)[0]
     expected = [log_determinant(prior + one) - log_determinant(prior) for one in matrices]
-    np.testing.assert_allclose(next_configuration(matrices, prior, ("a", "b", "c")), expected, rtol=1e-9)
     np.testing.assert_allclose(designed(matrices, "abc", count=2, prior=prior).gain, expected, rtol=1e-9)
     fresh = designed(matrices, "abc", count=2)
     total = matrices[fresh.chosen].sum(axis=0)
     expected = [log_determinant(total + one) - log_determinant(total) for one in matrices]
     np.testing.assert_allclose(fresh.gain, expected, rtol=1e-9)
-    with pytest.raises(DataError, match="earlier experiments do not depend on: c"):
-        next_configuration(matrices, np.diag([1.0, 1.0, 0]), ("a", "b", "c"))
 
 
 def test_costs_are_kept_and_steer_the_choice():

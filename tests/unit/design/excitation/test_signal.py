@@ -18,7 +18,7 @@ from robid.frf.options import EstimateOptions
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from tolerances import IDENTITY
 
@@ -40,7 +40,7 @@ def options_of(kind, **changes):
 
 def simulated(robot, options, configuration, *, realizations=1, **flaws):
     excitation = design_signal(options, len(robot.joints), realizations, STEP_S)
-    experiment = Experiment(
+    experiment = SimulatedExperiment(
         robot=robot,
         controller=Controller(),
         options=SimulateOptions(transient_periods=3, imperfections=Imperfections(**flaws)),
@@ -194,7 +194,7 @@ def test_ripple_and_friction_of_the_slow_motion_stay_off_the_excited_lines(grid)
     options = replace(BASE, grid=grid, slow_motion_rad_s=20.0, count=20)
     excitation = design_signal(options, 1, 1, STEP_S)
     plain = design_signal(replace(options, rms=1e-9), 1, 1, STEP_S)
-    experiment = Experiment(
+    experiment = SimulatedExperiment(
         robot=robot,
         controller=Controller(),
         options=SimulateOptions(transient_periods=4, imperfections=Imperfections(friction="lugre", ripple=True)),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exact_systems import NO_PAYLOAD, exact_frf, two_joint_robot
+from exact_systems import NO_PAYLOAD, exact_frf, linear_axis, two_joint_robot
 from robid.design.excitation.lines import choose_lines
 from robid.families.files import load_experiment
 from robid.frf.estimate import estimate_frf
@@ -18,7 +18,7 @@ from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
-from robid.simulate.experiment import Experiment, simulate
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.truth import true_robot
 from robid.validation.plausible.doubts import data_doubts, evidence_doubts
 from robid.validation.plausible.evidence import gather_evidence, join_evidence
@@ -135,6 +135,26 @@ def test_a_configuration_that_nobody_stated():
     doubt, *_ = data_doubts(two_joints(), replace(frf, mean_output=away))
     assert doubt.cause == "configurations"
     assert "166 deg (shoulder in configuration 3)" in doubt.message
+
+
+@pytest.mark.parametrize(("off_m", "told"), [(0.005, False), (0.02, True)])
+def test_a_linear_axis_is_placed_by_millimetres(off_m, told):
+    # Two degrees, read as metres, would let 35 mm pass.
+    rail = linear_axis()
+    frf = exact(rail, np.array([[0.2], [0.7], [1.1], [1.6]]))
+    away = frf.mean_output.copy()
+    away[2, 0] += off_m * rail.motor_per_arm[0, 0]
+    doubts = data_doubts(rail, replace(frf, mean_output=away))
+    assert [doubt.cause for doubt in doubts] == ["configurations"] * told
+    assert not told or "20 mm (rail in configuration 3)" in doubts[0].message
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.9, 1.03])
+def test_the_ratio_of_a_linear_axis_is_told_over_decimetres(factor):
+    rail = linear_axis()
+    frf = exact(rail, 0.2 + np.array([[0.0], [0.04], [0.08], [0.3]]))
+    doubts = data_doubts(with_ratio(rail, 0, 1 / factor), frf)
+    assert [doubt.cause for doubt in doubts] == ["gear_ratio"] * (factor != 1)
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1, 1.03])
@@ -298,7 +318,7 @@ def simulated(seed, *, friction=1.0, rms=8.0):
     joints = [
         replace(joint, motor=replace(joint.motor, friction=law)) for joint, law in zip(true.joints, laws, strict=True)
     ]
-    experiment = Experiment(
+    experiment = SimulatedExperiment(
         robot=replace(true, joints=tuple(joints)),
         controller=controller,
         options=options,

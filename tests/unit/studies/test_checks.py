@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from robid.errors import SettingsError
-from robid.families.files import load_experiment
+from robid.studies.known import load_with_study
 
 ROOT = Path(__file__).parents[3]
 STAGES = ROOT / "tests/stages"
@@ -20,7 +20,7 @@ def refused(tmp_path):
             text = text.replace(old, new, 1)
         (tmp_path / "study.yaml").write_text(text)
         with pytest.raises(SettingsError) as found:
-            load_experiment(tmp_path / "study.yaml")
+            load_with_study(tmp_path / "study.yaml")
         return str(found.value)
 
     return load
@@ -28,7 +28,7 @@ def refused(tmp_path):
 
 @pytest.mark.parametrize("path", sorted((ROOT / "configs/studies").glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_study_loads_and_is_named_like_its_file(path):
-    experiment = load_experiment(path).experiment
+    experiment = load_with_study(path).experiment
     assert experiment.study is not None
     assert experiment.name == path.stem
 
@@ -87,7 +87,7 @@ def test_problems_of_a_study_of_parameter_estimators_are_told_at_once(tmp_path):
         text = text.replace(old, new, 1)
     (tmp_path / "study.yaml").write_text(text)
     with pytest.raises(SettingsError) as found:
-        load_experiment(tmp_path / "study.yaml")
+        load_with_study(tmp_path / "study.yaml")
     for message in (
         "study.campaign: there is no campaign `bensch`; did you mean `bench`?",
         "study.reference: `lls1u` does not use all configurations",
@@ -97,4 +97,4 @@ def test_problems_of_a_study_of_parameter_estimators_are_told_at_once(tmp_path):
         assert message in str(found.value)
     (tmp_path / "study.yaml").write_text(text.replace("estimator: lls,", "estimator: llls,", 1))
     with pytest.raises(SettingsError, match=r"study\.estimators\.lls15u\.estimator: .*'lls'"):
-        load_experiment(tmp_path / "study.yaml")
+        load_with_study(tmp_path / "study.yaml")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
+from robid.settings.checks.configurations import configuration_count
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
@@ -11,13 +12,12 @@ from robid.settings.study import ZimmermannStudy
 from robid.settings.yaml import FieldPath
 from robid.simulate.options import SimulateOptions
 
-Count = Callable[[Experiment, Campaign], int | None]
 
-
-def check_design_study(
-    experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None, count: Count
-) -> Iterator[tuple[FieldPath, str]]:
+def check_zimmermann2023(experiment: Experiment, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:
     """Yields the field and the message of everything that is wrong with a study of designs."""
+    study = experiment.study
+    if not isinstance(study, ZimmermannStudy):
+        return
     unusable: list[tuple[FieldPath, str]] = [
         (("study", key, index), message)
         for key, names in (("estimation", study.estimation), ("validation", study.validation))
@@ -32,7 +32,9 @@ def check_design_study(
     elif not unusable:
         yield from _check_pairs(experiment, study)
     if not unusable:
-        yield from _check_configurations(study, count(experiment, experiment.campaigns[study.estimation[0]]))
+        yield from _check_configurations(
+            study, configuration_count(experiment, experiment.campaigns[study.estimation[0]])
+        )
 
 
 def _unusable(experiment: Experiment, name: str) -> str:

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 from pydantic import ValidationError
 
 from robid.settings.checks.truth import check_truth
-from robid.settings.experiment import Campaign, Experiment, Source
+from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.study import Mistake, MistakesStudy
-from robid.settings.truth import SimulateSettings
 from robid.settings.yaml import FieldPath
+from robid.studies.mistakes.mistaken import changed_simulation
 from robid.validation.doubt import CAUSES
 
 
-def check_mistakes(
-    experiment: Experiment, study: MistakesStudy, robot: RobotFile | None
-) -> Iterator[tuple[FieldPath, str]]:
+def check_mistakes(experiment: Experiment, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:
     """Yields the field and the message of everything that is wrong with a study of mistakes."""
+    study = experiment.study
+    if not isinstance(study, MistakesStudy):
+        return
     message = fit_problem(experiment, study.fit)
     if message:
         yield ("study", "fit"), message
@@ -71,36 +71,6 @@ def _unknown(
     field: FieldPath, names: Sequence[str], kind: str, known: Sequence[str]
 ) -> Iterator[tuple[FieldPath, str]]:
     yield from ((field, f"there is no {kind} `{name}`; {suggest(name, known)}") for name in names if name not in known)
-
-
-def changed_simulation(
-    campaign: Campaign, physics: Mapping[str, Any], seed: int | None = None, noise: int = 0
-) -> SimulateSettings:
-    """Returns how a campaign is simulated where a mistake changes it.
-
-    Args:
-        campaign: The campaign, simulated.
-        physics: What the mistake changes, see `Mistake.physics`.
-        seed: Seed of the true robot; the campaign's when None.
-        noise: Seed of the noise, where `seed` is given.
-
-    Raises:
-        ValidationError: If there is no such option, or its value is not allowed.
-    """
-    if campaign.source is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    plain = campaign.source.model_dump(mode="json")["simulate"]
-    for key in ("imperfections", "truth"):
-        changed = physics.get(key) or {}
-        plain[key] = {**plain[key], **changed} if isinstance(changed, dict) else plain[key]
-    if seed is not None:
-        plain["truth"]["seed"], plain["seed"] = seed, noise
-    options = Source.model_validate({"simulate": plain}).simulate
-    if options is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    return options
 
 
 def _check_physics(campaign: Campaign, mistake: Mistake, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:

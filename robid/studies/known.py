@@ -1,0 +1,44 @@
+"""The studies that there are, known to the commands by this list alone, and experiment files that may have one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from robid.families.files import load_experiment
+from robid.settings.experiment import Experiment
+from robid.settings.load import LoadedExperiment
+from robid.settings.robot import RobotFile
+from robid.settings.yaml import FieldPath
+from robid.studies.frf import FRF_STUDY
+from robid.studies.mistakes import MISTAKES
+from robid.studies.study import Study
+from robid.studies.wernholt2008 import WERNHOLT2008
+from robid.studies.zimmermann2023 import ZIMMERMANN2023
+
+STUDIES: Mapping[str, Study] = {
+    "frf": FRF_STUDY,
+    "wernholt2008": WERNHOLT2008,
+    "zimmermann2023": ZIMMERMANN2023,
+    "mistakes": MISTAKES,
+}
+
+
+def load_with_study(path: Path) -> LoadedExperiment:
+    """Loads an experiment file and the robot file it names, and checks both, with the study where there is one.
+
+    Raises:
+        SettingsError: With every problem of both files, each with its line and field.
+    """
+    return load_experiment(path, check_study=check_study)
+
+
+def check_study(experiment: Experiment, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:
+    """Yields the field and the message of everything that is wrong with the study, if there is one.
+
+    Args:
+        experiment: The experiment.
+        robot: The robot file, where it could be read.
+    """
+    if experiment.study is not None:
+        yield from STUDIES[experiment.study.kind].check(experiment, robot)
