@@ -168,16 +168,16 @@ def _harmonic(wave: Callable[[FloatArray], FloatArray], order: int, motion: Driv
     return -wave(order * motion.position)
 
 
-def _stretch(balance: SpringBalance, slides: bool, motion: DriveMotion) -> FloatArray:  # noqa: FBT001
+def _stretch(balance: SpringBalance, slides: bool, motion: DriveMotion) -> FloatArray:
     length, lever = _length(balance, slides, motion.position)
     return np.asarray((length - balance.free_length_m) * lever)
 
 
-def _lever(balance: SpringBalance, slides: bool, motion: DriveMotion) -> FloatArray:  # noqa: FBT001
+def _lever(balance: SpringBalance, slides: bool, motion: DriveMotion) -> FloatArray:
     return _length(balance, slides, motion.position)[1]
 
 
-def _length(balance: SpringBalance, slides: bool, position: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: FBT001
+def _length(balance: SpringBalance, slides: bool, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Length of a spring and its derivative by the joint's position (n_sample,) [m; m/rad, or 1]."""
     x, y, z = balance.link_point_m
     zero = np.zeros_like(position)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +15,8 @@ from robid.robot.parameters import PARAMETER_KINDS, RigidKind
 from robid.robot.regressor.drives import DriveMotion, DriveTerm, drive_terms
 from robid.robot.regressor.links import COMPONENTS, INERTIAS, MOMENTS, add_inertial_columns, standard_parameters
 from robid.robot.regressor.options import RigidOptions
-from robid.robot.regressor.tree import Tree, rigid_tree
+from robid.robot.regressor.tree import PAYLOAD, Tree, rigid_tree
 
-_PAYLOAD = "payload"
 _BLOCK = 4096
 
 
@@ -45,41 +45,64 @@ class RigidModel:
         robot: The robot; its springs are taken as rigid.
         options: What it has beside its links.
         tree: Its bodies.
+        components: For each body which of its ten standard parameters are among the columns, ascending; of a rotor
+            that rides on a link its inertia, 0.
         terms: Its motors, coupled gears and counterbalances.
-        parameters: All standard parameters, in the order of the columns: links, loop links, rotors that ride on
-            links, the payload if it is a body of its own, then the terms.
+        parameters: The parameters of the columns: links, loop links, rotors that ride on links, the payload if it is
+            a body of its own, then the terms.
     """
 
     robot: Robot
     options: RigidOptions
     tree: Tree
+    components: tuple[tuple[int, ...], ...]
     terms: tuple[DriveTerm, ...]
     parameters: tuple[StandardParameter, ...]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names (n_std) of the standard parameters."""
+        """Names (n_std) of the parameters."""
         return tuple(parameter.name for parameter in self.parameters)
 
     @cached_property
     def kinds(self) -> tuple[RigidKind, ...]:
-        """Kinds (n_std) of the standard parameters."""
+        """Kinds (n_std) of the parameters."""
         return tuple(parameter.kind for parameter in self.parameters)
 
     @cached_property
     def units(self) -> tuple[str, ...]:
-        """Units (n_std) of the standard parameters."""
+        """Units (n_std) of the parameters."""
         return tuple(parameter.unit for parameter in self.parameters)
 
     @property
     def nominal(self) -> FloatArray:
-        """Values (n_std,) of the standard parameters by the robot file."""
+        """Values (n_std,) of the parameters by the robot file."""
         return np.array([parameter.nominal for parameter in self.parameters])
 
     @property
     def needs_torque(self) -> bool:
         """Whether the columns ask for the motors' torques."""
-        return self.options.friction == "load"
+        return any(term.kind == "load_friction" for term in self.terms)
+
+    def only(self, columns: Sequence[int]) -> RigidModel:
+        """Returns the model with some of its columns alone, such as those of base parameters.
+
+        Args:
+            columns: Their indices, ascending.
+
+        Raises:
+            ValueError: If they are not ascending.
+        """
+        if list(columns) != sorted(set(columns)):
+            message = f"Argument `columns` must be ascending, but is {tuple(columns)}."
+            raise ValueError(message)
+        kept, components, start = set(columns), [], 0
+        for own in self.components:
+            components.append(tuple(component for index, component in enumerate(own, start=start) if index in kept))
+            start += len(own)
+        terms = tuple(term for index, term in enumerate(self.terms, start=start) if index in kept)
+        parameters = tuple(self.parameters[index] for index in columns)
+        return replace(self, components=tuple(components), terms=terms, parameters=parameters)
 
     def columns(
         self,
@@ -104,6 +127,7 @@ class RigidModel:
 
         Returns:
             Regressor (n_sample, n_joint, n_std), a view of an array with samples last: each column is contiguous.
+            Some ten thousand samples at a time are fastest.
 
         Raises:
             ValueError: If shapes differ, or load-dependent friction has no torque.
@@ -111,26 +135,14 @@ class RigidModel:
         Source:
             Janot et al. (2009), eq. 2.
         """
-        n_joint, n_sample = len(self.robot.joints), len(position)
-        sense = velocity if friction_speed is None else friction_speed
-        if self.needs_torque and torque is None:
-            message = "load-dependent friction needs the motors' torques"
-            raise ValueError(message)
-        load = np.zeros((n_sample, n_joint)) if torque is None else torque
-        given = {"position": position, "velocity": velocity, "acceleration": acceleration}
-        for name, array in (given | {"friction_speed": sense, "torque": load}).items():
-            check_shape(name, array, "n_sample n_joint", n_sample=n_sample, n_joint=n_joint)
-        motion = [np.ascontiguousarray(array.T, float) for array in (position, velocity, acceleration, sense, load)]
-        out = np.zeros((n_joint, len(self.parameters), n_sample))
-        add_inertial_columns(self.tree, *motion[:3], out)
-        column = len(self.parameters) - len(self.terms)
-        if self.options.payload == "body":
-            column -= len(COMPONENTS)
-            if loaded:
-                last = len(COMPONENTS) * (n_joint - 1)
-                out[:, column : column + len(COMPONENTS)] = out[:, last : last + len(COMPONENTS)]
-            column += len(COMPONENTS)
-        for index, term in enumerate(self.terms, start=column):
+        motion = self._motion(position, velocity, acceleration, friction_speed, torque)
+        out = np.zeros((len(self.robot.joints), len(self.parameters), len(position)))
+        components = [
+            () if body.name == PAYLOAD and not loaded else own
+            for body, own in zip(self.tree.bodies, self.components, strict=True)
+        ]
+        add_inertial_columns(self.tree, motion[0], motion[1], motion[2], components, out)
+        for index, term in enumerate(self.terms, start=len(self.parameters) - len(self.terms)):
             _add_term(term, motion, out[:, index])
         return np.moveaxis(out, 2, 0)
 
@@ -145,7 +157,7 @@ class RigidModel:
         friction_speed: FloatArray | None = None,
         loaded: bool = True,
     ) -> FloatArray:
-        """Computes motor torques (n_sample, n_joint) from standard parameters (n_std,), a few samples at a time [N m].
+        """Computes motor torques (n_sample, n_joint) from parameters (n_std,), a few samples at a time [N m].
 
         The other arguments are those of `columns`.
         """
@@ -163,6 +175,29 @@ class RigidModel:
             result[rows] = np.einsum("kfn,f->nk", np.moveaxis(columns, 0, 2), parameters)
         return result
 
+    def _motion(
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        friction_speed: FloatArray | None,
+        torque: FloatArray | None,
+    ) -> list[FloatArray]:
+        """Positions, speeds, accelerations, speeds for the signs and torques, samples last."""
+        if self.needs_torque and torque is None:
+            message = "load-dependent friction needs the motors' torques"
+            raise ValueError(message)
+        given = {
+            "position": position,
+            "velocity": velocity,
+            "acceleration": acceleration,
+            "friction_speed": velocity if friction_speed is None else friction_speed,
+            "torque": np.zeros_like(position) if torque is None else torque,
+        }
+        for name, array in given.items():
+            check_shape(name, array, "n_sample n_joint", n_sample=len(position), n_joint=len(self.robot.joints))
+        return [np.ascontiguousarray(array.T, float) for array in given.values()]
+
 
 def build_rigid_model(robot: Robot, options: RigidOptions | None = None) -> RigidModel:
     """Builds the rigid model of a robot.
@@ -172,17 +207,21 @@ def build_rigid_model(robot: Robot, options: RigidOptions | None = None) -> Rigi
         options: What it has beside its links.
     """
     chosen = options or RigidOptions()
-    tree = rigid_tree(robot)
-    if not chosen.motor_inertias:
-        kept = [index for index, body in enumerate(tree.bodies) if not body.is_rotor]
-        bodies = tuple(tree.bodies[index] for index in kept)
-        tree = Tree(bodies, tree.turns[kept], tree.offset[kept], tree.gravity_m_s2)
+    tree = rigid_tree(robot, rotors=chosen.motor_inertias, payload=chosen.payload == "body")
+    inertials = _inertials(robot, chosen)
+    rotors = {joint.name: joint.motor.inertia_kgm2 for joint in robot.joints}
+    parameters: list[StandardParameter] = []
+    for body in tree.bodies:
+        if body.is_rotor:
+            parameters.append(_parameter(body.name, "motor_inertia", "motor_inertia", rotors[body.name]))
+        else:
+            values = standard_parameters(inertials[body.name]).tolist()
+            pairs = zip(COMPONENTS, values, strict=True)
+            parameters += [_parameter(body.name, name, _kind(name), value) for name, value in pairs]
     terms = tuple(drive_terms(robot, chosen))
-    parameters = (
-        *_body_parameters(robot, tree, chosen),
-        *(StandardParameter(term.name, term.kind, term.unit, term.nominal) for term in terms),
-    )
-    return RigidModel(robot, chosen, tree, terms, parameters)
+    parameters += [StandardParameter(term.name, term.kind, term.unit, term.nominal) for term in terms]
+    components = tuple((0,) if body.is_rotor else tuple(range(len(COMPONENTS))) for body in tree.bodies)
+    return RigidModel(robot, chosen, tree, components, terms, tuple(parameters))
 
 
 def arm_columns(robot: Robot, position: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
@@ -200,43 +239,34 @@ def arm_columns(robot: Robot, position: FloatArray, velocity: FloatArray, accele
     """
     tree = rigid_tree(robot, "arm")
     out = np.zeros((len(robot.joints), len(COMPONENTS) * len(tree.bodies), len(position)))
-    motion = (np.ascontiguousarray(array.T, float) for array in (position, velocity, acceleration))
-    add_inertial_columns(tree, *motion, out)
+    motion = [np.ascontiguousarray(array.T, float) for array in (position, velocity, acceleration)]
+    add_inertial_columns(tree, motion[0], motion[1], motion[2], [range(len(COMPONENTS))] * len(tree.bodies), out)
     return np.moveaxis(out, 2, 0)
 
 
-def _body_parameters(robot: Robot, tree: Tree, options: RigidOptions) -> list[StandardParameter]:
-    links = [joint.link for joint in robot.joints]
-    has_payload = robot.payload.mass_kg > 0
-    if options.payload == "link" and has_payload:
-        links[-1] = combine(links[-1], robot.payload)
-    links += [link.link for link in robot.loop_links]
-    found: list[StandardParameter] = []
-    inertias = {joint.name: joint.motor.inertia_kgm2 for joint in robot.joints}
-    for body, link in zip(tree.bodies, links, strict=False):
-        found += _components(body.name, link)
-    for body in tree.bodies[len(links) :]:
-        unit = PARAMETER_KINDS["motor_inertia"].unit
-        found.append(StandardParameter(f"{body.name}.motor_inertia", "motor_inertia", unit, inertias[body.name]))
+def _inertials(robot: Robot, options: RigidOptions) -> dict[str, Inertial]:
+    """Mass properties of all bodies but rotors by name."""
+    found = {joint.name: joint.link for joint in robot.joints} | {link.name: link.link for link in robot.loop_links}
     if options.payload == "body":
-        found += _components(_PAYLOAD, robot.payload)
+        return found | {PAYLOAD: robot.payload}
+    if robot.payload.mass_kg > 0:
+        last = robot.joints[-1]
+        found[last.name] = combine(last.link, robot.payload)
     return found
 
 
-def _components(owner: str, body: Inertial) -> list[StandardParameter]:
-    found = []
-    for component, value in zip(COMPONENTS, standard_parameters(body).tolist(), strict=True):
-        kind: RigidKind = "mass"
-        if component in INERTIAS:
-            kind = "inertia"
-        elif component in MOMENTS:
-            kind = "first_moment"
-        found.append(StandardParameter(f"{owner}.{component}", kind, PARAMETER_KINDS[kind].unit, value))
-    return found
+def _kind(component: str) -> RigidKind:
+    if component in INERTIAS:
+        return "inertia"
+    return "first_moment" if component in MOMENTS else "mass"
 
 
-def _add_term(term: DriveTerm, motion: list[FloatArray], out: FloatArray) -> None:
-    """Adds a term to its column (n_joint, n_sample); `motion` has positions, speeds, accelerations, senses, loads."""
+def _parameter(owner: str, component: str, kind: RigidKind, nominal: float) -> StandardParameter:
+    return StandardParameter(f"{owner}.{component}", kind, PARAMETER_KINDS[kind].unit, nominal)
+
+
+def _add_term(term: DriveTerm, motion: Sequence[FloatArray], out: FloatArray) -> None:
+    """Adds a term to its column (n_joint, n_sample); `motion` has positions, speeds, accelerations, senses, torques."""
     moved = np.flatnonzero(term.row)
     own = [np.tensordot(term.row[moved], array[moved], 1) for array in motion]
     effect = term.effect(DriveMotion(own[0], own[1], own[2], np.sign(own[3]), own[4]))

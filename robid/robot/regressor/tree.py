@@ -11,6 +11,8 @@ from robid.arrays import FloatArray
 from robid.robot.description import LoopLink, Robot
 
 Side = Literal["motor", "arm"]
+PAYLOAD = "payload"
+"""Name of the payload as a body of its own."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,7 @@ class Body:
     """A body about or along the z axis of whose frame it moves.
 
     Attributes:
-        name: Name of its joint, loop link or motor.
+        name: Name of its joint, loop link or motor, or `payload`.
         parent: Index of the body that carries it, -1 for the base.
         position_m (3,): Origin of its frame in the parent's frame [m].
         rotation (3, 3): Orientation of its frame in the parent's frame at zero position.
@@ -39,7 +41,8 @@ class Tree:
     """Bodies, each after its parent, and how independent coordinates move them.
 
     Attributes:
-        bodies: The links of the joints, loop links, and rotors that ride on links.
+        bodies: The links of the joints, loop links, rotors that ride on links, and the payload where it is a body
+            of its own.
         turns (n_body, n_coordinate): Position of each body per unit of each independent coordinate; constant, as
             parallelograms keep sums of angles.
         offset (n_body,): Position of each body where the coordinates are zero.
@@ -62,13 +65,14 @@ class Tree:
         return tuple(found)
 
 
-def rigid_tree(robot: Robot, side: Side = "motor") -> Tree:
+def rigid_tree(robot: Robot, side: Side = "motor", *, rotors: bool = True, payload: bool = False) -> Tree:
     """Returns a robot's tree of rigid bodies.
 
     Args:
         robot: The robot; its springs are taken as rigid.
-        side: Coordinates: motor angles, or arm positions of the joints. Rotors that ride on links move with their
-            motors only, and are left out of the arm side.
+        side: Coordinates: motor angles, or arm positions of the joints.
+        rotors: Whether rotors that ride on links are among the bodies, on the motor side; they turn with their motors.
+        payload: Whether the payload is a body of its own.
 
     Source:
         Janot et al. (2009), the branch of the interface: independent coordinates and the loop's Jacobian.
@@ -85,12 +89,15 @@ def rigid_tree(robot: Robot, side: Side = "motor") -> Tree:
         turns.append(np.array([link.turns.get(name, 0.0) for name in names]))
         offset.append(link.offset_rad)
     moves = np.array(turns) if side == "arm" else np.array(turns) @ robot.arm_per_motor
-    if side == "motor" and robot.rotor == "on_link":
+    if rotors and side == "motor" and robot.rotor == "on_link":
         for index, joint in enumerate(robot.joints):
             bodies.append(Body(joint.name, index - 1, joint.position_m, joint.rotation, is_rotor=True))
         moves = np.vstack([moves, np.eye(n_joint)])
-        offset += [0.0] * n_joint
-    return Tree(tuple(bodies), moves, np.array(offset), robot.gravity_m_s2)
+    if payload:
+        bodies.append(Body(PAYLOAD, n_joint - 1, np.zeros(3), np.eye(3)))
+        moves = np.vstack([moves, np.zeros(n_joint)])
+    still = np.zeros(len(bodies) - len(offset))
+    return Tree(tuple(bodies), moves, np.concatenate([offset, still]), robot.gravity_m_s2)
 
 
 def _parent(link: LoopLink, bodies: list[Body]) -> int:
