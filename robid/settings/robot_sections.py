@@ -12,6 +12,7 @@ from robid.arrays import FloatArray
 from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring
 from robid.robot.rotation import turn_about
 from robid.settings.base import Assumed, Name, Section, Vector
+from robid.settings.counterbalance import CounterbalanceSection
 from robid.settings.gears import GearSection, SpringDamper
 
 _Value = TypeVar("_Value")
@@ -178,6 +179,9 @@ class JointSection(Assumed):
     link: Body | None = Field(default=None, description="The link, in its frame; `model` brings it.")
     motor: MotorSection = Field(description="The motor and its gear.")
     gear: GearSection | None = Field(default=None, description="The transmission; or an entry among `springs`.")
+    counterbalance: CounterbalanceSection | None = Field(
+        default=None, description="What takes gravity off the motor; only rigid models know it."
+    )
 
     @property
     def slides(self) -> bool:

@@ -167,19 +167,19 @@ def label(row: FloatArray, names: Sequence[str], first: int) -> str:
 
 
 def _preference(model: RigidModel) -> IntArray:
-    """Group (n_std,) in which each column is offered, 0 first."""
+    """Group (n_std,) in which each column is offered, 0 first; the chain's links come before what hangs on them."""
     slides = {joint.name: joint.type == "prismatic" for joint in model.robot.joints}
     groups = []
     for name, kind in zip(model.names, model.kinds, strict=True):
         owner = name.rpartition(".")[0]
         if kind == "motor_inertia":
-            groups.append(2)
+            groups.append(4)
         elif kind not in ("inertia", "first_moment", "mass"):
             groups.append(0)
         elif name == f"{owner}.{'M' if slides.get(owner) else 'ZZ'}":
-            groups.append(1)
+            groups.append(2 if owner in slides else 3)
         else:
-            groups.append(4 if name.endswith(_LATE) else 3)
+            groups.append((7 if name.endswith(_LATE) else 5) + (owner not in slides))
     return np.array(groups)
 
 
