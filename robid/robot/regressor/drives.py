@@ -22,7 +22,7 @@ class DriveMotion:
         position (n_sample,): Position [rad, or m].
         velocity (n_sample,): Speed.
         acceleration (n_sample,): Acceleration.
-        sense (n_sample,): Sign of the speed that friction feels.
+        sense (n_sample,): Sign of the speed that friction feels, or a smooth one between -1 and 1.
         torque (n_sample,): Torque of the motor; zero where nothing asks for it [N m].
     """
 
@@ -160,7 +160,7 @@ def _viscous_one_way(sense: float, motion: DriveMotion) -> FloatArray:
 
 
 def _coulomb_one_way(sense: float, motion: DriveMotion) -> FloatArray:
-    return np.asarray(np.where(motion.sense * sense > 0, sense, 0.0))
+    return np.asarray(np.where(motion.sense * sense > 0, motion.sense, 0.0))
 
 
 def _harmonic(wave: Callable[[FloatArray], FloatArray], order: int, motion: DriveMotion) -> FloatArray:

@@ -15,7 +15,8 @@ from robid.robot.regressor.tree import Tree
 COMPONENTS = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 """Standard parameters of a link: entries of its inertia about the frame's origin, first moments, mass."""
 INERTIAS, MOMENTS = COMPONENTS[:6], COMPONENTS[6:9]
-_ACROSS = 0.5  # inertia of a rotor across its axis over the one about it, as of a thin disc
+ROTOR = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+"""Standard parameters of a rotor per its inertia about the axis: a thin disc, weightless."""
 _BLOCK = 1024  # samples whose arrays stay in the processor's cache
 _N_INERTIA, _N_TURNED = 6, 9
 
@@ -113,6 +114,6 @@ def _forces(motion: BodyMotion, chosen: Sequence[int]) -> FloatArray:
 def _rotor_column(motion: BodyMotion) -> FloatArray:
     """Torque (n_reach, n_sample) per unit of a disc's inertia about its axis."""
     (x, y, z), (ax, ay, az) = motion.rate, motion.angular
-    about = 1 - _ACROSS
-    moment = np.array([_ACROSS * ax + about * y * z, _ACROSS * ay - about * x * z, az])
+    xx, yy, zz = ROTOR[[0, 3, 5]]
+    moment = np.array([xx * ax + (zz - yy) * y * z, yy * ay + (xx - zz) * x * z, zz * az + (yy - xx) * x * y])
     return np.asarray(np.einsum("kcn,cn->kn", motion.turn, moment))

@@ -138,7 +138,7 @@ class RigidModel:
         motion = self._motion(position, velocity, acceleration, friction_speed, torque)
         out = np.zeros((len(self.robot.joints), len(self.parameters), len(position)))
         components = [
-            () if body.name == PAYLOAD and not loaded else own
+            () if body.is_payload and not loaded else own
             for body, own in zip(self.tree.bodies, self.components, strict=True)
         ]
         add_inertial_columns(self.tree, motion[0], motion[1], motion[2], components, out)

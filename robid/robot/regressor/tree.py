@@ -26,6 +26,7 @@ class Body:
         rotation (3, 3): Orientation of its frame in the parent's frame at zero position.
         slides: Whether it slides instead of turning.
         is_rotor: Whether it is a rotor that rides on its parent.
+        is_payload: Whether it is the payload as a body of its own.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Body:
     rotation: FloatArray
     slides: bool = False
     is_rotor: bool = False
+    is_payload: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def rigid_tree(robot: Robot, side: Side = "motor", *, rotors: bool = True, paylo
             bodies.append(Body(joint.name, index - 1, joint.position_m, joint.rotation, is_rotor=True))
         moves = np.vstack([moves, np.eye(n_joint)])
     if payload:
-        bodies.append(Body(PAYLOAD, n_joint - 1, np.zeros(3), np.eye(3)))
+        bodies.append(Body(PAYLOAD, n_joint - 1, np.zeros(3), np.eye(3), is_payload=True))
         moves = np.vstack([moves, np.zeros(n_joint)])
     still = np.zeros(len(bodies) - len(offset))
     return Tree(tuple(bodies), moves, np.concatenate([offset, still]), robot.gravity_m_s2)
