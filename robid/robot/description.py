@@ -82,6 +82,38 @@ class Motor:
 
 
 @dataclass(frozen=True)
+class HarmonicBalance:
+    """A counterbalance whose torque on the arm is `sum_k sine_k sin(k q) + cosine_k cos(k q)` of the joint's angle.
+
+    Attributes:
+        sine_nm (n_harmonic,): Sine coefficients, the first one of the angle itself [N m].
+        cosine_nm (n_harmonic,): Cosine coefficients [N m].
+    """
+
+    sine_nm: FloatArray
+    cosine_nm: FloatArray
+
+
+@dataclass(frozen=True)
+class SpringBalance:
+    """A counterbalance by a spring or cylinder between two points.
+
+    Attributes:
+        carrier_point_m (3,): Its end on what carries the joint, in the joint frame at zero position [m].
+        link_point_m (3,): Its end on the link, in the joint frame [m].
+        free_length_m: Length at which it pulls with `preload_n` [m].
+        stiffness_n_m: Stiffness [N/m].
+        preload_n: Pull at the free length; negative where it pushes [N].
+    """
+
+    carrier_point_m: FloatArray
+    link_point_m: FloatArray
+    free_length_m: float
+    stiffness_n_m: float
+    preload_n: float = 0.0
+
+
+@dataclass(frozen=True)
 class Joint:
     """A joint about or along the z axis of its frame, the link it moves and the motor that moves it.
 
@@ -95,6 +127,7 @@ class Joint:
         motor: The motor.
         couplings: Arm motion of this joint per radian of another joint's motor, by that joint's name [rad or m].
         type: Whether the arm turns about the axis or slides along it.
+        counterbalance: What takes gravity off the motor; only the rigid model knows it.
     """
 
     name: str
@@ -106,6 +139,47 @@ class Joint:
     motor: Motor
     couplings: Mapping[str, float] = field(default_factory=dict)
     type: JointType = "revolute"
+    counterbalance: HarmonicBalance | SpringBalance | None = None
+
+
+@dataclass(frozen=True)
+class Pin:
+    """Where a link that closes a loop is held.
+
+    Attributes:
+        point_m (3,): The point on the link, in its frame [m].
+        joint: Index of the joint whose link holds it.
+        held_point_m (3,): The point on that link, in the joint frame [m].
+    """
+
+    point_m: FloatArray
+    joint: int
+    held_point_m: FloatArray
+
+
+@dataclass(frozen=True)
+class LoopLink:
+    """A link beside the chain, in a closed loop that fixes its angle: a crank or a rod of a parallelogram.
+
+    Attributes:
+        name: Name of the link.
+        parent: Name of the joint or loop link that carries it; None for the base.
+        position_m (3,): Origin of its frame in the parent's frame [m].
+        rotation (3, 3): Orientation of its frame in the parent's frame at zero angle.
+        link: Mass properties in its frame.
+        turns: How far it turns about its z axis per unit of each joint's arm position, by the joint's name.
+        offset_rad: Its angle where all joints are at zero [rad].
+        pin: Where it closes the loop; None for what only carries another loop link.
+    """
+
+    name: str
+    parent: str | None
+    position_m: FloatArray
+    rotation: FloatArray
+    link: Inertial
+    turns: Mapping[str, float]
+    offset_rad: float = 0.0
+    pin: Pin | None = None
 
 
 @dataclass(frozen=True)
@@ -174,6 +248,7 @@ class Robot:
         notes: What the robot file wants the reader to know.
         base: Mass properties of what base springs carry beneath the first joint, in the world frame.
         sensors: Sensors beyond the encoders.
+        loop_links: Links beside the chain, each after what carries it; only the rigid model knows them.
     """
 
     name: str
@@ -186,6 +261,7 @@ class Robot:
     notes: tuple[str, ...] = ()
     base: Inertial | None = None
     sensors: tuple[Sensor, ...] = ()
+    loop_links: tuple[LoopLink, ...] = ()
 
     @property
     def gear_ratio(self) -> FloatArray:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
 from robid.robot.actuators import add_static_friction, add_torque, motor_drives, set_passive
 from robid.robot.description import Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.inertia import combine, remove
@@ -87,11 +88,14 @@ def build_model(
         The compiled model; its controls are the motor torques [N m].
 
     Raises:
-        ValueError: If rotors ride on the links and a joint is rigid, or other motors move a rigid joint.
+        ValueError: If rotors ride on the links and a joint is rigid.
+        DataError: If the robot has counterbalances, closed loops or rigid joints that several motors move, which only
+            the rigid model knows.
 
     Source:
         Zimmermann et al. (2023), eq. 1; Wernholt and Moberg (2008), sec. 3.
     """
+    _check_known(robot)
     _check_rigid(robot)
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep_s
@@ -123,13 +127,27 @@ def build_model(
     return _compile(spec, robot)
 
 
+def _check_known(robot: Robot) -> None:
+    pairs = list(zip(robot.joints, robot.rigid, strict=True))
+    unknown = [f"the counterbalance of `{joint.name}`" for joint, _ in pairs if joint.counterbalance is not None]
+    unknown += [
+        f"the motors that move the rigid joint `{joint.name}`"
+        for joint, is_rigid in pairs
+        if is_rigid and joint.couplings
+    ]
+    unknown += [f"the loop link `{link.name}`" for link in robot.loop_links]
+    if unknown:
+        raise DataError(
+            f"the elastic model does not know {unknown[0]}",
+            where=robot.name,
+            remedy="use the rigid family, or a robot file without it",
+        )
+
+
 def _check_rigid(robot: Robot) -> None:
     rigid = [joint for joint, is_rigid in zip(robot.joints, robot.rigid, strict=True) if is_rigid]
     if rigid and robot.rotor == "on_link":
         message = "rotors of rigid joints cannot ride on the links: `rotor` must be `spong`"
-        raise ValueError(message)
-    if any(joint.couplings for joint in rigid):
-        message = "a rigid joint cannot be moved by other motors"
         raise ValueError(message)
 
 

@@ -14,10 +14,15 @@ from robid.robot.description import LOCATED, Robot
 LogarithmicKind = Literal["stiffness", "damping", "motor_inertia", "link_inertia"]
 ResponseNuisance = Literal["viscous", "delay"]
 ElasticKind = Literal["stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"]
-Owner = Literal["spring", "transmission", "point", "motor", "link", "drives", "torque"]
+RigidKind = Literal[
+    "inertia", "first_moment", "mass", "motor_inertia", "viscous", "coulomb", "load_friction", "torque_offset",
+    "coupling_inertia", "coupling_viscous", "coupling_coulomb",
+    "counterbalance", "counterbalance_stiffness", "counterbalance_preload",
+]  # fmt: skip
+Owner = Literal["spring", "transmission", "point", "motor", "link", "drives", "torque", "component"]
 
 _AXIS_TOLERANCE = 1e-9
-_BARE: tuple[Owner, ...] = ("point", "drives", "torque")
+_BARE: tuple[Owner, ...] = ("point", "drives", "torque", "component")
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,8 @@ class ParameterKind:
     Attributes:
         title: Heading of a table of them.
         owner: What has one each: springs, transmissions, the joints' motors or links; points of springs have one for
-            each axis, the drives one together. Compensated torques have theirs by coefficient.
+            each axis, the drives one together. Compensated torques have theirs by coefficient, rigid links and what
+            has a direction or a harmonic theirs by component.
         unit: SI unit where it belongs to a hinge or a motor.
         linear_unit: SI unit where it belongs to a prismatic joint.
         field: Where the robot file states it, from its spring or joint on.
@@ -90,6 +96,32 @@ PARAMETER_KINDS = {
     ),
     "location": ParameterKind("Locations of springs", "point", "m", "m", through_rest=True),
     "friction": ParameterKind("Torque nonlinearities (nuisance)", "torque", "1", "1"),
+    "inertia": ParameterKind(
+        "Inertias about the joint frames' origins", "component", "kg m^2", "kg m^2",
+        "link.inertia_kgm2", "link.inertia_kgm2",
+    ),
+    "first_moment": ParameterKind(
+        "First moments", "component", "kg m", "kg m", "link.com_m", "link.com_m",
+    ),
+    "mass": ParameterKind("Masses", "component", "kg", "kg", "link.mass_kg", "link.mass_kg"),
+    "coulomb": ParameterKind(
+        "Coulomb friction", "component", "N m", "N m", "motor.friction.coulomb_nm", "motor.friction.coulomb_nm",
+    ),
+    "load_friction": ParameterKind("Friction per motor torque", "motor", "1", "1"),
+    "torque_offset": ParameterKind("Torque offsets", "motor", "N m", "N m"),
+    "coupling_inertia": ParameterKind("Inertias of coupled gears, arm side", "motor", "kg m^2", "kg"),
+    "coupling_viscous": ParameterKind("Viscous friction of coupled gears, arm side", "motor", "N m s/rad", "N s/m"),
+    "coupling_coulomb": ParameterKind("Coulomb friction of coupled gears, arm side", "motor", "N m", "N"),
+    "counterbalance": ParameterKind(
+        "Torque of counterbalances", "component", "N m", "N", "counterbalance", "counterbalance",
+    ),
+    "counterbalance_stiffness": ParameterKind(
+        "Stiffness of counterbalances", "motor", "N/m", "N/m",
+        "counterbalance.stiffness_n_m", "counterbalance.stiffness_n_m",
+    ),
+    "counterbalance_preload": ParameterKind(
+        "Preload of counterbalances", "motor", "N", "N", "counterbalance.preload_n", "counterbalance.preload_n",
+    ),
 }  # fmt: skip
 """All kinds by name, in the order in which tables show them."""
 

@@ -14,6 +14,8 @@ from robid.robot.chain import ForeignJoint, extract_chain, frame_on_last, order_
 from robid.robot.description import Inertial
 from robid.robot.foreign import ForeignModel, read_model
 from robid.settings.base import DATA_VARIABLE, data_path
+from robid.settings.counterbalance import CounterbalanceSection
+from robid.settings.loop_links import LoopLinkSection
 from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_frames import Frame
@@ -141,6 +143,7 @@ def _merge(
     if payload is not None:
         payload = _body(moved(payload.inertial(), held, turned), payload)
     update = {"joints": joints, "springs": tuple(springs), "sensors": tuple(sensors), "payload": payload}
+    update["loop_links"] = tuple(_loop_link(link, bodies) for link in robot.loop_links)
     update["notes"] = (*robot.notes, *model.notes)
     return robot.model_copy(update=update)
 
@@ -161,7 +164,32 @@ def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> J
         limits = (lower, upper)
     frame = Frame.model_validate({"position_m": found.position_m.tolist(), "rotation": found.rotation.tolist()})
     update = {"frame": frame, section.limits_key: limits, "link": _body(found.link), "motor": _motor(section, model)}
-    return section.model_copy(update=update)
+    return section.model_copy(update=update | {"counterbalance": _balance(section, found)})
+
+
+def _loop_link(link: LoopLinkSection, bodies: dict[str, tuple[FloatArray, FloatArray]]) -> LoopLinkSection:
+    """Takes a loop link from the frames of the file's own bodies to the joint frames."""
+    update: dict[str, Any] = {}
+    if link.parent in bodies:
+        position, rotation = bodies[link.parent]
+        offset, turn = link.frame.joint_frame()
+        frame = {"position_m": (position + rotation @ offset).tolist(), "rotation": (rotation @ turn).tolist()}
+        update["frame"] = Frame.model_validate(frame)
+    if link.pin is not None and link.pin.joint in bodies:
+        position, rotation = bodies[link.pin.joint]
+        held = tuple((position + rotation @ link.pin.held_point_m).tolist())
+        update["pin"] = link.pin.model_copy(update={"held_point_m": held})
+    return link.model_copy(update=update)
+
+
+def _balance(section: JointSection, found: ForeignJoint) -> CounterbalanceSection | None:
+    """Takes the ends of a counterbalance's spring from the frame of the file's own body to the joint frame."""
+    balance, update = section.counterbalance, {}
+    for key in ("carrier_point_m", "link_point_m"):
+        point = None if balance is None else getattr(balance, key)
+        if point is not None:
+            update[key] = tuple((found.body_position_m + found.body_rotation @ point).tolist())
+    return None if balance is None else balance.model_copy(update=update)
 
 
 def _motor(section: JointSection, model: ForeignModel) -> MotorSection:

@@ -15,6 +15,7 @@ from robid.robot.description import Inertial, Joint, Robot
 from robid.robot.rotation import roll_pitch_yaw
 from robid.settings.base import DATA_VARIABLE, Assumed, Vector, data_path
 from robid.settings.gears import GearSection
+from robid.settings.loop_links import LoopLinkSection
 from robid.settings.robot_sections import Body, JointSection, SensorSection, SpringSection, given
 from robid.settings.yaml import FieldPath
 from robid.signals.positions import METRES, RADIANS
@@ -64,6 +65,9 @@ class RobotFile(Assumed):
         default=None, description="What base springs carry beneath the first joint, in the world frame."
     )
     sensors: tuple[SensorSection, ...] = Field(default=(), description="Sensors beyond motors and link encoders.")
+    loop_links: tuple[LoopLinkSection, ...] = Field(
+        default=(), description="Links beside the chain, in closed loops; only rigid models know them."
+    )
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -142,6 +146,9 @@ class RobotFile(Assumed):
             rotor=self.rotor,
             assumed=assumed_names(self),
             notes=self.notes,
+            loop_links=tuple(
+                link.loop_link(self.joints, roll_pitch_yaw(self.base_rpy_deg)) for link in self.loop_links
+            ),
         )
 
     def joint_frames(self) -> list[tuple[FloatArray, FloatArray]]:
@@ -164,6 +171,7 @@ class RobotFile(Assumed):
         for section, (position, rotation), link in zip(self.joints, self.joint_frames(), self.links(), strict=True):
             limits = np.array(given(section.stated_limits))
             lower, upper = limits if section.slides else np.deg2rad(limits)
+            balance = section.counterbalance
             joint = Joint(
                 name=section.name,
                 position_m=position,
@@ -174,6 +182,7 @@ class RobotFile(Assumed):
                 type=section.type,
                 motor=section.motor.motor(),
                 couplings=dict(section.couplings),
+                counterbalance=None if balance is None else balance.counterbalance(*section.geometry.link_frame()),
             )
             joints.append(joint)
         return tuple(joints)
@@ -212,5 +221,5 @@ def assumed_sections(
             yield from assumed_sections(value, f"{prefix}{key}.", (*field, key))
         elif isinstance(value, tuple):
             for index, item in enumerate(value):
-                if isinstance(item, JointSection | SpringSection | SensorSection):
+                if isinstance(item, JointSection | SpringSection | SensorSection | LoopLinkSection):
                     yield from assumed_sections(item, f"{item.name}.", (*field, key, index))

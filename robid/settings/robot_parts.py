@@ -12,7 +12,16 @@ if TYPE_CHECKING:
     from robid.simulate.options import Controller
 
 Part: TypeAlias = Literal[
-    "mechanics", "range", "motor_limits", "friction", "friction_std", "inertia_std", "timing", "controller", "sensors"
+    "mechanics",
+    "rigid",
+    "range",
+    "motor_limits",
+    "friction",
+    "friction_std",
+    "inertia_std",
+    "timing",
+    "controller",
+    "sensors",
 ]
 
 _MOTOR: dict[str, Part] = {
@@ -43,6 +52,7 @@ _JOINT: dict[str, Part] = {
     "link": "mechanics",
     "gear": "mechanics",
     "couplings": "mechanics",
+    "counterbalance": "rigid",
 }
 _ROBOT: dict[str, Part] = {
     "gravity_m_s2": "mechanics",
@@ -51,6 +61,7 @@ _ROBOT: dict[str, Part] = {
     "springs": "mechanics",
     "payload": "mechanics",
     "base": "mechanics",
+    "loop_links": "rigid",
     "controller": "controller",
     "sensors": "sensors",
     "floor_m": "range",

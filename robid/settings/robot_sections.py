@@ -11,6 +11,7 @@ from pydantic import Field
 from robid.arrays import FloatArray
 from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring
 from robid.settings.base import Assumed, Name, Section, Vector
+from robid.settings.counterbalance import CounterbalanceSection
 from robid.settings.gears import GearSection, SpringDamper
 from robid.settings.robot_frames import Dh, Frame
 
@@ -143,6 +144,9 @@ class JointSection(Assumed):
     link: Body | None = Field(default=None, description="The link, in its frame; `model` brings it.")
     motor: MotorSection = Field(description="The motor and its gear.")
     gear: GearSection | None = Field(default=None, description="The transmission; or an entry among `springs`.")
+    counterbalance: CounterbalanceSection | None = Field(
+        default=None, description="What takes gravity off the motor; only rigid models know it."
+    )
 
     @property
     def slides(self) -> bool:

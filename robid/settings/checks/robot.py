@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from robid.robot.description import Inertial
 from robid.robot.inertia import remove
 from robid.robot.parameters import PARAMETER_KINDS
+from robid.settings.checks.rigid import check_counterbalances, check_loop_links
 from robid.settings.checks.robot_missing import missing
 from robid.settings.plausible import implausible
 from robid.settings.problems import SettingsProblem, problem_at, suggest
@@ -34,8 +35,11 @@ def check_robot(
         robot: The file, completed from its model where it names one that is there.
         immobile: Joints of the model that do not move, with the reason.
     """
-    checks = (_names, missing, _joints, _values, _couplings, _splits, _payload, _base, _sensors, _assumed)
+    checks = (_names, missing, _joints, _values, _couplings, _splits, _payload, _loop_bodies, _base, _sensors, _assumed)
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
+    found += check_counterbalances(robot)
+    # Whether loops close is asked of a robot that is otherwise right.
+    found += check_loop_links(robot) if not found else []
     found += implausible(robot)
     return [problem_at(document, field, message) for field, message in found]
 
@@ -58,10 +62,11 @@ def _names(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     named: list[tuple[FieldPath, str]] = [(("joints", i, "name"), joint.name) for i, joint in enumerate(robot.joints)]
     named += [((*spring_field(robot, i), "name"), spring.name) for i, spring in enumerate(robot.all_springs)]
     named += [(("sensors", i, "name"), sensor.name) for i, sensor in enumerate(robot.sensors)]
+    named += [(("loop_links", i, "name"), link.name) for i, link in enumerate(robot.loop_links)]
     count = Counter(name for _, name in named)
     for field, name in named:
         if count[name] > 1:
-            yield field, f"`{name}` names more than one joint, spring or sensor"
+            yield field, f"`{name}` names more than one joint, spring, sensor or loop link"
 
 
 def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
@@ -102,8 +107,6 @@ def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> It
     elif not joint.rigid and len(transmissions) != 1:
         message = f"joint `{joint.name}` needs exactly one transmission spring, but has {found}"
         yield (*field, "name"), message if transmissions else f"{message} (`rigid: true` does without)"
-    if joint.rigid and joint.couplings:
-        yield (*field, "couplings"), f"joint `{joint.name}` is rigid: only elastic joints can be moved by other motors"
     if joint.rigid and robot.rotor == "on_link":
         yield (*field, "rigid"), "needs `rotor: spong`: the rotor of a rigid joint is part of its arm"
 
@@ -240,6 +243,11 @@ def _sensors(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
             yield ("sensors", index, "joint"), f"there is no joint `{sensor.joint}`; {suggest(sensor.joint, joints)}"
         if np.linalg.norm(sensor.axis) == 0:
             yield ("sensors", index, "axis"), "has no direction"
+
+
+def _loop_bodies(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    for index, link in enumerate(robot.loop_links):
+        yield from _body(("loop_links", index, "link"), link.link)
 
 
 def _payload(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:

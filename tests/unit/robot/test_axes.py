@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from exact_systems import arm_on_rail, linear_axis, two_joint_robot, without_spring
+from robid.errors import DataError
 from robid.robot.collocated import Collocated, has_plain_inertias, is_collocated
 from robid.robot.derivatives import jacobian
-from robid.robot.description import Friction
+from robid.robot.description import Friction, HarmonicBalance, LoopLink
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.parameters import element_units
@@ -195,9 +196,19 @@ def test_skeleton_and_mirror_of_a_rail():
     np.testing.assert_allclose(mirror(without_spring(linear_axis(), "gear_rail"), np.array([[0.8]])), [[0.8]])
 
 
-def test_what_rigid_joints_cannot_do_is_refused():
-    coupled = replace(RIGID_ELBOW.joints[1], couplings={"shoulder": 0.01})
-    with pytest.raises(ValueError, match="moved by other motors"):
-        build_model(replace(RIGID_ELBOW, joints=(RIGID_ELBOW.joints[0], coupled)))
+def test_what_only_the_rigid_model_knows_is_refused():
+    shoulder, elbow = RIGID_ELBOW.joints
+    balance = HarmonicBalance(np.array([1.0]), np.array([0.0]))
+    rod = LoopLink("rod", "shoulder", np.zeros(3), np.eye(3), elbow.link, {"elbow": 1.0})
+    for change, told in (
+        ({"joints": (shoulder, replace(elbow, couplings={"shoulder": 0.01}))}, "move the rigid joint `elbow`"),
+        ({"joints": (replace(shoulder, counterbalance=balance), elbow)}, "the counterbalance of `shoulder`"),
+        ({"loop_links": (rod,)}, "the loop link `rod`"),
+    ):
+        with pytest.raises(DataError, match=told):
+            build_model(replace(RIGID_ELBOW, **change))
+
+
+def test_rotors_of_rigid_joints_do_not_ride_on_links():
     with pytest.raises(ValueError, match="spong"):
         build_model(replace(RIGID_ELBOW, rotor="on_link"))

@@ -157,7 +157,6 @@ def test_locked_slides_stay_where_they_are(tmp_path):
         ),
         (lambda d: d["joints"][2].pop("rigid"), "joints[2].name", "`rigid: true` does without"),
         (lambda d: d["joints"][1].update(rigid=True), "joints[1].rigid", "has the transmission gear_lift"),
-        (lambda d: d["joints"][2].update(couplings={"lift": 0.01}), "joints[2].couplings", "only elastic joints"),
         (lambda d: d.update(rotor="on_link"), "joints[2].rigid", "`rotor: spong`"),
     ],
 )

@@ -1,0 +1,1 @@
+"""Rigid dynamics and friction by inverse-dynamics least squares. Read `base` first."""

@@ -1,0 +1,192 @@
+"""The regressor's columns of motors, coupled gears and counterbalances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.robot.description import HarmonicBalance, Joint, Robot, SpringBalance
+from robid.robot.parameters import PARAMETER_KINDS, RigidKind
+from robid.robot.regressor.options import RigidOptions
+
+
+@dataclass(frozen=True)
+class DriveMotion:
+    """Motion of what a torque acts on: a motor, or the arm of a joint.
+
+    Attributes:
+        position (n_sample,): Position [rad, or m].
+        velocity (n_sample,): Speed.
+        acceleration (n_sample,): Acceleration.
+        sense (n_sample,): Sign of the speed that friction feels, or a smooth one between -1 and 1.
+        torque (n_sample,): Torque of the motor; zero where nothing asks for it [N m].
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    sense: FloatArray
+    torque: FloatArray
+
+
+@dataclass(frozen=True)
+class DriveTerm:
+    """A torque that one parameter gives.
+
+    Attributes:
+        owner: Joint it belongs to.
+        component: What its name says beside the joint.
+        kind: Kind of the parameter.
+        unit: Its unit.
+        nominal: Value of the robot file.
+        row (n_joint,): Motion of what it acts on per motor angle; the motors feel it by the same factors.
+        effect: Its torque per unit of the parameter, (n_sample,).
+    """
+
+    owner: str
+    component: str
+    kind: RigidKind
+    unit: str
+    nominal: float
+    row: FloatArray
+    effect: Callable[[DriveMotion], FloatArray]
+
+    @property
+    def name(self) -> str:
+        """Name of the parameter."""
+        return f"{self.owner}.{self.component}"
+
+
+def drive_terms(robot: Robot, options: RigidOptions) -> Iterator[DriveTerm]:
+    """Yields the terms of a robot: motors, then coupled gears, then counterbalances.
+
+    The inertias of rotors that ride on links are not among them: they belong to the tree.
+    """
+    turns = robot.arm_per_motor
+    for joint, row in zip(robot.joints, np.eye(len(robot.joints)), strict=True):
+        motor = joint.motor
+        if options.motor_inertias and robot.rotor == "spong":
+            yield _term(joint, row, "motor_inertia", motor.inertia_kgm2, _acceleration)
+        yield from _friction(joint, row, options)
+        if options.offsets:
+            yield _term(joint, row, "torque_offset", 0.0, _one)
+    for joint, row in zip(robot.joints, turns, strict=True):
+        if options.couplings and joint.couplings:
+            yield from _coupling(joint, row, options)
+    for joint, row in zip(robot.joints, turns, strict=True):
+        if options.counterbalances:
+            yield from _counterbalance(joint, row)
+
+
+def _term(
+    joint: Joint,
+    row: FloatArray,
+    kind: RigidKind,
+    nominal: float,
+    effect: Callable[[DriveMotion], FloatArray],
+    component: str = "",
+) -> DriveTerm:
+    about = PARAMETER_KINDS[kind]
+    unit = about.linear_unit if joint.type == "prismatic" else about.unit
+    return DriveTerm(joint.name, component or kind, kind, unit, nominal, row, effect)
+
+
+def _friction(joint: Joint, row: FloatArray, options: RigidOptions) -> Iterator[DriveTerm]:
+    law, form = joint.motor.friction, options.friction
+    if form == "asymmetric":
+        for name, sense in (("forward", 1.0), ("backward", -1.0)):
+            viscous = partial(_viscous_one_way, sense)
+            yield _term(joint, row, "viscous", law.viscous_nms_rad, viscous, f"viscous_{name}")
+            coulomb = partial(_coulomb_one_way, sense)
+            yield _term(joint, row, "coulomb", law.coulomb_nm, coulomb, f"coulomb_{name}")
+    elif form != "none":
+        yield _term(joint, row, "viscous", law.viscous_nms_rad, _velocity)
+        if form != "viscous":
+            yield _term(joint, row, "coulomb", law.coulomb_nm, _sense)
+        if form == "load":
+            yield _term(joint, row, "load_friction", 0.0, _load)
+
+
+def _coupling(joint: Joint, row: FloatArray, options: RigidOptions) -> Iterator[DriveTerm]:
+    """What turns with the arm of a joint that several motors move, its own link apart."""
+    if options.motor_inertias:
+        yield _term(joint, row, "coupling_inertia", 0.0, _acceleration)
+    if options.friction != "none":
+        yield _term(joint, row, "coupling_viscous", 0.0, _velocity)
+    if options.friction not in ("none", "viscous"):
+        yield _term(joint, row, "coupling_coulomb", 0.0, _sense)
+
+
+def _counterbalance(joint: Joint, row: FloatArray) -> Iterator[DriveTerm]:
+    balance = joint.counterbalance
+    if isinstance(balance, HarmonicBalance):
+        for name, wave, levels in (("sin", np.sin, balance.sine_nm), ("cos", np.cos, balance.cosine_nm)):
+            for order, level in enumerate(levels.tolist(), start=1):
+                effect = partial(_harmonic, wave, order)
+                yield _term(joint, row, "counterbalance", level, effect, f"counterbalance_{name}{order}")
+    elif isinstance(balance, SpringBalance):
+        stretch = partial(_stretch, balance, joint.type == "prismatic")
+        yield _term(joint, row, "counterbalance_stiffness", balance.stiffness_n_m, stretch)
+        lever = partial(_lever, balance, joint.type == "prismatic")
+        yield _term(joint, row, "counterbalance_preload", balance.preload_n, lever)
+
+
+def _one(motion: DriveMotion) -> FloatArray:
+    return np.ones_like(motion.position)
+
+
+def _acceleration(motion: DriveMotion) -> FloatArray:
+    return motion.acceleration
+
+
+def _velocity(motion: DriveMotion) -> FloatArray:
+    return motion.velocity
+
+
+def _sense(motion: DriveMotion) -> FloatArray:
+    return motion.sense
+
+
+def _load(motion: DriveMotion) -> FloatArray:
+    return np.asarray(np.abs(motion.torque) * motion.sense)
+
+
+def _viscous_one_way(sense: float, motion: DriveMotion) -> FloatArray:
+    return np.asarray(np.where(motion.sense * sense > 0, motion.velocity, 0.0))
+
+
+def _coulomb_one_way(sense: float, motion: DriveMotion) -> FloatArray:
+    return np.asarray(np.where(motion.sense * sense > 0, motion.sense, 0.0))
+
+
+def _harmonic(wave: Callable[[FloatArray], FloatArray], order: int, motion: DriveMotion) -> FloatArray:
+    # The parameter is what the counterbalance does to the arm; the motor does the opposite.
+    return -wave(order * motion.position)
+
+
+def _stretch(balance: SpringBalance, slides: bool, motion: DriveMotion) -> FloatArray:
+    length, lever = _length(balance, slides, motion.position)
+    return np.asarray((length - balance.free_length_m) * lever)
+
+
+def _lever(balance: SpringBalance, slides: bool, motion: DriveMotion) -> FloatArray:
+    return _length(balance, slides, motion.position)[1]
+
+
+def _length(balance: SpringBalance, slides: bool, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Length of a spring and its derivative by the joint's position (n_sample,) [m; m/rad, or 1]."""
+    x, y, z = balance.link_point_m
+    zero = np.zeros_like(position)
+    if slides:
+        point, moves = np.array([x + zero, y + zero, z + position]), np.array([zero, zero, zero + 1])
+    else:
+        cosine, sine = np.cos(position), np.sin(position)
+        point = np.array([cosine * x - sine * y, sine * x + cosine * y, z + zero])
+        moves = np.array([-point[1], point[0], zero])
+    apart = point - balance.carrier_point_m[:, None]
+    length = np.sqrt((apart**2).sum(axis=0))
+    return length, np.asarray((apart * moves).sum(axis=0) / length)

@@ -1,0 +1,133 @@
+"""Forward dynamics of a rigid model: the accelerations that motor torques give."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.robot.regressor.drives import DriveMotion, DriveTerm
+from robid.robot.regressor.links import COMPONENTS, ROTOR
+from robid.robot.regressor.model import RigidModel
+from robid.robot.regressor.motion import BodyMotion, body_motions, cross_matrix, empty_states
+from robid.robot.regressor.tree import Tree
+
+_INERTIAL = ("motor_inertia", "coupling_inertia")
+
+
+@dataclass(frozen=True)
+class RigidDynamics:
+    """A rigid robot with given parameters; everything on the motor side.
+
+    Attributes:
+        tree: Its bodies.
+        inertias: Of each body the matrix (6, 6) that makes a momentum, first the angular one about its frame's origin,
+            of angular velocity and velocity of that origin.
+        motor (n_joint, n_joint): Inertia of what turns with motors and coupled gears [kg m^2].
+        terms: Terms without inertia, each with its parameter.
+        smoothing_rad_s: Speed over which Coulomb friction changes its sign, as tanh; 0 for a jump.
+    """
+
+    tree: Tree
+    inertias: tuple[FloatArray, ...]
+    motor: FloatArray
+    terms: tuple[tuple[DriveTerm, float], ...]
+    smoothing_rad_s: float = 0.0
+
+    def inertia_and_bias(
+        self, position: FloatArray, velocity: FloatArray, torque: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Computes the inertia matrix and the torque that holds the speed.
+
+        Args:
+            position (n_sample, n_joint): Motor angles [rad].
+            velocity (n_sample, n_joint): Motor speeds [rad/s].
+            torque (n_sample, n_joint): Motor torques, for load-dependent friction [N m].
+
+        Returns:
+            Inertia matrices (n_sample, n_joint, n_joint) [kg m^2], and torques (n_sample, n_joint) of gravity,
+            Coriolis forces, friction, offsets and counterbalances [N m].
+        """
+        q, v = np.ascontiguousarray(position.T), np.ascontiguousarray(velocity.T)
+        inertia = np.zeros((*self.motor.shape, len(position)))
+        inertia += self.motor[:, :, None]
+        bias = np.zeros_like(q)
+        states = empty_states(self.tree, len(position))
+        motions = body_motions(self.tree, q, v, np.zeros_like(q), states)
+        for state, body, motion in zip(states, self.inertias, motions, strict=True):
+            reach = len(motion.turn)
+            screws = state[2:].reshape(reach, 6, -1)
+            inertia[:reach, :reach] += np.einsum("kcn,lcn->kln", screws, body @ screws)
+            bias[:reach] += np.einsum("kcn,cn->kn", screws, _wrench(motion, body))
+        load = np.zeros_like(q) if torque is None else torque.T
+        for term, parameter in self.terms:
+            effect = parameter * term.effect(self._felt(term, q, v, load))
+            bias += term.row[:, None] * effect
+        return np.moveaxis(inertia, 2, 0), bias.T
+
+    def acceleration(self, position: FloatArray, velocity: FloatArray, torque: FloatArray) -> FloatArray:
+        """Computes motor accelerations (n_sample, n_joint) under motor torques (n_sample, n_joint) [rad/s^2]."""
+        inertia, bias = self.inertia_and_bias(position, velocity, torque)
+        return np.asarray(np.linalg.solve(inertia, (torque - bias)[..., None])[..., 0])
+
+    def _felt(self, term: DriveTerm, position: FloatArray, velocity: FloatArray, torque: FloatArray) -> DriveMotion:
+        speed = term.row @ velocity
+        sense = np.tanh(speed / self.smoothing_rad_s) if self.smoothing_rad_s > 0 else np.sign(speed)
+        return DriveMotion(term.row @ position, speed, np.zeros_like(speed), sense, term.row @ torque)
+
+
+def build_dynamics(
+    model: RigidModel, parameters: FloatArray | None = None, *, loaded: bool = True, smoothing_rad_s: float = 0.0
+) -> RigidDynamics:
+    """Builds the dynamics of a rigid model.
+
+    Args:
+        model: The model.
+        parameters (n_std,): Values of its parameters; those of the robot file by default.
+        loaded: Whether a payload with parameters of its own is there.
+        smoothing_rad_s: Motor speed over which Coulomb friction changes its sign [rad/s].
+    """
+    values = model.nominal if parameters is None else parameters
+    inertias: list[FloatArray] = []
+    start = 0
+    for body, components in zip(model.tree.bodies, model.components, strict=True):
+        own = np.zeros(len(COMPONENTS))
+        if body.is_rotor and components:
+            own = values[start] * ROTOR
+        elif loaded or not body.is_payload:
+            own[list(components)] = values[start : start + len(components)]
+        inertias.append(_momentum(own))
+        start += len(components)
+    motor = np.zeros((len(model.robot.joints),) * 2)
+    terms: list[tuple[DriveTerm, float]] = []
+    for term, value in zip(model.terms, values[start:].tolist(), strict=True):
+        if term.kind in _INERTIAL:
+            motor += value * np.outer(term.row, term.row)
+        else:
+            terms.append((term, value))
+    return RigidDynamics(model.tree, tuple(inertias), motor, tuple(terms), smoothing_rad_s)
+
+
+def _momentum(parameters: Sequence[float] | FloatArray) -> FloatArray:
+    """Momentum matrix (6, 6) of a body's standard parameters (10,)."""
+    xx, xy, xz, yy, yz, zz = parameters[:6]
+    moment = cross_matrix(np.asarray(parameters[6:9]))
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return np.block([[inertia, moment], [-moment, parameters[9] * np.eye(3)]])
+
+
+def _wrench(motion: BodyMotion, body: FloatArray) -> FloatArray:
+    """Torque about the origin and force (6, n_sample) that a body's motion takes."""
+    wrench = body @ np.concatenate([motion.angular, motion.linear])
+    # Of the angular velocity alone: that of the origin is in its acceleration.
+    momentum = body[:, :3] @ motion.rate
+    wrench[:3] += _cross(motion.rate, momentum[:3])
+    wrench[3:] += _cross(motion.rate, momentum[3:])
+    return np.asarray(wrench)
+
+
+def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
+    (a, b, c), (x, y, z) = first, second
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
