@@ -1,0 +1,1 @@
+"""Rigid dynamics. Read `rows`, `preprocessing`, `reduction`, `least_squares`, `huber`, `instruments`, then `verdict`."""
