@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 
 from robid.arrays import FloatArray, IntArray
 
 _DECAYED = 1e-4  # of its peak, an impulse response that counts as over
+_ANGLES = 8192
+_BLOCK = 16  # kept samples of one matrix product: few, so that a block of samples stays in the cache
 
 
 def low_pass(signal: FloatArray, sampling_period_s: float, cut_hz: float, order: int = 4) -> FloatArray:
@@ -42,6 +43,14 @@ def low_pass_reach(sampling_period_s: float, cut_hz: float, order: int = 4) -> i
     impulse[0] = 1.0
     response = np.abs(sosfilt(_butterworth(sampling_period_s, cut_hz, order), impulse))
     return int(np.flatnonzero(response > _DECAYED * response.max())[-1]) + 1
+
+
+def low_pass_gain(sampling_period_s: float, cut_hz: float, order: int = 4) -> tuple[FloatArray, FloatArray]:
+    """Returns angles per sample (n_angle,) from 0 to pi [rad], and what `low_pass` leaves of an amplitude there."""
+    from scipy.signal import sosfreqz
+
+    angle, response = sosfreqz(_butterworth(sampling_period_s, cut_hz, order), _ANGLES)
+    return np.asarray(angle), np.abs(response) ** 2
 
 
 def _butterworth(sampling_period_s: float, cut_hz: float, order: int) -> FloatArray:
@@ -94,39 +103,31 @@ class Decimator:
         """Filters and decimates.
 
         Args:
-            samples (n_sample, ...): Samples.
+            samples (n_sample, ...): Samples; fastest where they lie last in memory.
 
         Returns:
-            Kept samples (n_kept, ...).
+            Kept samples (n_kept, ...), with the same order in memory.
         """
         n_kept = len(self.kept(len(samples)))
-        columns = np.ascontiguousarray(samples, dtype=float).reshape(len(samples), -1)
-        n_block = max(1, min(n_kept, 2 * self.reach // self.factor))
-        band = _banded(self.kernel, self.factor, n_block)
-        whole = n_kept // n_block
-        result = np.empty((n_kept, columns.shape[1]))
-        row, column = columns.strides
-        shape = (whole, band.shape[1], columns.shape[1])
-        blocks = as_strided(columns, shape, (n_block * self.factor * row, row, column), writeable=False)
-        np.matmul(band, blocks, out=result[: whole * n_block].reshape(whole, n_block, -1))
-        rest = n_kept - whole * n_block
-        if rest:
-            band = _banded(self.kernel, self.factor, rest)
-            first = whole * n_block * self.factor
-            result[whole * n_block :] = band @ columns[first : first + band.shape[1]]
-        return result.reshape(n_kept, *samples.shape[1:])
+        lines = np.ascontiguousarray(np.moveaxis(samples, 0, -1), dtype=float).reshape(-1, len(samples))
+        result = np.empty((len(lines), n_kept))
+        for first in range(0, n_kept, _BLOCK):
+            band = _banded(self.kernel, self.factor, min(_BLOCK, n_kept - first))
+            start = first * self.factor
+            np.matmul(lines[:, start : start + band.shape[0]], band, out=result[:, first : first + band.shape[1]])
+        return np.moveaxis(result.reshape(*samples.shape[1:], n_kept), -1, 0)
 
     def autocorrelation(self, n_lag: int) -> FloatArray:
         """Returns what white samples' kept ones are correlated, at lags 0 to `n_lag` of kept samples; 1 at lag 0."""
         whole = np.convolve(self.kernel, self.kernel)[len(self.kernel) - 1 :: self.factor]
-        return np.pad(whole, (0, max(0, n_lag + 1 - len(whole))))[: n_lag + 1] / whole[0]
+        return np.asarray(np.pad(whole, (0, max(0, n_lag + 1 - len(whole))))[: n_lag + 1] / whole[0])
 
 
-def _banded(kernel: FloatArray, factor: int, n_row: int) -> FloatArray:
-    """One row a kept sample: blocks of it turn the filter into matrix products."""
-    band = np.zeros((n_row, (n_row - 1) * factor + len(kernel)))
-    for row in range(n_row):
-        band[row, row * factor : row * factor + len(kernel)] = kernel
+def _banded(kernel: FloatArray, factor: int, n_kept: int) -> FloatArray:
+    """One column a kept sample: blocks of it turn the filter into matrix products."""
+    band = np.zeros(((n_kept - 1) * factor + len(kernel), n_kept))
+    for column in range(n_kept):
+        band[column * factor : column * factor + len(kernel), column] = kernel
     return band
 
 

@@ -1,1 +1,1 @@
-"""Rigid dynamics. Read `rows`, `preprocessing`, `reduction`, `least_squares`, `huber`, `instruments`, then `verdict`."""
+"""Rigid dynamics. Read `rows`, `preprocessing`, `reading`, `reduction`, `least_squares`, `huber`, then `verdict`."""

@@ -89,7 +89,9 @@ def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None 
     parameters = ordinary_least_squares(reduction).parameters
     scale = robust_scale(residuals(source, parameters))
     status: Literal["converged", "iteration_limit"] = "iteration_limit"
-    for iteration in range(1, chosen.iteration_limit + 1):
+    iterations = 0
+    while status != "converged" and iterations < chosen.iteration_limit:
+        iterations += 1
         _check_scale(scale)
         weighted, residual = reduce_weighted(source, parameters, partial(_row_weights, scale=scale, bend=chosen.bend))
         before, scale_before, scale = parameters, scale, robust_scale(residual)
@@ -98,9 +100,8 @@ def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None 
         settled = np.all(np.abs(scale - scale_before) <= chosen.tolerance * scale)
         if settled and np.all(np.abs(parameters - before) <= small_step):
             status = "converged"
-            break
     fit = (parameters, inverse, condition)
-    return _estimate(fit, residual, scale, reduction, iteration, status, chosen)
+    return _estimate(fit, residual, scale, reduction, iterations, status, chosen)
 
 
 def sweep_bend(

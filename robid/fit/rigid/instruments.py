@@ -56,15 +56,16 @@ def instrumental_variables(
     chosen = options or InstrumentOptions()
     parameters, weights = start.parameters, start.weights
     status: Literal["converged", "iteration_limit"] = "iteration_limit"
-    for iteration in range(1, chosen.iteration_limit + 1):
+    iterations = 0
+    while status != "converged" and iterations < chosen.iteration_limit:
+        iterations += 1
         rows = instrumented(parameters)
         found, influence = solve_instruments(rows, weights)
         step = np.abs(found.parameters - parameters)
         parameters = found.parameters
         if np.all(step <= chosen.tolerance * found.standard_deviation):
             status = "converged"
-            break
-    return replace(found, iterations=iteration, status=status), influence, rows
+    return replace(found, iterations=iterations, status=status), influence, rows
 
 
 def solve_instruments(rows: RowSource, weights: FloatArray) -> tuple[Estimate, Influence]:

@@ -16,7 +16,7 @@ class Reduction:
     """Rows of each joint reduced by QR.
 
     Attributes:
-        factors (n_joint, n_param + 1, n_param + 1): Triangular factor of `[W y]` of each joint.
+        factors (n_joint, n_param + 1, n_param + 1): Factor F of each joint, `F' F = [W y]' [W y]`.
         n_row (n_joint,): Rows that went into it.
     """
 
@@ -31,7 +31,7 @@ class Reduction:
     def weighted(self, weights: FloatArray) -> FloatArray:
         """Returns the triangular factor of all rows, each joint's multiplied by the root of its weight (n_joint,)."""
         stacked = (np.sqrt(weights)[:, None, None] * self.factors).reshape(-1, self.n_param + 1)
-        return np.linalg.qr(stacked, mode="r")
+        return np.asarray(np.linalg.qr(stacked, mode="r"))
 
     def cost(self, parameters: FloatArray) -> FloatArray:
         """Returns the sum (n_joint,) of squared residuals of each joint."""
@@ -93,7 +93,7 @@ class _Running:
             self._count = [0] * joined.shape[1]
         for joint, factor in enumerate(self._factors):
             chosen = joined[used[:, joint], joint]
-            self._factors[joint] = np.linalg.qr(np.vstack([factor, chosen]), mode="r")
+            self._factors[joint] = _stack(factor, chosen)
             self._count[joint] += len(chosen)
 
     def result(self) -> Reduction:
@@ -102,6 +102,15 @@ class _Running:
             raise ValueError("There are no rows to fit: the record is shorter than its filters, or too slow.")
         factors = [np.pad(f, ((0, f.shape[1] - f.shape[0]), (0, 0))) for f in self._factors]
         return Reduction(np.stack(factors), np.array(self._count))
+
+
+def _stack(factor: FloatArray, rows: FloatArray) -> FloatArray:
+    """Reduces rows below a factor; the columns of a joint that are all zero, half of a chain's, cost nothing."""
+    active = np.any(factor, axis=0) | np.any(rows, axis=0)
+    reduced = np.linalg.qr(np.vstack([factor[:, active], rows[:, active]]), mode="r")
+    whole = np.zeros((len(reduced), rows.shape[1]))
+    whole[:, active] = reduced
+    return whole
 
 
 def _residual(rows: Rows, parameters: FloatArray) -> FloatArray:

@@ -8,6 +8,9 @@ import numpy as np
 from scipy.stats import chi2, kurtosis, kurtosistest, skew, skewtest
 
 from robid.arrays import FloatArray
+from robid.fit.rigid.least_squares import Estimate, solve_factor
+from robid.fit.rigid.reduction import Reduction
+from robid.fit.rigid.rows import RowSource
 
 _FEWEST = 20
 
@@ -63,7 +66,7 @@ def check_whiteness(residual: FloatArray, own: FloatArray) -> Whiteness:
 
     Args:
         residual (n_row,): Residuals in the order of time; NaN where a row is not used.
-        own (n_lag + 1,): Autocorrelation that the filter gives white noise, from lag 0.
+        own (n_lag + 1,): Autocorrelation to be expected of white noise, from lag 0.
 
     Source:
         Box and Pierce (1970), with Bartlett's covariance of the autocorrelations about the filter's own.
@@ -79,6 +82,42 @@ def check_whiteness(residual: FloatArray, own: FloatArray) -> Whiteness:
     root = np.sqrt(pairs[1:])
     statistic = float((root * beyond) @ np.linalg.solve(_bartlett(own), root * beyond))
     return Whiteness(beyond, float(np.abs(beyond).max()), float(chi2.sf(statistic, n_lag)))
+
+
+def expected_correlation(source: RowSource, reduction: Reduction, estimate: Estimate, own: FloatArray) -> FloatArray:
+    """Computes the autocorrelation that least-squares residuals of white torque noise have.
+
+    The filter correlates them, and the fit takes out what looks like its columns.
+
+    Args:
+        source: The rows, for one pass.
+        reduction: The same reduced.
+        estimate: Plain or weighted least squares.
+        own (n_lag + 1,): Autocorrelation that the filter gives white noise, from lag 0.
+
+    Returns:
+        Autocorrelation (n_joint, n_lag + 1) of each joint's residuals.
+    """
+    _, inverse, _ = solve_factor(reduction.weighted(estimate.weights))
+    root = np.linalg.cholesky(inverse)
+    n_lag = len(own) - 1
+    taken = np.zeros((len(estimate.weights), n_lag + 1))
+    pairs = np.zeros_like(taken)
+    before: FloatArray | None = None
+    for rows in source:
+        used = np.broadcast_to(rows.used[..., None], rows.columns.shape)
+        pulls = np.where(used, rows.columns, 0.0) @ root * np.sqrt(estimate.weights)[:, None]
+        joined = np.concatenate([pulls, rows.used[..., None]], axis=2)
+        joined = joined if before is None else np.concatenate([before, joined])
+        new = slice(0 if before is None else len(before), None)
+        for lag in range(n_lag + 1):
+            later = joined[new][max(0, lag - (0 if before is None else len(before))) :]
+            products = np.einsum("rjp,rjp->jp", later, joined[len(joined) - lag - len(later) : len(joined) - lag])
+            taken[:, lag] += products[:, :-1].sum(axis=1)
+            pairs[:, lag] += products[:, -1]
+        before = joined[-n_lag:] if n_lag else None
+    expected = own - taken / np.maximum(pairs, 1)
+    return np.asarray(expected / expected[:, :1])
 
 
 def _bartlett(own: FloatArray) -> FloatArray:

@@ -31,9 +31,21 @@ class Regressor(Protocol):
         position: FloatArray,
         velocity: FloatArray,
         acceleration: FloatArray,
+        *,
+        torque: FloatArray | None = None,
         friction_speed: FloatArray | None = None,
+        loaded: bool = True,
     ) -> FloatArray:
-        """Returns one column a parameter (n_sample, n_joint, n_param) along a motion (n_sample, n_joint)."""
+        """Returns one column a parameter (n_sample, n_joint, n_param) along a motion.
+
+        Args:
+            position (n_sample, n_joint): Positions [rad, or m].
+            velocity (n_sample, n_joint): Speeds.
+            acceleration (n_sample, n_joint): Accelerations.
+            torque (n_sample, n_joint): Torques that friction grows with, where it does [N m, or N].
+            friction_speed (n_sample, n_joint): Speeds that give friction its sign; `velocity` by default.
+            loaded: Whether a payload with parameters of its own is there.
+        """
 
 
 @dataclass(frozen=True)

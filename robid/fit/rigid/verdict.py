@@ -36,7 +36,7 @@ class VerdictOptions:
     shape: float = field(
         default=0.25, metadata={"description": "Skewness, or half the excess kurtosis, that matters.", "ge": 0}
     )
-    correlation: float = field(default=0.1, metadata={"description": "Autocorrelation that matters.", "ge": 0})
+    correlation: float = field(default=0.2, metadata={"description": "Autocorrelation that matters.", "ge": 0})
     lags: int = field(default=10, metadata={"description": "Lags of the whiteness test.", "ge": 1})
 
 
@@ -86,7 +86,7 @@ def judge(
     instruments: Estimate | None,
     long_run: LongRun,
     residual: FloatArray,
-    own_correlation: FloatArray,
+    expected: FloatArray,
     names: Sequence[str],
     *,
     vectors: Sequence[Sequence[int]] = (),
@@ -100,7 +100,7 @@ def judge(
         instruments: The estimate by instrumental variables, if any.
         long_run: Joint covariance of these, in this order.
         residual (n_row, n_joint): Residuals of least squares on rows decimated to twice the cut-off [N m, or N].
-        own_correlation (n_lag + 1,): Autocorrelation that the filter gives white noise.
+        expected (n_joint, n_lag + 1): Autocorrelation to be expected of each joint's, see `expected_correlation`.
         names: Names of the parameters.
         vectors: Indices of the parameters that are one vector, such as a body's first moments.
         options: When to speak.
@@ -117,7 +117,7 @@ def judge(
         if other is not None
     ]
     normality = tuple(check_normality(joint) for joint in residual.T)
-    whiteness = tuple(check_whiteness(joint, own_correlation) for joint in residual.T)
+    whiteness = tuple(check_whiteness(joint, own) for joint, own in zip(residual.T, expected, strict=True))
     single = share / residual.shape[1]
     odd = any(
         joint.p_value < single and max(abs(joint.skewness), joint.excess_kurtosis / 2) > chosen.shape
