@@ -35,7 +35,7 @@ class Bench:
     damping: float = 0.7
     inertia_kgm2: float = 1.45e-3
     quantum_rad: float = 2 * np.pi / 8192
-    torque_noise_nm: float = 0.1
+    torque_noise_nm: float = 0.09
     substeps: int = 2
 
     @property
@@ -43,6 +43,29 @@ class Bench:
         """Gains on position and speed [N m/rad, N m s/rad]."""
         rate = 2 * np.pi * self.loop_hz
         return self.inertia_kgm2 * rate**2, 2 * self.damping * rate * self.inertia_kgm2
+
+
+class Device:
+    """The device's inverse dynamics, eq. 20."""
+
+    names = NAMES
+    kinds = ("inertia", "first_moment", "first_moment", "viscous", "coulomb")
+    units = ("kg m^2", "kg m", "kg m", "N m s/rad", "N m")
+
+    def columns(
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        *,
+        torque: FloatArray | None = None,  # noqa: ARG002
+        friction_speed: FloatArray | None = None,
+        loaded: bool = True,  # noqa: ARG002
+    ) -> FloatArray:
+        """Returns one column a parameter (n_sample, 1, 5)."""
+        sign = np.sign(velocity if friction_speed is None else friction_speed)
+        gravity = (-GRAVITY * np.cos(position), GRAVITY * np.sin(position))
+        return np.stack([acceleration, *gravity, velocity, sign], axis=-1)
 
 
 def reference(time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
