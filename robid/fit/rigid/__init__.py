@@ -1,1 +1,1 @@
-"""Rigid dynamics and friction by inverse-dynamics least squares. Read `base` first."""
+"""Rigid dynamics. Read `base`, `rows`, `preprocessing`, `reduction`, `least_squares`, `huber`, then `verdict`."""

@@ -1,0 +1,184 @@
+"""Standard parameters of real bodies: nearest to the nominal ones, with the base parameters that were estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from robid.arrays import FloatArray, IntArray, check_shape
+
+_ROOT2 = np.sqrt(2.0)
+_UPPER = tuple((row, column) for column in range(4) for row in range(column + 1))
+
+
+@dataclass(frozen=True)
+class ConsistencyOptions:
+    """How bodies are made real.
+
+    Attributes:
+        margin: Smallest eigenvalue of a pseudo-inertia, relative to the nominal body's size.
+        pull: Weight of the nominal parameters against the estimate, where no real body has the estimate.
+    """
+
+    margin: float = field(
+        default=1e-4,
+        metadata={"description": "Smallest eigenvalue of a pseudo-inertia over the body's size.", "ge": 0},
+    )
+    pull: float = field(
+        default=1e-3,
+        metadata={"description": "Weight of the nominal parameters where no real body has the estimate.", "gt": 0},
+    )
+
+
+@dataclass(frozen=True)
+class Consistent:
+    """A physically consistent set of standard parameters.
+
+    Attributes:
+        standard (n_std,): The parameters.
+        base (n_base,): Their base parameters.
+        moved (n_base,): How far these are from the estimate, in standard deviations.
+        gain (n_std, n_base): Change of the standard parameters with the estimate, where no constraint binds.
+        status: `estimated` where a real body has the estimated base parameters, `moved` where only the nearest ones
+            could be had, `failed` where the solver found none.
+    """
+
+    standard: FloatArray
+    base: FloatArray
+    moved: FloatArray
+    gain: FloatArray
+    status: Literal["estimated", "moved", "failed"]
+
+
+def make_consistent(
+    base: FloatArray,
+    covariance: FloatArray,
+    combination: FloatArray,
+    nominal: FloatArray,
+    bodies: IntArray,
+    nonnegative: Sequence[int] = (),
+    options: ConsistencyOptions | None = None,
+) -> Consistent:
+    """Finds the real bodies nearest to the nominal ones that have the estimated base parameters.
+
+    Where there are none, constrained least squares takes the place of the estimate: the real bodies whose base
+    parameters are nearest to it by its own covariance.
+
+    Args:
+        base (n_base,): Estimated base parameters.
+        covariance (n_base, n_base): Their covariance.
+        combination (n_base, n_std): Base parameters of standard ones.
+        nominal (n_std,): Nominal standard parameters, of real bodies.
+        bodies (n_body, 10): Indices of XX, XY, XZ, YY, YZ, ZZ about the frame's origin, MX, MY, MZ and M of each body.
+        nonnegative: Indices of the others that cannot be negative, such as motor inertias and friction.
+        options: Margins.
+
+    Raises:
+        ValueError: If shapes differ.
+
+    Source:
+        Wensing, Kim and Slotine (2018): pseudo-inertias that are positive definite; METHODS sec. 7.
+    """
+    check_shape("combination", combination, "n_base n_std", n_base=len(base), n_std=len(nominal))
+    check_shape("bodies", bodies, "n_body n_moment", n_moment=10)
+    chosen = options or ConsistencyOptions()
+    scale = parameter_scale(nominal, bodies)
+    cone = _real_bodies(nominal, scale, bodies, nonnegative, chosen.margin)
+    deviation = np.sqrt(np.diag(covariance))
+    short = combination * scale
+    gain = scale[:, None] * np.linalg.pinv(short)
+    missing = base - combination @ nominal
+    exact = (short / deviation[:, None], missing / deviation)
+    change = _solve(np.eye(len(nominal)), np.zeros(len(nominal)), cone, exact)
+    status: Literal["estimated", "moved", "failed"] = "estimated"
+    if change is None:
+        root = cholesky(covariance / np.outer(deviation, deviation), lower=True)
+        rows = np.vstack([solve_triangular(root, exact[0], lower=True), chosen.pull * np.eye(len(nominal))])
+        right = np.append(solve_triangular(root, exact[1], lower=True), np.zeros(len(nominal)))
+        change, status = _solve(rows.T @ rows, -rows.T @ right, cone, None), "moved"
+    if change is None:
+        change, status = np.zeros(len(nominal)), "failed"
+    standard = nominal + scale * change
+    reached = combination @ standard
+    return Consistent(standard, reached, (reached - base) / deviation, gain, status)
+
+
+def pseudo_inertia(moments: FloatArray) -> FloatArray:
+    """Returns the pseudo-inertia (4, 4) of XX, XY, XZ, YY, YZ, ZZ, MX, MY, MZ, M (10,)."""
+    xx, xy, xz, yy, yz, zz = moments[:6]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    first = moments[6:9]
+    second = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return np.block([[second, first[:, None]], [first[None], moments[9:10][None]]])
+
+
+def parameter_scale(nominal: FloatArray, bodies: IntArray) -> FloatArray:
+    """Returns what changes (n_std,) of the parameters are measured by: a body's mass and its radius of gyration."""
+    scale = np.maximum(np.abs(nominal), 1e-3)
+    for body in bodies:
+        mass, radius = _size(nominal[body])
+        scale[body] = mass * np.repeat([radius**2, radius, 1.0], [6, 3, 1])
+    return np.asarray(scale)
+
+
+def _size(moments: FloatArray) -> tuple[float, float]:
+    mass = max(float(moments[9]), 1e-6)
+    return mass, float(np.sqrt(max(np.trace(pseudo_inertia(moments)[:3, :3]) / mass, 1e-8)))
+
+
+@dataclass(frozen=True)
+class _Cone:
+    """Conic constraints `offset + rows @ change`: first nonnegative numbers, then triangles of matrices."""
+
+    rows: FloatArray
+    offset: FloatArray
+    n_number: int
+    n_matrix: int
+
+
+def _real_bodies(
+    nominal: FloatArray, scale: FloatArray, bodies: IntArray, nonnegative: Sequence[int], margin: float
+) -> _Cone:
+    numbers = list(nonnegative)
+    rows: list[FloatArray] = [np.eye(len(nominal))[numbers]]
+    offset: list[FloatArray] = [nominal[numbers] / scale[numbers]]
+    for body in bodies:
+        mass, radius = _size(nominal[body])
+        unit = np.diag([1 / radius] * 3 + [1.0]) / np.sqrt(mass)
+        parts = np.stack([_triangle(unit @ pseudo_inertia(part) @ unit) for part in np.diag(scale[body])], axis=1)
+        own = np.zeros((10, len(nominal)))
+        own[:, body] = parts
+        rows.append(own)
+        offset.append(_triangle(unit @ pseudo_inertia(nominal[body]) @ unit - margin * np.eye(4)))
+    return _Cone(np.vstack(rows), np.concatenate(offset), len(numbers), len(bodies))
+
+
+def _triangle(matrix: FloatArray) -> FloatArray:
+    """Stacks the upper triangle by columns, so that inner products are those of the matrices."""
+    return np.array([matrix[row, column] * (1.0 if row == column else _ROOT2) for row, column in _UPPER])
+
+
+def _solve(
+    square: FloatArray, linear: FloatArray, cone: _Cone, exact: tuple[FloatArray, FloatArray] | None
+) -> FloatArray | None:
+    """Minimises `x' square x / 2 + linear' x` over the cone, with equations if any; None if it cannot."""
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    cones = [clarabel.NonnegativeConeT(cone.n_number)] if cone.n_number else []
+    cones += [clarabel.PSDTriangleConeT(4)] * cone.n_matrix
+    rows, offset = -cone.rows, cone.offset
+    if exact is not None:
+        cones.insert(0, clarabel.ZeroConeT(len(exact[1])))
+        rows, offset = np.vstack([exact[0], rows]), np.append(exact[1], offset)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    upper = csc_matrix(np.triu(square))
+    answer = clarabel.DefaultSolver(upper, linear, csc_matrix(rows), offset, cones, settings).solve()
+    if str(answer.status) not in {"Solved", "AlmostSolved"}:
+        return None
+    return np.asarray(answer.x)

@@ -1,0 +1,1 @@
+"""The study of robust regression. Read `haptic`, the one-axis device."""
