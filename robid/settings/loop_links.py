@@ -10,7 +10,8 @@ from pydantic import Field
 from robid.arrays import FloatArray
 from robid.robot.description import LoopLink, Pin
 from robid.settings.base import Assumed, Name, Section, Vector
-from robid.settings.robot_sections import Body, Frame, JointSection
+from robid.settings.robot_frames import Frame
+from robid.settings.robot_sections import Body, JointSection
 
 
 class PinSection(Section):
