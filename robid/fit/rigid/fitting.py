@@ -1,0 +1,194 @@
+"""Rigid dynamics and friction from records: base parameters, several estimators, a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.fit.rigid.base import BaseParameters, find_base_parameters, label, select_base
+from robid.fit.rigid.cutoff import CutOffChoice, choose_cut_off, excited_band
+from robid.fit.rigid.huber import huber, huber_weights, sweep_bend
+from robid.fit.rigid.instruments import instrumental_variables
+from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, weighted_least_squares
+from robid.fit.rigid.options import RigidFitOptions
+from robid.fit.rigid.preprocessing import Motion, PreprocessingOptions, prepare
+from robid.fit.rigid.reading import Reading
+from robid.fit.rigid.reduction import reduce_rows, residuals
+from robid.fit.rigid.residual_tests import expected_correlation
+from robid.fit.rigid.result import Found, first_moments, make_solution
+from robid.fit.rigid.rows import Remembered, RowSource
+from robid.fit.rigid.shots import Shot
+from robid.fit.rigid.solution import RigidSolution
+from robid.fit.rigid.uncertainty import huber_influence, least_squares_influence, long_run_covariance
+from robid.fit.rigid.verdict import judge
+from robid.robot.description import Robot
+from robid.robot.regressor.model import RigidModel, build_rigid_model
+
+Simulate: TypeAlias = Callable[[RigidModel, FloatArray], Sequence[FloatArray]]
+"""Motor angles (n_sample, n_joint) of each shot by a model with given parameters (n_base,), without noise."""
+
+_MEMORY_BYTES = 1 << 28
+_STILL = 1e-9  # of a turn
+_DEPENDENT = 1e-7  # share of a column that is rounding in filtered rows
+
+
+def fit_rigid(
+    robot: Robot, shots: Sequence[Shot], options: RigidFitOptions, simulate: Simulate | None = None
+) -> RigidSolution:
+    """Fits rigid dynamics and friction.
+
+    Args:
+        robot: The robot file's; its values are where nothing is known beforehand.
+        shots: What was recorded.
+        options: Model, filters, estimators.
+        simulate: Simulates the loop of each shot, for instrumental variables; without it there are none.
+
+    Returns:
+        The base parameters with their uncertainty, and whether least squares is to be trusted.
+
+    Raises:
+        DataError: If a motor never moves, a record is too short, or the motion determines nothing.
+
+    Source:
+        Janot et al. (2009); METHODS sec. 7.
+    """
+    _refuse_still(robot, shots)
+    model = build_rigid_model(robot, options.model)
+    base = find_base_parameters(model, options.base)
+    used, choice = _filters(shots, model.only(base.columns.tolist()), options)
+    problem = _Problem(shots, model.only(base.columns.tolist()), used)
+    problem, base = _without_dependent(problem, base)
+    return make_solution(model, base, problem.model, _estimate(problem, options, simulate), choice, options)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Rows of a model along shots."""
+
+    shots: Sequence[Shot]
+    model: RigidModel
+    filters: PreprocessingOptions
+
+    def rows(self, instruments: Sequence[FloatArray] | None = None) -> RowSource:
+        """The rows, with the instruments' positions where there are any."""
+        given = [None] * len(self.shots) if instruments is None else instruments
+        motions = [self._motion(shot, one) for shot, one in zip(self.shots, given, strict=True)]
+        decimator = self.filters.decimator(self.shots[0].sampling_period_s)
+        return Remembered(Reading(motions, self.model, decimator), _MEMORY_BYTES)
+
+    def _motion(self, shot: Shot, instrument: FloatArray | None) -> Motion:
+        try:
+            return prepare(
+                shot.position,
+                shot.torque,
+                shot.sampling_period_s,
+                self.filters,
+                instrument=instrument,
+                held=shot.held,
+                load_dependent=self.model.needs_torque,
+                loaded=shot.loaded,
+            )
+        except ValueError as error:
+            remedy = "record longer, or state a higher `filters.position_cut_hz`"
+            raise DataError(str(error), where="record", remedy=remedy) from error
+
+
+def _estimate(problem: _Problem, options: RigidFitOptions, simulate: Simulate | None) -> Found:
+    """Runs all estimators on the same rows and judges them."""
+    rows = problem.rows()
+    reduction = reduce_rows(rows)
+    plain, weighted = ordinary_least_squares(reduction), weighted_least_squares(reduction)
+    robust = huber(rows, reduction, options.huber)
+    influences = [
+        least_squares_influence(reduction, weighted),
+        huber_influence(reduction, robust, options.huber.bend),
+        least_squares_influence(reduction, plain),
+    ]
+    instrumented: Regression | None = None
+    if simulate is not None:
+        instrumented, influence, _ = instrumental_variables(
+            lambda values: problem.rows(simulate(problem.model, values)), weighted, options.convergence
+        )
+        influences.insert(2, influence)
+    residual = residuals(rows, weighted.parameters)
+    long_run = long_run_covariance(rows, influences, len(residual))
+    decimator = problem.filters.decimator(problem.shots[0].sampling_period_s)
+    expected = expected_correlation(rows, reduction, weighted, decimator.autocorrelation(options.verdict.lags))
+    verdict = judge(
+        weighted,
+        robust,
+        instrumented,
+        long_run,
+        residual,
+        expected,
+        problem.model.names,
+        vectors=first_moments(problem.model.names),
+        options=options.verdict,
+    )
+    swept = sweep_bend(rows, reduction, options.sweep, options.huber)
+    return Found(
+        ordinary=plain,
+        weighted=weighted,
+        huber=robust,
+        instruments=instrumented,
+        swept=tuple(swept),
+        long_run=long_run,
+        verdict=verdict,
+        residual=residual,
+        torque=np.concatenate([np.where(each.used, each.torque, np.nan) for each in rows]),
+        weight=huber_weights(residual / robust.scale, options.huber.bend),
+        reduction=reduction,
+        filters=problem.filters,
+        sampling_period_s=problem.shots[0].sampling_period_s,
+    )
+
+
+def _refuse_still(robot: Robot, shots: Sequence[Shot]) -> None:
+    moved = np.max([np.ptp(shot.position, axis=0) for shot in shots], axis=0)
+    still = [joint.name for joint, turn in zip(robot.joints, moved.tolist(), strict=True) if turn <= 2 * np.pi * _STILL]
+    if still:
+        message = f"the motors of {', '.join(still)} never move: nothing of them can be identified"
+        raise DataError(message, where="record", remedy="move all joints at the same time")
+
+
+def _filters(
+    shots: Sequence[Shot], model: RigidModel, options: RigidFitOptions
+) -> tuple[PreprocessingOptions, CutOffChoice]:
+    """The filters, their cut-off chosen from the first shot where none is stated."""
+    first, stated = shots[0], options.filters
+    if stated.position_cut_hz is not None:
+        band = excited_band(first.position, first.sampling_period_s)
+        return stated, CutOffChoice(stated.position_cut_hz, False, band, ())
+    choice = choose_cut_off(first.position, first.torque, first.sampling_period_s, model, stated, held=first.held)
+    return replace(stated, position_cut_hz=choice.cut_hz), choice
+
+
+def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Problem, BaseParameters]:
+    """Regroups base parameters that this motion cannot tell apart."""
+    reduction = reduce_rows(problem.rows())
+    factor = reduction.weighted(np.ones(len(reduction.n_row)))[:-1, :-1]
+    again = select_base(factor, problem.model, _DEPENDENT)
+    if len(again.columns) == len(problem.model.names):
+        return problem, base
+    combination = again.combination @ base.combination
+    joined = replace(
+        base,
+        columns=base.columns[again.columns],
+        combination=combination,
+        labels=_labels(combination, base.names, base.columns[again.columns].tolist()),
+        units=again.units,
+        silent=(*base.silent, *again.silent),
+        undetermined=tuple(dict.fromkeys((*base.undetermined, *again.undetermined))),
+    )
+    return replace(problem, model=problem.model.only(again.columns.tolist())), joined
+
+
+
+
+def _labels(combination: FloatArray, names: Sequence[str], own: Sequence[int]) -> tuple[str, ...]:
+    return tuple(label(row, names, first) for row, first in zip(combination, own, strict=True))

@@ -1,0 +1,259 @@
+"""Puts together what a rigid fit found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import numpy as np
+from scipy.stats import t
+
+from robid.arrays import FloatArray, IntArray
+from robid.fit.estimate import Estimate
+from robid.fit.rigid.base import BaseParameters
+from robid.fit.rigid.consistency import make_consistent, pseudo_inertia
+from robid.fit.rigid.cutoff import CutOffChoice
+from robid.fit.rigid.huber import HuberEstimate
+from robid.fit.rigid.least_squares import Regression
+from robid.fit.rigid.options import EstimatorName, RigidFitOptions
+from robid.fit.rigid.preprocessing import PreprocessingOptions
+from robid.fit.rigid.reduction import Reduction
+from robid.fit.rigid.solution import Base, Checks, Estimators, Filtered, RigidSolution, RowResiduals, StandardSet
+from robid.fit.rigid.uncertainty import LongRun
+from robid.fit.rigid.verdict import Verdict, scale_of
+from robid.robot.regressor.model import RigidModel
+
+_NOT_NEGATIVE = ("motor_inertia", "coupling_inertia", "viscous", "coupling_viscous", "coulomb", "coupling_coulomb")
+_BODY = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
+_ORDER: tuple[EstimatorName, ...] = ("weighted", "huber", "instruments")
+"""Order of the estimators in the long-run covariance, ordinary least squares last."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What all estimators found on the same rows.
+
+    Attributes:
+        ordinary: Least squares.
+        weighted: Least squares with a weight per joint.
+        huber: Huber's estimator.
+        instruments: Instrumental variables; None without.
+        swept: Huber's estimator at the bends of the sweep.
+        long_run: Joint covariance of weighted, Huber's, the instruments' and ordinary estimates.
+        verdict: The verdict on weighted least squares.
+        residual (n_row, n_joint): Its residuals.
+        torque (n_row, n_joint): Filtered torques.
+        weight (n_row, n_joint): Huber's weights.
+        reduction: The rows.
+        filters: Their filters.
+        sampling_period_s: Period of the samples [s].
+    """
+
+    ordinary: Regression
+    weighted: Regression
+    huber: HuberEstimate
+    instruments: Regression | None
+    swept: tuple[HuberEstimate, ...]
+    long_run: LongRun
+    verdict: Verdict
+    residual: FloatArray
+    torque: FloatArray
+    weight: FloatArray
+    reduction: Reduction
+    filters: PreprocessingOptions
+    sampling_period_s: float
+
+    @property
+    def by_name(self) -> dict[EstimatorName, Regression]:
+        """The estimators by name, in the order in which they are shown."""
+        found: dict[EstimatorName, Regression] = {"ordinary": self.ordinary, "weighted": self.weighted}
+        found["huber"] = self.huber
+        return found if self.instruments is None else {**found, "instruments": self.instruments}
+
+    def covariance(self, name: EstimatorName) -> FloatArray:
+        """Covariance (n_base, n_base) of one estimator that respects correlated residuals."""
+        known = [each for each in _ORDER if each in self.by_name]
+        return self.long_run.of(known.index(name) if name in known else len(known))
+
+
+def make_solution(
+    model: RigidModel,
+    base: BaseParameters,
+    reduced: RigidModel,
+    found: Found,
+    choice: CutOffChoice,
+    options: RigidFitOptions,
+) -> RigidSolution:
+    """Puts together what a rigid fit found.
+
+    Args:
+        model: The model with all of its standard parameters.
+        base: Its base parameters.
+        reduced: The model with the columns of these alone.
+        found: What the estimators found.
+        choice: How the cut-off was chosen.
+        options: Options of the fit.
+    """
+    name = options.estimator if options.estimator in found.by_name else "weighted"
+    estimate = _estimate(model, base, reduced, found, name, options)
+    standard = _standard(model, base, estimate, options) if options.physical else None
+    decimation = found.filters.decimator(found.sampling_period_s).factor
+    triangle = found.reduction.weighted(np.ones(len(found.reduction.n_row)))[:-1, :-1]
+    return RigidSolution(
+        estimate=estimate,
+        base=Base(
+            labels=base.labels,
+            standard=base.names,
+            combination=base.combination,
+            silent=base.silent,
+            mixed=base.undetermined,
+            gap=base.gap,
+            condition=found.weighted.condition,
+            unscaled_condition=float(np.linalg.cond(triangle)),
+        ),
+        estimators=_estimators(found),
+        checks=_checks(found.verdict),
+        filtered=Filtered(
+            cut_hz=choice.cut_hz,
+            decimation=decimation,
+            excited_hz=choice.excited_hz,
+            trial_hz=np.array([trial.cut_hz for trial in choice.trials]),
+            trial_correlation=np.array([trial.correlation for trial in choice.trials]).reshape(
+                -1, len(choice.excited_hz)
+            ),
+            white=choice.white,
+        ),
+        residuals=RowResiduals(
+            time_s=np.arange(len(found.residual)) * decimation * found.sampling_period_s,
+            torque=found.torque,
+            residual=found.residual,
+            weight=found.weight,
+        ),
+        standard=standard,
+    )
+
+
+def body_columns(names: Sequence[str]) -> IntArray:
+    """Indices (n_body, 10) of the standard parameters of each body whose ten are all there."""
+    at = {name: index for index, name in enumerate(names)}
+    owners = dict.fromkeys(name.rpartition(".")[0] for name in names if name.endswith(".M"))
+    rows = [[at[f"{owner}.{one}"] for one in _BODY] for owner in owners if f"{owner}.XX" in at]
+    return np.array(rows, int).reshape(-1, len(_BODY))
+
+
+def first_moments(names: Sequence[str]) -> list[list[int]]:
+    """Groups the indices of first moments by their body: they are judged as vectors."""
+    found: dict[str, list[int]] = {}
+    for index, name in enumerate(names):
+        owner, _, component = name.rpartition(".")
+        if component in ("MX", "MY", "MZ"):
+            found.setdefault(owner, []).append(index)
+    return list(found.values())
+
+
+def _estimate(
+    model: RigidModel,
+    base: BaseParameters,
+    reduced: RigidModel,
+    found: Found,
+    name: EstimatorName,
+    options: RigidFitOptions,
+) -> Estimate:
+    chosen, covariance = found.by_name[name], found.covariance(name)
+    std = np.sqrt(np.diag(covariance))
+    freedom = np.full(std.size, float(found.long_run.freedom))
+    reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
+    size = scale_of(chosen.parameters, std, first_moments(reduced.names))
+    nominal = base.values(model.nominal)
+    stated = np.where(nominal == 0, size, np.abs(nominal))
+    limit = options.identifiable_relative_std
+    identifiable = std / stated <= limit
+    status = chosen.status
+    return Estimate(
+        names=tuple(reduced.names),
+        kinds=tuple(reduced.kinds),
+        units=tuple(reduced.units),
+        nominal=nominal,
+        value=chosen.parameters,
+        lower=chosen.parameters - reach,
+        upper=chosen.parameters + reach,
+        covariance=covariance,
+        degrees_of_freedom=freedom,
+        confidence=options.confidence,
+        interval_rule="residuals correlated in time and between joints",
+        relative_std=std / size,
+        predicted_relative_std=std / stated,
+        prior_relative_std=np.full(std.size, np.inf),
+        relative_half_width=reach / size,
+        identifiable=identifiable,
+        identifiable_relative_std=limit,
+        undetermined=tuple(
+            f"{one} is known only to {share:.0%}: the motion excites {label} too little"
+            for one, label, share, told in zip(
+                reduced.names, base.labels, (std / size).tolist(), (std / size > limit).tolist(), strict=True
+            )
+            if told
+        ),
+        status=status,
+        advice="" if status == "converged" else f"{name} least squares has not converged: raise its iteration limit",
+    )
+
+
+def _estimators(found: Found) -> Estimators:
+    every = found.by_name
+    return Estimators(
+        names=tuple(every),
+        values=np.array([each.parameters for each in every.values()]),
+        std=np.array([each.standard_deviation for each in every.values()]),
+        deviation=np.array([each.deviation for each in every.values()]),
+        iterations=np.array([each.iterations for each in every.values()]),
+        status=tuple(each.status for each in every.values()),
+        bends=np.array([each.bend for each in found.swept]),
+        bent=np.array([each.parameters for each in found.swept]).reshape(-1, len(found.weighted.parameters)),
+    )
+
+
+def _checks(verdict: Verdict) -> Checks:
+    against = verdict.instruments
+    return Checks(
+        trust=verdict.trust,
+        sentence=verdict.sentence,
+        huber_variation=verdict.huber.relative,
+        huber_p=verdict.huber.p_value,
+        instrument_variation=None if against is None else against.relative,
+        instrument_p=None if against is None else against.p_value,
+        skewness=np.array([joint.skewness for joint in verdict.normality]),
+        excess_kurtosis=np.array([joint.excess_kurtosis for joint in verdict.normality]),
+        outlier_share=np.array([joint.outlier_share for joint in verdict.normality]),
+        normality_p=np.array([joint.p_value for joint in verdict.normality]),
+        correlation=np.array([joint.correlation for joint in verdict.whiteness]),
+        whiteness_p=np.array([joint.p_value for joint in verdict.whiteness]),
+        odd=verdict.normality_alarm,
+        coloured=verdict.whiteness_alarm,
+        biased=verdict.huber.alarm or (against is not None and against.alarm),
+    )
+
+
+def _standard(
+    model: RigidModel, base: BaseParameters, estimate: Estimate, options: RigidFitOptions
+) -> StandardSet | None:
+    """The real bodies nearest to the robot file's with the estimated base parameters."""
+    bodies, nominal = body_columns(model.names), model.nominal
+    real = np.array([np.linalg.eigvalsh(pseudo_inertia(nominal[body])).min() > 0 for body in bodies], bool)
+    if not len(bodies) or not real.all():
+        return None
+    held = [index for index, kind in enumerate(model.kinds) if kind in _NOT_NEGATIVE]
+    made = make_consistent(
+        estimate.value, estimate.covariance, base.combination, nominal, bodies, held, options.consistency
+    )
+    return StandardSet(
+        names=tuple(model.names),
+        units=tuple(model.units),
+        nominal=nominal,
+        value=made.standard,
+        covariance=made.gain @ estimate.covariance @ made.gain.T,
+        moved=made.moved,
+        real=real,
+        status=made.status,
+    )
+
+

@@ -1,0 +1,101 @@
+"""Uninterrupted stretches of records as motor angles and motor torques."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.robot.description import Robot
+from robid.signals.quantities import Channel, Side, describe
+from robid.signals.record import Record
+
+_DRIVES, _POSITIONS = ("torque", "current", "force"), ("angle", "position")
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What one experiment recorded, without a gap; everything on the motor side.
+
+    Attributes:
+        position (n_sample, n_joint): Motor angles [rad].
+        torque (n_sample, n_joint): Motor torques, or currents [N m, or A].
+        sampling_period_s: Sampling period [s].
+        held: Whether each torque is a command that is held until the next sample.
+        command (n_sample, n_joint): Positions that the controller was told [rad]; None where they are unknown.
+        loaded: Whether a payload with parameters of its own is there.
+    """
+
+    position: FloatArray
+    torque: FloatArray
+    sampling_period_s: float
+    held: bool
+    command: FloatArray | None = None
+    loaded: bool = True
+
+
+def shots_of(record: Record, robot: Robot, *, loaded: bool = True) -> tuple[Shot, ...]:
+    """Cuts a record into shots: one for each experiment, its periods after each other.
+
+    Args:
+        record: The record.
+        robot: The robot, by whose joints' names channels are chosen.
+        loaded: Whether a payload with parameters of its own was there.
+
+    Raises:
+        DataError: If a joint has no channel, or channels of both sides.
+    """
+    names = tuple(joint.name for joint in robot.joints)
+    drives, drive_side = _chosen(record.input_channels, names, _DRIVES, "inputs")
+    moves, move_side = _chosen(record.output_channels, names, _POSITIONS, "outputs")
+    torque, offset = record.inputs[..., drives], record.output_offset[:, None, None, None, None, moves]
+    position = record.outputs[..., moves] + offset
+    if drive_side == "arm":
+        torque = torque @ robot.arm_per_motor
+    if move_side == "arm":
+        position = position @ robot.motor_per_arm.T
+    command = _commands(record, robot, position)
+    shape = (-1, record.inputs.shape[3] * record.inputs.shape[4], len(names))
+    flat = [array.reshape(shape) for array in (position, torque)]
+    commands = [None] * len(flat[0]) if command is None else list(command.reshape(shape))
+    held = record.input_hold == "zoh"
+    return tuple(
+        Shot(each, drive, record.sampling_period_s, held, told, loaded)
+        for each, drive, told in zip(*flat, commands, strict=True)
+    )
+
+
+def _chosen(
+    channels: Sequence[Channel], names: Sequence[str], quantities: Sequence[str], what: str
+) -> tuple[list[int], Side]:
+    """Indices of the joints' channels, and the side that all of them are of."""
+    found = {}
+    for index, channel in enumerate(channels):
+        if channel.quantity in quantities and channel.side != "tool" and channel.name in names:
+            found.setdefault(channel.name, index)
+    missing = [name for name in names if name not in found]
+    if missing:
+        wanted = " or ".join(quantities)
+        message = f"a rigid fit needs a {wanted} of every joint, but the record's {what} are {describe(channels)}"
+        raise DataError(message, remedy=f"record {', '.join(missing)} too, or take another campaign")
+    chosen = [found[name] for name in names]
+    sides = sorted({channels[index].side for index in chosen})
+    if len(sides) > 1:
+        message = f"the record's {what} are of both sides: {describe([channels[index] for index in chosen])}"
+        raise DataError(message, remedy="log all of them on the motor side or all on the arm side")
+    return chosen, sides[0]
+
+
+def _commands(record: Record, robot: Robot, position: FloatArray) -> FloatArray | None:
+    """Position commands in the shape of the positions; they are relative to where a configuration rests."""
+    channels, names = record.reference_channels, [joint.name for joint in robot.joints]
+    told = {channel.name: index for index, channel in enumerate(channels)}
+    known = all(channel.quantity == "position_command" and channel.side == "motor" for channel in channels)
+    if record.reference is None or record.configurations is None or not known or not set(names) <= set(told):
+        return None
+    relative = record.reference[:, :, :, None][..., [told[name] for name in names]]
+    rest = (record.configurations @ robot.motor_per_arm.T)[:, None, None, None, None]
+    return np.asarray(np.broadcast_to(relative + rest, position.shape))

@@ -1,0 +1,195 @@
+"""What a rigid fit returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.fit.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class Base:
+    """What the parameters of a rigid fit are: combinations of standard parameters.
+
+    Attributes:
+        labels: Each as its combination, such as `joint_1.ZZ + joint_2.YY`.
+        standard: Names (n_std) of the standard parameters.
+        combination (n_base, n_std): The base parameters are `combination @ standard`.
+        silent: Standard parameters without any effect.
+        mixed: Those that are known only together with others.
+        gap: Smallest singular value that counts over the largest one that does not, of the model alone.
+        condition: Condition number of the weighted rows' columns, each of norm 1.
+        unscaled_condition: The same of the columns as they are.
+    """
+
+    labels: tuple[str, ...]
+    standard: tuple[str, ...]
+    combination: FloatArray
+    silent: tuple[str, ...]
+    mixed: tuple[str, ...]
+    gap: float
+    condition: float
+    unscaled_condition: float
+
+
+@dataclass(frozen=True)
+class Estimators:
+    """Several estimators beside each other.
+
+    Attributes:
+        names: `ordinary`, `weighted`, `huber` and, where the loop is known, `instruments`.
+        values (n_estimator, n_base): Their estimates.
+        std (n_estimator, n_base): Deviations by their own formulas, as if residuals were independent.
+        deviation (n_estimator, n_joint): Standard deviation of each joint's residual [N m].
+        iterations (n_estimator,): Passes that they took.
+        status: How they ended.
+        bends (n_bend,): Bends `H` of Huber's estimator that were swept.
+        bent (n_bend, n_base): Estimates at these.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    std: FloatArray
+    deviation: FloatArray
+    iterations: IntArray
+    status: tuple[str, ...]
+    bends: FloatArray
+    bent: FloatArray
+
+
+@dataclass(frozen=True)
+class Checks:
+    """The verdict on least squares, and what it rests on.
+
+    Attributes:
+        trust: Whether least squares is to be trusted.
+        sentence: The verdict in words, with what to do.
+        huber_variation (n_base,): Relative difference from Huber's estimate (eq. 22).
+        huber_p (n_base,): Chance of it.
+        instrument_variation (n_base,): The same from the instrumental variables; None without.
+        instrument_p (n_base,): Chance of it.
+        skewness (n_joint,): Of the residuals.
+        excess_kurtosis (n_joint,): Of the residuals.
+        outlier_share (n_joint,): Share of the residuals beyond three deviations.
+        normality_p (n_joint,): Chance of a Gaussian to look as odd.
+        correlation (n_joint, n_lag): Autocorrelation at lags 1 and on, less the filter's own.
+        whiteness_p (n_joint,): Chance of white torque noise to look as correlated.
+        odd: Whether residuals are far from a Gaussian.
+        coloured: Whether residuals are far from white.
+        biased: Whether the estimators differ by more than chance and by more than matters.
+    """
+
+    trust: bool
+    sentence: str
+    huber_variation: FloatArray
+    huber_p: FloatArray
+    instrument_variation: FloatArray | None
+    instrument_p: FloatArray | None
+    skewness: FloatArray
+    excess_kurtosis: FloatArray
+    outlier_share: FloatArray
+    normality_p: FloatArray
+    correlation: FloatArray
+    whiteness_p: FloatArray
+    odd: bool
+    coloured: bool
+    biased: bool
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """How the record was filtered, and why.
+
+    Attributes:
+        cut_hz: Cut-off of the positions' low pass [Hz].
+        decimation: Samples per row.
+        excited_hz (n_joint,): Frequency below which 99 % of each joint's acceleration lies [Hz].
+        trial_hz (n_trial,): Cut-offs that were tried; none where one was stated.
+        trial_correlation (n_trial, n_joint): Correlation of the residuals that each left.
+        white: Whether the chosen one leaves white residuals.
+    """
+
+    cut_hz: float
+    decimation: int
+    excited_hz: FloatArray
+    trial_hz: FloatArray
+    trial_correlation: FloatArray
+    white: bool
+
+
+@dataclass(frozen=True)
+class RowResiduals:
+    """Torques row by row, NaN where a row does not count.
+
+    Attributes:
+        time_s (n_row,): Time of each row from the beginning, shots after each other [s].
+        torque (n_row, n_joint): Filtered torque [N m].
+        residual (n_row, n_joint): What least squares leaves of it [N m].
+        weight (n_row, n_joint): Huber's weight.
+    """
+
+    time_s: FloatArray
+    torque: FloatArray
+    residual: FloatArray
+    weight: FloatArray
+
+    @property
+    def relative_error(self) -> FloatArray:
+        """Norm of the residual over that of the torque (n_joint,)."""
+        return np.asarray(np.sqrt(np.nansum(self.residual**2, axis=0) / np.nansum(self.torque**2, axis=0)))
+
+    @property
+    def total_error(self) -> float:
+        """Norm of the residual over that of the torque, all joints together."""
+        return float(np.sqrt(np.nansum(self.residual**2) / np.nansum(self.torque**2)))
+
+
+@dataclass(frozen=True)
+class StandardSet:
+    """Standard parameters of real bodies, nearest to the robot file's, with the estimated base parameters.
+
+    Attributes:
+        names: Their names.
+        units: Their units.
+        nominal (n_std,): Values of the robot file.
+        value (n_std,): The values.
+        covariance (n_std, n_std): Their covariance by what was estimated; what was not stays as the file has it.
+        moved (n_base,): How far the base parameters had to move, in standard deviations.
+        real (n_body,): Which of the file's bodies are real ones.
+        status: `estimated`, `moved` or `failed`.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    nominal: FloatArray
+    value: FloatArray
+    covariance: FloatArray
+    moved: FloatArray
+    real: BoolArray
+    status: str
+
+
+@dataclass(frozen=True)
+class RigidSolution:
+    """Estimated base parameters of a rigid model, and how far they are to be trusted.
+
+    Attributes:
+        estimate: The base parameters by the chosen estimator.
+        base: What they are.
+        estimators: Several estimators beside each other.
+        checks: The verdict on least squares.
+        filtered: How the record was filtered.
+        residuals: Torques and residuals row by row.
+        standard: The standard parameters of real bodies that are handed on; None where none were found.
+    """
+
+    estimate: Estimate
+    base: Base
+    estimators: Estimators
+    checks: Checks
+    filtered: Filtered
+    residuals: RowResiduals
+    standard: StandardSet | None
