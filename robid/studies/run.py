@@ -37,7 +37,7 @@ REPORT, SUMMARY = "report.html", "summary.json"
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StudyOutcome:
     """What became of a study: whether its page was written anew, and what it says."""
 
     outcome: Literal["made", "fresh"]
@@ -50,7 +50,7 @@ def run_study(
     tell: Callable[[Result], None],
     *,
     force: bool = False,
-) -> Outcome:
+) -> StudyOutcome:
     """Runs a study: what is done stays, so that a stopped one goes on where it was.
 
     Args:
@@ -92,11 +92,11 @@ def run_study(
     }
     provenance = _provenance(run, hashes, started)
     if _is_fresh(run, provenance):
-        return Outcome("fresh", conclusion)
+        return StudyOutcome("fresh", conclusion)
     seconds = sum(_seconds(header.provenance) for made in headers for header in made)
     write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
     write_page(run.path(REPORT), _content(run.loaded, conclusion, rows), provenance)
-    return Outcome("made", conclusion)
+    return StudyOutcome("made", conclusion)
 
 
 def _provenance(run: Run, hashes: dict[str, str], started: str) -> Provenance:

@@ -58,7 +58,7 @@ def _block_grams(source: RowSource, weights: FloatArray, n_row: int, n_block: in
         joined = _joined(rows, weights)
         if grams is None:
             grams = np.zeros((n_block, joined.shape[2], joined.shape[2]))
-        block = (first + np.arange(len(joined))) * n_block // n_row
+        block = np.minimum((first + np.arange(len(joined))) * n_block // n_row, n_block - 1)
         for index in np.unique(block):
             own = joined[block == index].reshape(-1, joined.shape[2])
             grams[index] += own.T @ own

@@ -14,6 +14,7 @@ from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows, residuals
 from robid.fit.rigid.residual_tests import check_whiteness, expected_correlation
 from robid.fit.rigid.rows import Regressor, Remembered
+from robid.signals.filters import central_differences
 
 _ABOVE_FLOOR = 20.0
 _SHARE = 0.99  # of the acceleration's power
@@ -96,12 +97,14 @@ def excited_band(position: FloatArray, sampling_period_s: float) -> FloatArray:
     """Returns the frequency (n_joint,) below which 99 % of the acceleration above the noise floor lies [Hz]."""
     from scipy.signal import welch
 
-    segment = min(len(position), 1 << 13)
-    hertz, power = welch(position, 1 / sampling_period_s, nperseg=segment, axis=0, detrend="linear")
-    floor = np.median(power[len(power) // 2 :], axis=0)
-    # What stands far above the encoder's floor is motion; the fourth power of frequency makes it acceleration.
-    moved = np.where(power > _ABOVE_FLOOR * floor, power, 0.0) * hertz[:, None] ** 4
-    within = np.cumsum(moved, axis=0)
+    _, acceleration = central_differences(position, sampling_period_s)
+    segment = min(len(acceleration), 1 << 13)
+    hertz, power = welch(acceleration, 1 / sampling_period_s, nperseg=segment, axis=0)
+    hertz, power = hertz[1:], power[1:]
+    # White noise of an encoder is flat as a position; what stands far above its floor is motion.
+    as_position = power / (2 * np.sin(np.pi * hertz * sampling_period_s)[:, None]) ** 4
+    floor = np.median(as_position[len(as_position) // 2 :], axis=0)
+    within = np.cumsum(np.where(as_position > _ABOVE_FLOOR * floor, power, 0.0), axis=0)
     return np.asarray(hertz[np.argmax(within >= _SHARE * within[-1], axis=0)])
 
 

@@ -17,7 +17,7 @@ COMPONENTS = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 INERTIAS, MOMENTS = COMPONENTS[:6], COMPONENTS[6:9]
 ROTOR = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 """Standard parameters of a rotor per its inertia about the axis: a thin disc, weightless."""
-_BLOCK = 1024  # samples whose arrays stay in the processor's cache
+_BLOCK = 3000  # samples whose arrays stay in the cache; a power of two would map rows onto each other there
 _N_INERTIA, _N_TURNED = 6, 9
 
 
@@ -80,9 +80,9 @@ def _moments(motion: BodyMotion, chosen: Sequence[int]) -> FloatArray:
     """Torque (n_chosen, 3, n_sample) about the origin per unit of each inertia and first moment."""
     (x, y, z), (ax, ay, az), (lx, ly, lz) = motion.rate, motion.angular, motion.linear
     yz, xz, xy = y * z, x * z, x * y
-    squares = motion.rate**2
-    xx, yy, zz = squares
+    xx, yy, zz = motion.rate**2
     zero = np.zeros_like(x)
+    # Deferred, so that only what is chosen is computed.
     rows: tuple[Callable[[], tuple[FloatArray, ...]], ...] = (
         lambda: (ax, xz, -xy),
         lambda: (ay - xz, ax + yz, xx - yy),

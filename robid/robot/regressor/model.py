@@ -268,7 +268,10 @@ def _parameter(owner: str, component: str, kind: RigidKind, nominal: float) -> S
 def _add_term(term: DriveTerm, motion: Sequence[FloatArray], out: FloatArray) -> None:
     """Adds a term to its column (n_joint, n_sample); `motion` has positions, speeds, accelerations, senses, torques."""
     moved = np.flatnonzero(term.row)
-    own = [np.tensordot(term.row[moved], array[moved], 1) for array in motion]
+    if moved.size == 1 and term.row[moved[0]] == 1:
+        own = [array[moved[0]] for array in motion]
+    else:
+        own = [np.tensordot(term.row[moved], array[moved], 1) for array in motion]
     effect = term.effect(DriveMotion(own[0], own[1], own[2], np.sign(own[3]), own[4]))
     for index in moved:
         out[index] += term.row[index] * effect
