@@ -6,5 +6,6 @@ from collections.abc import Mapping
 
 from robid.families.elastic import ELASTIC
 from robid.families.family import Family
+from robid.families.rigid import RIGID
 
-FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC,)}
+FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC, RIGID)}

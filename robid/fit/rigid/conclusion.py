@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.huber import HuberEstimate, HuberOptions, huber
-from robid.fit.rigid.least_squares import Estimate, ordinary_least_squares, weighted_least_squares
+from robid.fit.rigid.huber import HuberOptions, HuberRegression, huber
+from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, weighted_least_squares
 from robid.fit.rigid.reduction import Reduction, reduce_rows, residuals
 from robid.fit.rigid.residual_tests import expected_correlation
 from robid.fit.rigid.rows import RowSource
@@ -57,9 +57,9 @@ class Conclusion:
     """
 
     reduction: Reduction
-    least_squares: Estimate
-    huber: HuberEstimate
-    instruments: Estimate | None
+    least_squares: Regression
+    huber: HuberRegression
+    instruments: Regression | None
     long_run: LongRun
     residual: FloatArray
     verdict: Verdict
@@ -69,7 +69,7 @@ def conclude(
     source: RowSource,
     decimator: Decimator,
     names: Sequence[str],
-    instruments: tuple[Estimate, Influence] | None = None,
+    instruments: tuple[Regression, Influence] | None = None,
     *,
     vectors: Sequence[Sequence[int]] = (),
     options: ConclusionOptions | None = None,

@@ -131,4 +131,4 @@ def _try(
     expected = expected_correlation(rows, reduction, estimate, decimator.autocorrelation(_LAGS))
     residual = residuals(rows, estimate.parameters)
     tested = [check_whiteness(joint, own) for joint, own in zip(residual.T, expected, strict=True)]
-    return CutOffTrial(options.position_cut_hz, np.array([one.largest for one in tested]), estimate.deviation)
+    return CutOffTrial(options.cut_hz, np.array([one.largest for one in tested]), estimate.deviation)

@@ -11,21 +11,20 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.rigid.base import BaseParameters, find_base_parameters, label, select_base
+from robid.fit.rigid.conclusion import ConclusionOptions, conclude
 from robid.fit.rigid.cutoff import CutOffChoice, choose_cut_off, excited_band
-from robid.fit.rigid.huber import huber, huber_weights, sweep_bend
+from robid.fit.rigid.huber import sweep_bend
 from robid.fit.rigid.instruments import instrumental_variables
 from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, weighted_least_squares
 from robid.fit.rigid.options import RigidFitOptions
 from robid.fit.rigid.preprocessing import Motion, PreprocessingOptions, prepare
 from robid.fit.rigid.reading import Reading
-from robid.fit.rigid.reduction import reduce_rows, residuals
-from robid.fit.rigid.residual_tests import expected_correlation
+from robid.fit.rigid.reduction import reduce_rows
 from robid.fit.rigid.result import Found, first_moments, make_solution
 from robid.fit.rigid.rows import Remembered, RowSource
 from robid.fit.rigid.shots import Shot
 from robid.fit.rigid.solution import RigidSolution
-from robid.fit.rigid.uncertainty import huber_influence, least_squares_influence, long_run_covariance
-from robid.fit.rigid.verdict import judge
+from robid.fit.rigid.uncertainty import Influence
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel, build_rigid_model
 
@@ -102,49 +101,27 @@ def _estimate(problem: _Problem, options: RigidFitOptions, simulate: Simulate | 
     """Runs all estimators on the same rows and judges them."""
     rows = problem.rows()
     reduction = reduce_rows(rows)
-    plain, weighted = ordinary_least_squares(reduction), weighted_least_squares(reduction)
-    robust = huber(rows, reduction, options.huber)
-    influences = [
-        least_squares_influence(reduction, weighted),
-        huber_influence(reduction, robust, options.huber.bend),
-        least_squares_influence(reduction, plain),
-    ]
-    instrumented: Regression | None = None
+    plain = ordinary_least_squares(reduction)
+    instruments: tuple[Regression, Influence] | None = None
     if simulate is not None:
-        instrumented, influence, _ = instrumental_variables(
-            lambda values: problem.rows(simulate(problem.model, values)), weighted, options.convergence
+        found, influence, rows = instrumental_variables(
+            lambda values: problem.rows(simulate(problem.model, values)),
+            weighted_least_squares(reduction),
+            options.convergence,
         )
-        influences.insert(2, influence)
-    residual = residuals(rows, weighted.parameters)
-    long_run = long_run_covariance(rows, influences, len(residual))
-    decimator = problem.filters.decimator(problem.shots[0].sampling_period_s)
-    expected = expected_correlation(rows, reduction, weighted, decimator.autocorrelation(options.verdict.lags))
-    verdict = judge(
-        weighted,
-        robust,
-        instrumented,
-        long_run,
-        residual,
-        expected,
-        problem.model.names,
-        vectors=first_moments(problem.model.names),
-        options=options.verdict,
-    )
-    swept = sweep_bend(rows, reduction, options.sweep, options.huber)
+        instruments = found, influence
+    period = problem.shots[0].sampling_period_s
+    how = ConclusionOptions(options.estimator != "ordinary", options.huber, options.verdict)
+    vectors = first_moments(problem.model.names)
+    decimator = problem.filters.decimator(period)
+    conclusion = conclude(rows, decimator, problem.model.names, instruments, vectors=vectors, options=how)
     return Found(
         ordinary=plain,
-        weighted=weighted,
-        huber=robust,
-        instruments=instrumented,
-        swept=tuple(swept),
-        long_run=long_run,
-        verdict=verdict,
-        residual=residual,
+        conclusion=conclusion,
+        swept=tuple(sweep_bend(rows, conclusion.reduction, options.sweep, options.huber)),
         torque=np.concatenate([np.where(each.used, each.torque, np.nan) for each in rows]),
-        weight=huber_weights(residual / robust.scale, options.huber.bend),
-        reduction=reduction,
         filters=problem.filters,
-        sampling_period_s=problem.shots[0].sampling_period_s,
+        sampling_period_s=period,
     )
 
 
@@ -186,8 +163,6 @@ def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Proble
         undetermined=tuple(dict.fromkeys((*base.undetermined, *again.undetermined))),
     )
     return replace(problem, model=problem.model.only(again.columns.tolist())), joined
-
-
 
 
 def _labels(combination: FloatArray, names: Sequence[str], own: Sequence[int]) -> tuple[str, ...]:

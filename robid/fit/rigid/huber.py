@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.least_squares import Estimate, ordinary_least_squares, solve_factor
+from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, solve_factor
 from robid.fit.rigid.reduction import Reduction, reduce_weighted, residuals
 from robid.fit.rigid.rows import RowSource
 
@@ -42,7 +42,7 @@ class HuberOptions:
 
 
 @dataclass(frozen=True)
-class HuberEstimate(Estimate):
+class HuberRegression(Regression):
     """Huber's estimate.
 
     Attributes:
@@ -70,7 +70,7 @@ def huber_weights(standardised: FloatArray, bend: float) -> FloatArray:
     return np.asarray(bend / np.maximum(magnitude, bend))
 
 
-def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None = None) -> HuberEstimate:
+def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None = None) -> HuberRegression:
     """Estimates with weights that fall beyond the bend, scale and parameters in turn, from least squares on.
 
     Args:
@@ -106,7 +106,7 @@ def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None 
 
 def sweep_bend(
     source: RowSource, reduction: Reduction, bends: Sequence[float], options: HuberOptions | None = None
-) -> tuple[HuberEstimate, ...]:
+) -> tuple[HuberRegression, ...]:
     """Estimates with each of several bends: towards 0 they minimise magnitudes, towards infinity squares."""
     return tuple(huber(source, reduction, replace(options or HuberOptions(), bend=bend)) for bend in bends)
 
@@ -128,7 +128,7 @@ def _estimate(
     iterations: int,
     status: Literal["converged", "iteration_limit"],
     options: HuberOptions,
-) -> HuberEstimate:
+) -> HuberRegression:
     parameters, inverse, condition = fit
     standardised = residual / scale
     weights = huber_weights(standardised, options.bend)
@@ -140,7 +140,7 @@ def _estimate(
     else:
         _, plain, _ = solve_factor(reduction.weighted(scale**-2.0))
         covariance = plain * _asymptotic_factor(standardised[used], options.bend, len(parameters))
-    return HuberEstimate(
+    return HuberRegression(
         parameters=parameters,
         covariance=covariance,
         deviation=np.sqrt(squares.sum(axis=0) / freedom) * scale,

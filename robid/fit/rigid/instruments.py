@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.least_squares import Estimate
+from robid.fit.rigid.least_squares import Regression
 from robid.fit.rigid.reduction import residuals
 from robid.fit.rigid.rows import RowSource
 from robid.fit.rigid.uncertainty import Influence
@@ -32,9 +32,9 @@ class InstrumentOptions:
 
 def instrumental_variables(
     instrumented: Callable[[FloatArray], RowSource],
-    start: Estimate,
+    start: Regression,
     options: InstrumentOptions | None = None,
-) -> tuple[Estimate, Influence, RowSource]:
+) -> tuple[Regression, Influence, RowSource]:
     """Estimates with the simulated model as instrument, simulated again until the parameters stay.
 
     Args:
@@ -68,7 +68,7 @@ def instrumental_variables(
     return replace(found, iterations=iterations, status=status), influence, rows
 
 
-def solve_instruments(rows: RowSource, weights: FloatArray) -> tuple[Estimate, Influence]:
+def solve_instruments(rows: RowSource, weights: FloatArray) -> tuple[Regression, Influence]:
     """Estimates with the instruments that the rows bring.
 
     Args:
@@ -94,7 +94,7 @@ def solve_instruments(rows: RowSource, weights: FloatArray) -> tuple[Estimate, I
     share = len(parameters) / n_row.sum()
     deviation = np.sqrt(np.nansum(residual**2, axis=0) / (n_row * (1 - share)))
     covariance = bread @ np.einsum("j,jab->ab", (weights * deviation) ** 2, square) @ bread.T
-    found = Estimate(parameters, covariance, deviation, n_row, weights, condition)
+    found = Regression(parameters, covariance, deviation, n_row, weights, condition)
     return found, Influence(parameters, bread, weights, np.full(len(weights), np.inf), instrumented=True)
 
 

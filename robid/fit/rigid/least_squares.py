@@ -16,7 +16,7 @@ _TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Regression:
     """Parameters of the inverse dynamics and how certain they are.
 
     Attributes:
@@ -45,7 +45,7 @@ class Estimate:
         return np.sqrt(np.diag(self.covariance))
 
 
-def ordinary_least_squares(reduction: Reduction) -> Estimate:
+def ordinary_least_squares(reduction: Reduction) -> Regression:
     """Estimates with equal weights.
 
     Source:
@@ -54,7 +54,7 @@ def ordinary_least_squares(reduction: Reduction) -> Estimate:
     return _solve(reduction, np.ones(len(reduction.n_row)), pooled=True)
 
 
-def weighted_least_squares(reduction: Reduction) -> Estimate:
+def weighted_least_squares(reduction: Reduction) -> Regression:
     """Estimates with the inverse of each joint's residual variance as its weight, until the variances stay.
 
     Raises:
@@ -94,7 +94,7 @@ def solve_factor(factor: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     return inverse @ right, inverse @ inverse.T, float(values[0] / values[-1])
 
 
-def _solve(reduction: Reduction, weights: FloatArray, pooled: bool) -> Estimate:
+def _solve(reduction: Reduction, weights: FloatArray, pooled: bool) -> Regression:
     parameters, covariance, condition = solve_factor(reduction.weighted(weights))
     cost = reduction.cost(parameters)
     total, n_param = reduction.n_row.sum(), reduction.n_param
@@ -102,4 +102,4 @@ def _solve(reduction: Reduction, weights: FloatArray, pooled: bool) -> Estimate:
     deviation = np.sqrt(cost / (reduction.n_row * (1 - n_param / total)))
     if pooled:
         covariance = covariance * cost.sum() / (total - n_param)
-    return Estimate(parameters, covariance, deviation, reduction.n_row, weights, condition)
+    return Regression(parameters, covariance, deviation, reduction.n_row, weights, condition)

@@ -47,9 +47,7 @@ class RigidFitOptions:
     convergence: InstrumentOptions = field(
         default_factory=InstrumentOptions, metadata={"description": "Convergence of the instrumental variables."}
     )
-    base: BaseOptions = field(
-        default_factory=BaseOptions, metadata={"description": "How base parameters are found."}
-    )
+    base: BaseOptions = field(default_factory=BaseOptions, metadata={"description": "How base parameters are found."})
     physical: bool = field(
         default=True,
         metadata={

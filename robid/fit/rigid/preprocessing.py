@@ -15,13 +15,20 @@ class PreprocessingOptions:
     """Filters of an inverse-dynamics fit.
 
     Attributes:
-        position_cut_hz: Cut-off of the positions' low pass.
+        position_cut_hz: Cut-off of the positions' low pass; None has it chosen from the data.
         position_order: Order of one of its two passes.
         decimation: Samples per kept sample; 0 keeps twice the cut-off's rate.
         drop_deviations: Rows about speeds below so many deviations of the speed's noise are dropped; 0 keeps all.
     """
 
-    position_cut_hz: float = field(metadata={"description": "Cut-off of the positions' low pass.", "gt": 0})
+    position_cut_hz: float | None = field(
+        default=None,
+        metadata={
+            "description": "Cut-off of the positions' low pass [Hz]; when not given the lowest above the motion's band"
+            " that leaves white residuals.",
+            "gt": 0,
+        },
+    )
     position_order: int = field(default=4, metadata={"description": "Order of one of its two passes.", "ge": 1})
     decimation: int = field(
         default=0, metadata={"description": "Samples per kept sample; 0 keeps twice the cut-off's rate.", "ge": 0}
@@ -31,9 +38,17 @@ class PreprocessingOptions:
         metadata={"description": "Deviations of the speed's noise below which rows are dropped; 0 keeps all.", "ge": 0},
     )
 
+    @property
+    def cut_hz(self) -> float:
+        """The cut-off, once it is known [Hz]."""
+        if self.position_cut_hz is None:
+            message = "the cut-off is to be chosen from the data first"
+            raise ValueError(message)
+        return self.position_cut_hz
+
     def decimator(self, sampling_period_s: float) -> Decimator:
         """Designs the filter that torques and columns pass."""
-        twice = round(1 / (2 * self.position_cut_hz * sampling_period_s))
+        twice = round(1 / (2 * self.cut_hz * sampling_period_s))
         return design_decimator(self.decimation or max(1, twice))
 
 
@@ -88,14 +103,14 @@ def prepare(
     """
     n_sample, n_joint = position.shape
     check_shape("torque", torque, "n_sample n_joint", n_sample=n_sample, n_joint=n_joint)
-    reach = low_pass_reach(sampling_period_s, options.position_cut_hz, options.position_order)
+    reach = low_pass_reach(sampling_period_s, options.cut_hz, options.position_order)
     if n_sample <= 2 * reach + 2:
         message = f"The record has {n_sample} samples, but the ends of its filter alone reach into {2 * reach}."
         raise ValueError(message)
     inner = slice(reach, n_sample - reach)
 
     def filtered(signal: FloatArray) -> FloatArray:
-        return low_pass(signal, sampling_period_s, options.position_cut_hz, options.position_order)[inner]
+        return low_pass(signal, sampling_period_s, options.cut_hz, options.position_order)[inner]
 
     smooth = filtered(position)
     centred = 0.5 * (torque + np.roll(torque, 1, axis=0)) if held else torque
@@ -119,6 +134,6 @@ def speed_noise(removed: FloatArray, sampling_period_s: float, options: Preproce
         sampling_period_s: Sampling period [s].
         options: The filters.
     """
-    angle, gain = low_pass_gain(sampling_period_s, options.position_cut_hz, options.position_order)
+    angle, gain = low_pass_gain(sampling_period_s, options.cut_hz, options.position_order)
     kept = np.mean((gain * np.sin(angle) / sampling_period_s) ** 2)
     return np.asarray(np.std(removed, axis=0) * np.sqrt(kept / np.mean((1 - gain) ** 2)))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2, kurtosis, kurtosistest, skew, skewtest
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.least_squares import Estimate, solve_factor
+from robid.fit.rigid.least_squares import Regression, solve_factor
 from robid.fit.rigid.reduction import Reduction
 from robid.fit.rigid.rows import RowSource
 
@@ -84,7 +84,7 @@ def check_whiteness(residual: FloatArray, own: FloatArray) -> Whiteness:
     return Whiteness(beyond, float(np.abs(beyond).max()), float(chi2.sf(statistic, n_lag)))
 
 
-def expected_correlation(source: RowSource, reduction: Reduction, estimate: Estimate, own: FloatArray) -> FloatArray:
+def expected_correlation(source: RowSource, reduction: Reduction, estimate: Regression, own: FloatArray) -> FloatArray:
     """Computes the autocorrelation that least-squares residuals of white torque noise have.
 
     The filter correlates them, and the fit takes out what looks like its columns.

@@ -4,28 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+
 import numpy as np
 from scipy.stats import t
 
 from robid.arrays import FloatArray, IntArray
 from robid.fit.estimate import Estimate
 from robid.fit.rigid.base import BaseParameters
+from robid.fit.rigid.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion
 from robid.fit.rigid.consistency import make_consistent, pseudo_inertia
 from robid.fit.rigid.cutoff import CutOffChoice
-from robid.fit.rigid.huber import HuberEstimate
+from robid.fit.rigid.huber import HuberRegression, huber_weights
 from robid.fit.rigid.least_squares import Regression
 from robid.fit.rigid.options import EstimatorName, RigidFitOptions
 from robid.fit.rigid.preprocessing import PreprocessingOptions
-from robid.fit.rigid.reduction import Reduction
 from robid.fit.rigid.solution import Base, Checks, Estimators, Filtered, RigidSolution, RowResiduals, StandardSet
-from robid.fit.rigid.uncertainty import LongRun
 from robid.fit.rigid.verdict import Verdict, scale_of
 from robid.robot.regressor.model import RigidModel
 
 _NOT_NEGATIVE = ("motor_inertia", "coupling_inertia", "viscous", "coupling_viscous", "coulomb", "coupling_coulomb")
 _BODY = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
-_ORDER: tuple[EstimatorName, ...] = ("weighted", "huber", "instruments")
-"""Order of the estimators in the long-run covariance, ordinary least squares last."""
 
 
 @dataclass(frozen=True)
@@ -33,46 +31,33 @@ class Found:
     """What all estimators found on the same rows.
 
     Attributes:
-        ordinary: Least squares.
-        weighted: Least squares with a weight per joint.
-        huber: Huber's estimator.
-        instruments: Instrumental variables; None without.
+        ordinary: Least squares with equal weights.
+        conclusion: Least squares, Huber's estimator and instrumental variables with their joint uncertainty.
         swept: Huber's estimator at the bends of the sweep.
-        long_run: Joint covariance of weighted, Huber's, the instruments' and ordinary estimates.
-        verdict: The verdict on weighted least squares.
-        residual (n_row, n_joint): Its residuals.
-        torque (n_row, n_joint): Filtered torques.
-        weight (n_row, n_joint): Huber's weights.
-        reduction: The rows.
-        filters: Their filters.
+        torque (n_row, n_joint): Filtered torques, NaN where a row does not count.
+        filters: Filters of the rows.
         sampling_period_s: Period of the samples [s].
     """
 
     ordinary: Regression
-    weighted: Regression
-    huber: HuberEstimate
-    instruments: Regression | None
-    swept: tuple[HuberEstimate, ...]
-    long_run: LongRun
-    verdict: Verdict
-    residual: FloatArray
+    conclusion: Conclusion
+    swept: tuple[HuberRegression, ...]
     torque: FloatArray
-    weight: FloatArray
-    reduction: Reduction
     filters: PreprocessingOptions
     sampling_period_s: float
 
     @property
     def by_name(self) -> dict[EstimatorName, Regression]:
         """The estimators by name, in the order in which they are shown."""
-        found: dict[EstimatorName, Regression] = {"ordinary": self.ordinary, "weighted": self.weighted}
-        found["huber"] = self.huber
-        return found if self.instruments is None else {**found, "instruments": self.instruments}
+        found: dict[EstimatorName, Regression] = {"ordinary": self.ordinary, "weighted": self.conclusion.least_squares}
+        found["huber"] = self.conclusion.huber
+        instruments = self.conclusion.instruments
+        return found if instruments is None else {**found, "instruments": instruments}
 
     def covariance(self, name: EstimatorName) -> FloatArray:
         """Covariance (n_base, n_base) of one estimator that respects correlated residuals."""
-        known = [each for each in _ORDER if each in self.by_name]
-        return self.long_run.of(known.index(name) if name in known else len(known))
+        place = {"huber": HUBER, "instruments": INSTRUMENTS}.get(name, LEAST_SQUARES)
+        return self.conclusion.long_run.of(place)
 
 
 def make_solution(
@@ -97,7 +82,8 @@ def make_solution(
     estimate = _estimate(model, base, reduced, found, name, options)
     standard = _standard(model, base, estimate, options) if options.physical else None
     decimation = found.filters.decimator(found.sampling_period_s).factor
-    triangle = found.reduction.weighted(np.ones(len(found.reduction.n_row)))[:-1, :-1]
+    reduction = found.conclusion.reduction
+    triangle = reduction.weighted(np.ones(len(reduction.n_row)))[:-1, :-1]
     return RigidSolution(
         estimate=estimate,
         base=Base(
@@ -107,11 +93,11 @@ def make_solution(
             silent=base.silent,
             mixed=base.undetermined,
             gap=base.gap,
-            condition=found.weighted.condition,
+            condition=found.conclusion.least_squares.condition,
             unscaled_condition=float(np.linalg.cond(triangle)),
         ),
-        estimators=_estimators(found),
-        checks=_checks(found.verdict),
+        estimators=_estimators(found, options.sweep),
+        checks=_checks(found.conclusion.verdict),
         filtered=Filtered(
             cut_hz=choice.cut_hz,
             decimation=decimation,
@@ -123,12 +109,13 @@ def make_solution(
             white=choice.white,
         ),
         residuals=RowResiduals(
-            time_s=np.arange(len(found.residual)) * decimation * found.sampling_period_s,
+            time_s=np.arange(len(found.torque)) * decimation * found.sampling_period_s,
             torque=found.torque,
-            residual=found.residual,
-            weight=found.weight,
+            residual=found.conclusion.residual,
+            weight=huber_weights(found.conclusion.residual / found.conclusion.huber.scale, options.huber.bend),
         ),
         standard=standard,
+        chosen=name,
     )
 
 
@@ -160,7 +147,7 @@ def _estimate(
 ) -> Estimate:
     chosen, covariance = found.by_name[name], found.covariance(name)
     std = np.sqrt(np.diag(covariance))
-    freedom = np.full(std.size, float(found.long_run.freedom))
+    freedom = np.full(std.size, float(found.conclusion.long_run.freedom))
     reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
     size = scale_of(chosen.parameters, std, first_moments(reduced.names))
     nominal = base.values(model.nominal)
@@ -198,7 +185,7 @@ def _estimate(
     )
 
 
-def _estimators(found: Found) -> Estimators:
+def _estimators(found: Found, bends: Sequence[float]) -> Estimators:
     every = found.by_name
     return Estimators(
         names=tuple(every),
@@ -207,8 +194,8 @@ def _estimators(found: Found) -> Estimators:
         deviation=np.array([each.deviation for each in every.values()]),
         iterations=np.array([each.iterations for each in every.values()]),
         status=tuple(each.status for each in every.values()),
-        bends=np.array([each.bend for each in found.swept]),
-        bent=np.array([each.parameters for each in found.swept]).reshape(-1, len(found.weighted.parameters)),
+        bends=np.array(bends, float),
+        bent=np.array([each.parameters for each in found.swept]).reshape(-1, found.ordinary.parameters.size),
     )
 
 
@@ -255,5 +242,3 @@ def _standard(
         real=real,
         status=made.status,
     )
-
-

@@ -37,12 +37,13 @@ class Shot:
     loaded: bool = True
 
 
-def shots_of(record: Record, robot: Robot, *, loaded: bool = True) -> tuple[Shot, ...]:
+def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
     """Cuts a record into shots: one for each experiment, its periods after each other.
 
     Args:
         record: The record.
         robot: The robot, by whose joints' names channels are chosen.
+        late_samples: Samples from a recorded torque to the one that is applied.
         loaded: Whether a payload with parameters of its own was there.
 
     Raises:
@@ -62,8 +63,16 @@ def shots_of(record: Record, robot: Robot, *, loaded: bool = True) -> tuple[Shot
     flat = [array.reshape(shape) for array in (position, torque)]
     commands = [None] * len(flat[0]) if command is None else list(command.reshape(shape))
     held = record.input_hold == "zoh"
+    end = flat[1].shape[1] - late_samples
     return tuple(
-        Shot(each, drive, record.sampling_period_s, held, told, loaded)
+        Shot(
+            each[late_samples:],
+            drive[:end],
+            record.sampling_period_s,
+            held,
+            None if told is None else told[late_samples:],
+            loaded,
+        )
         for each, drive, told in zip(*flat, commands, strict=True)
     )
 
@@ -72,7 +81,7 @@ def _chosen(
     channels: Sequence[Channel], names: Sequence[str], quantities: Sequence[str], what: str
 ) -> tuple[list[int], Side]:
     """Indices of the joints' channels, and the side that all of them are of."""
-    found = {}
+    found: dict[str, int] = {}
     for index, channel in enumerate(channels):
         if channel.quantity in quantities and channel.side != "tool" and channel.name in names:
             found.setdefault(channel.name, index)

@@ -184,6 +184,7 @@ class RigidSolution:
         filtered: How the record was filtered.
         residuals: Torques and residuals row by row.
         standard: The standard parameters of real bodies that are handed on; None where none were found.
+        chosen: Name of the estimator whose result it is.
     """
 
     estimate: Estimate
@@ -193,3 +194,4 @@ class RigidSolution:
     filtered: Filtered
     residuals: RowResiduals
     standard: StandardSet | None
+    chosen: str

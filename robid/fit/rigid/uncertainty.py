@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.huber import HuberEstimate
-from robid.fit.rigid.least_squares import Estimate, solve_factor
+from robid.fit.rigid.huber import HuberRegression
+from robid.fit.rigid.least_squares import Regression, solve_factor
 from robid.fit.rigid.reduction import Reduction
 from robid.fit.rigid.rows import Rows, RowSource
 
@@ -43,13 +43,13 @@ class Influence:
         return np.asarray(np.matmul(pull[:, None, :], source)[:, 0, :] @ self.bread.T)
 
 
-def least_squares_influence(reduction: Reduction, estimate: Estimate) -> Influence:
+def least_squares_influence(reduction: Reduction, estimate: Regression) -> Influence:
     """Linearises plain or weighted least squares."""
     _, bread, _ = solve_factor(reduction.weighted(estimate.weights))
     return Influence(estimate.parameters, bread, estimate.weights, np.full(len(estimate.weights), np.inf))
 
 
-def huber_influence(reduction: Reduction, estimate: HuberEstimate, bend: float) -> Influence:
+def huber_influence(reduction: Reduction, estimate: HuberRegression, bend: float) -> Influence:
     """Linearises Huber's estimator, with the mean slope of its score."""
     _, bread, _ = solve_factor(reduction.weighted(estimate.weights))
     slope = 1 - estimate.share_down_weighted

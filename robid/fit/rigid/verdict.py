@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.huber import HuberEstimate
-from robid.fit.rigid.least_squares import Estimate
+from robid.fit.rigid.huber import HuberRegression
+from robid.fit.rigid.least_squares import Regression
 from robid.fit.rigid.residual_tests import Normality, Whiteness, check_normality, check_whiteness
 from robid.fit.rigid.uncertainty import LongRun
 
@@ -81,9 +81,9 @@ class Verdict:
 
 
 def judge(
-    least_squares: Estimate,
-    huber: HuberEstimate,
-    instruments: Estimate | None,
+    least_squares: Regression,
+    huber: HuberRegression,
+    instruments: Regression | None,
     long_run: LongRun,
     residual: FloatArray,
     expected: FloatArray,

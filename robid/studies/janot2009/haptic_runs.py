@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.fit.rigid.conclusion import Conclusion, ConclusionOptions, conclude
 from robid.fit.rigid.instruments import solve_instruments
-from robid.fit.rigid.least_squares import Estimate, ordinary_least_squares
+from robid.fit.rigid.least_squares import Regression, ordinary_least_squares
 from robid.fit.rigid.preprocessing import PreprocessingOptions, prepare
 from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows
@@ -61,7 +61,7 @@ def read(recording: Recording, seed: int, options: PreprocessingOptions, instrum
     return Remembered(Reading([motion], Device(), options.decimator(period)), _MEMORY_BYTES)
 
 
-def identify(recording: Recording, cut_hz: float) -> tuple[list[Estimate], list[Conclusion]]:
+def identify(recording: Recording, cut_hz: float) -> tuple[list[Regression], list[Conclusion]]:
     """Identifies every seed.
 
     Args:
@@ -93,8 +93,8 @@ def identify(recording: Recording, cut_hz: float) -> tuple[list[Estimate], list[
 
 
 def _instruments(
-    recording: Recording, options: PreprocessingOptions, start: list[Estimate]
-) -> tuple[FloatArray, list[tuple[Estimate, Influence]]]:
+    recording: Recording, options: PreprocessingOptions, start: list[Regression]
+) -> tuple[FloatArray, list[tuple[Regression, Influence]]]:
     """Simulates all seeds at once, again and again, as `instrumental_variables` does for one."""
     parameters = np.array([estimate.parameters for estimate in start])
     for _ in range(_SIMULATIONS):
@@ -107,7 +107,7 @@ def _instruments(
     return instrument, found
 
 
-def summarise(plain: list[Estimate], conclusions: list[Conclusion]) -> dict[str, float]:
+def summarise(plain: list[Regression], conclusions: list[Conclusion]) -> dict[str, float]:
     """Returns the study's figures of one cut-off: verdicts, residuals, and the errors of the means over the seeds."""
     truth = np.array(NOMINAL)
     size = truth.copy()

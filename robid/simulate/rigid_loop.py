@@ -1,0 +1,68 @@
+"""A rigid model in the loop of the robot's controller: motions without noise, as instruments need them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.robot.description import Robot
+from robid.robot.regressor.forward import RigidDynamics, build_dynamics
+from robid.robot.regressor.model import RigidModel
+from robid.simulate.controller import Cascade
+from robid.simulate.options import Controller
+
+_SETTLED = 1.0  # steps in which friction may reverse a motor at most
+
+
+def simulate_rigid(
+    model: RigidModel, parameters: FloatArray, robot: Robot, controller: Controller, command: FloatArray
+) -> FloatArray:
+    """Simulates the closed loop of a rigid model, one run for each command.
+
+    Args:
+        model: The model.
+        parameters (n_param,): Values of its columns.
+        robot: The robot, for limits and for the rotor inertias that the controller was tuned to.
+        controller: Its controller.
+        command (n_run, n_sample, n_joint): Motor angles that the controller is told [rad].
+
+    Returns:
+        Motor angles (n_run, n_sample, n_joint) at the controller's samples [rad]; they begin on the command.
+    """
+    period = controller.sampling_period_s
+    still = build_dynamics(model, parameters)
+    dynamics = build_dynamics(model, parameters, smoothing_rad_s=_smoothing(still, command[:, 0], period))
+    angle = command[:, 0].copy()
+    speed = (command[:, 1] - command[:, 0]) / period
+    limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])
+    hold = dynamics.inertia_and_bias(angle, np.zeros_like(speed))[1]
+    cascade = Cascade(controller, robot.motor_inertia_kgm2, limit, angle - period * speed, hold)
+    pending = [hold.copy() for _ in range(controller.delay_samples)]
+    found, none = np.empty_like(command), np.zeros_like(angle)
+    for sample in range(command.shape[1]):
+        found[:, sample] = angle
+        pending.append(cascade.command(angle, command[:, sample], none))
+        angle, speed = _step(dynamics, angle, speed, pending.pop(0), period)
+    return found
+
+
+def _step(
+    dynamics: RigidDynamics, angle: FloatArray, speed: FloatArray, torque: FloatArray, period: float
+) -> tuple[FloatArray, FloatArray]:
+    """One step of Heun's method under a constant torque."""
+    first = dynamics.acceleration(angle, speed, torque)
+    ahead = speed + period * first
+    second = dynamics.acceleration(angle + period * speed, ahead, torque)
+    mean = 0.5 * (first + second)
+    return angle + period * (speed + 0.5 * period * mean), speed + period * mean
+
+
+def _smoothing(dynamics: RigidDynamics, angle: FloatArray, period: float) -> float:
+    """Speed over which friction changes its sign, so that a step hardly reverses a motor [rad/s]."""
+    inertia, _ = dynamics.inertia_and_bias(angle, np.zeros_like(angle))
+    own = np.diagonal(inertia, axis1=1, axis2=2).min(axis=0)
+    dry = sum(
+        (abs(value) * np.abs(term.row) for term, value in dynamics.terms if term.kind.endswith("coulomb")),
+        start=np.zeros_like(own),
+    )
+    return float((dry * period / np.maximum(own, 1e-300)).max() / _SETTLED) or 1e-9

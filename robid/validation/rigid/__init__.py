@@ -1,0 +1,1 @@
+"""What a rigid model is worth. Read `prediction`, then `validating` and `grading`."""
