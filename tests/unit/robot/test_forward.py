@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rigid_robots import planar_arm, random_chain, random_motion, with_gears
+from robid.fit.rigid.base import find_base_parameters
 from robid.robot.description import Friction, SpringBalance
 from robid.robot.regressor.forward import build_dynamics
 from robid.robot.regressor.model import build_rigid_model
@@ -45,3 +46,12 @@ def test_smoothed_friction_bends_where_it_would_jump():
     for smoothing, wanted in ((0.0, np.sign(speed)), (0.1, np.tanh(speed / 0.1))):
         _, bias = build_dynamics(model, smoothing_rad_s=smoothing).inertia_and_bias(still, speed)
         np.testing.assert_allclose(bias, 2.0 * wanted, atol=1e-12)
+
+
+def test_base_parameters_move_the_robot_as_the_standard_ones_do():
+    robot = with_gears(random_chain(13))
+    model, motion = build_rigid_model(robot), random_motion(robot, 6)
+    base = find_base_parameters(model)
+    dynamics = build_dynamics(model.only(base.columns.tolist()), base.values(model.nominal))
+    torque = model.torques(model.nominal, *motion)
+    close(dynamics.acceleration(motion[0], motion[1], torque), motion[2], 1e3 * IDENTITY)
