@@ -159,7 +159,8 @@ def label(row: FloatArray, names: Sequence[str], first: int) -> str:
     order = [first, *(int(index) for index in np.flatnonzero(row) if index != first)]
     text = ""
     for index in order:
-        size = f"{abs(row[index]):.4g}"
+        # Rounded twice, so that rounding of the last digits does not decide between 1.322 and 1.323.
+        size = f"{float(f'{abs(row[index]):.8g}'):.4g}"
         term = names[index] if size == "1" else f"{size} {names[index]}"
         sign = "-" if row[index] < 0 else "+"
         text += f" {sign} {term}" if text else (f"-{term}" if sign == "-" else term)

@@ -84,7 +84,7 @@ def build_dynamics(
     """Builds the dynamics of a rigid model.
 
     Args:
-        model: The model.
+        model: The model; of one with the columns of base parameters alone, these are enough.
         parameters (n_std,): Values of its parameters; those of the robot file by default.
         loaded: Whether a payload with parameters of its own is there.
         smoothing_rad_s: Motor speed over which Coulomb friction changes its sign [rad/s].

@@ -14,7 +14,7 @@ from robid.robot.regressor.forward import build_dynamics
 from robid.robot.regressor.model import arm_columns, build_rigid_model
 from robid.robot.regressor.options import RigidOptions
 from robid.settings.load import load_robot
-from tolerances import IDENTITY
+from tolerances import FINITE_DIFFERENCE, IDENTITY
 
 FILE = Path(__file__).parents[3] / "configs" / "robots" / "branch.yaml"
 BARE = RigidOptions(friction="none", offsets=False, motor_inertias=False, couplings=False)
@@ -140,3 +140,62 @@ def test_the_loop_closes_everywhere_and_an_open_one_is_refused(tmp_path):
         YAML().dump(changed, tmp_path / "robot.yaml")
         with pytest.raises(SettingsError, match=told):
             load_robot(tmp_path / "robot.yaml")
+
+
+def rewritten(folder, change):
+    data = YAML(typ="safe").load(FILE)
+    change(data)
+    YAML().dump(data, folder / "robot.yaml")
+    return load_robot(folder / "robot.yaml").to_robot()
+
+
+def same_torques(robot, other, tolerance=IDENTITY):
+    models = build_rigid_model(robot), build_rigid_model(other)
+    motion = random_motion(robot, 6)
+    first, second = (model.torques(model.nominal, *motion) for model in models)
+    np.testing.assert_allclose(first, second, rtol=0, atol=tolerance * np.abs(first).max())
+
+
+def test_where_angles_are_counted_from_is_free(tmp_path):
+    def turned(data):
+        half, root = 0.5, np.sqrt(0.75)
+        rotation = [[root, half, 0], [-half, root, 0], [0, 0, 1]]  # -30 deg about z
+        data["loop_links"][1]["frame"]["rotation"] = [[float(value) for value in row] for row in rotation]
+        data["loop_links"][1]["offset_deg"] = 30
+
+    same_torques(branch(), rewritten(tmp_path, turned))
+
+
+BALANCE = {"carrier_point_m": [0.02, 0.1, 0.05], "link_point_m": [0.1, -0.02, 0.04], "free_length_m": 0.05}
+
+
+def test_a_branch_from_a_foreign_file_is_given_in_the_frames_of_that_file(tmp_path):
+    balance = {**BALANCE, "stiffness_n_m": 800, "preload_n": 4}
+    wanted = rewritten(tmp_path, lambda data: data["joints"][1].update(counterbalance=balance))
+    # In the file all bodies stand upright; the robot file turns arm and forearm so that z is their axis.
+    upright = wanted.joints[1].rotation
+    spec = mujoco.MjSpec()
+    parent = spec.worldbody
+    for joint, turn in zip(wanted.joints, (np.eye(3), upright, upright), strict=True):
+        link = joint.link
+        tensor = turn @ link.inertia_kgm2 @ turn.T
+        parent = parent.add_body(name=joint.name, pos=turn @ joint.position_m, mass=link.mass_kg, explicitinertial=True)
+        parent.ipos = turn @ link.com_m
+        parent.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+        parent.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=turn[:, 2])
+    spec.compile()
+    (tmp_path / "branch.xml").write_text(spec.to_xml())
+
+    def foreign(data):
+        data["model"] = "branch.xml"
+        for section in data["joints"]:
+            del section["frame"], section["link"]
+        ends = {key: (upright @ balance[key]).tolist() for key in ("carrier_point_m", "link_point_m")}
+        data["joints"][1]["counterbalance"] = {**balance, **ends}
+        data["loop_links"][1]["pin"]["held_point_m"] = (upright @ [-0.12, 0, 0.06]).tolist()
+        data["loop_links"][2]["frame"] = {"position_m": [0.4, 0, 0], "rotation": upright.tolist()}
+
+    found = rewritten(tmp_path, foreign)
+    assert pin_gaps(found, random_motion(found, 5)[0]).max() < 1e-12
+    # MuJoCo writes six digits.
+    same_torques(wanted, found, FINITE_DIFFERENCE)

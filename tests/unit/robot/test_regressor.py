@@ -1,4 +1,4 @@
-"""The regressor against MuJoCo's inverse dynamics, closed forms of friction and balances, and its own inverse."""
+"""The regressor against MuJoCo's inverse dynamics, and closed forms of its columns."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,15 +9,13 @@ import pytest
 
 from exact_systems import NO_PAYLOAD, springs_everywhere, two_joint_robot
 from rigid_robots import engine_torques, planar_arm, random_body, random_chain, random_motion, with_gears
-from robid.robot.description import Friction, HarmonicBalance, Inertial, SpringBalance
 from robid.robot.model import build_model
 from robid.robot.parameters import PARAMETER_KINDS
-from robid.robot.regressor.forward import build_dynamics
 from robid.robot.regressor.links import COMPONENTS
 from robid.robot.regressor.model import arm_columns, build_rigid_model
 from robid.robot.regressor.options import RigidOptions
 from robid.settings.load import load_robot
-from tolerances import FINITE_DIFFERENCE, IDENTITY
+from tolerances import IDENTITY
 
 ROBOTS = Path(__file__).parents[3] / "configs" / "robots"
 BARE = RigidOptions(friction="none", offsets=False, motor_inertias=False, couplings=False)
@@ -220,94 +218,6 @@ def test_wrong_shapes_are_refused():
     position, speed, acceleration = random_motion(robot, 5)
     with pytest.raises(ValueError, match=r"`velocity` must have shape \(n_sample, n_joint\)"):
         build_rigid_model(robot).columns(position, speed[:4], acceleration)
-
-
-def pendulum(balance, mass=8.0, arm=0.5):
-    """A point mass on a horizontal axis, its joint's angle counted from the horizontal, with a gear of 50."""
-    robot = planar_arm(1)
-    body = Inertial(mass, np.array([arm, 0.0, 0.0]), 1e-9 * np.eye(3))
-    motor = replace(robot.joints[0].motor, gear_ratio=50.0)
-    return replace(robot, joints=(replace(robot.joints[0], link=body, motor=motor, counterbalance=balance),))
-
-
-def held(robot, angles):
-    model = build_rigid_model(robot)
-    still = np.zeros((angles.size, 1))
-    return 50.0 * model.torques(model.nominal, 50.0 * angles[:, None], still, still)[:, 0]
-
-
-ANGLES = np.linspace(-1.5, 1.5, 31)
-
-
-def test_an_ideal_spring_balances_a_pendulum_everywhere():
-    # A spring of no free length from a point above the axis to one on the arm: k = m g l / (a b).
-    above, out = 0.3, 0.4
-    spring = SpringBalance(
-        np.array([0.0, above, 0.0]), np.array([out, 0.0, 0.0]), 0.0, 8.0 * 9.81 * 0.5 / (above * out)
-    )
-    bare = held(pendulum(None), ANGLES)
-    np.testing.assert_allclose(bare, 8.0 * 9.81 * 0.5 * np.cos(ANGLES), rtol=1e-7)
-    assert np.abs(held(pendulum(spring), ANGLES)).max() < IDENTITY * np.abs(bare).max()
-
-
-def test_harmonics_balance_a_pendulum_everywhere():
-    harmonics = HarmonicBalance(np.array([0.0, 3.0]), np.array([8.0 * 9.81 * 0.5, 0.0]))
-    np.testing.assert_allclose(held(pendulum(harmonics), ANGLES), -3.0 * np.sin(2 * ANGLES), atol=1e-9)
-    names = build_rigid_model(pendulum(harmonics)).names
-    assert names[-4:] == tuple(f"joint1.counterbalance_{name}" for name in ("sin1", "sin2", "cos1", "cos2"))
-    without = build_rigid_model(pendulum(harmonics), RigidOptions(counterbalances=False))
-    assert not any("counterbalance" in name for name in without.names)
-
-
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_a_spring_gives_back_the_energy_that_it_takes(kind):
-    spring = SpringBalance(np.array([-0.2, 0.5, 0.1]), np.array([0.3, -0.1, 0.4]), 0.35, 4e3, 120.0)
-    robot = pendulum(spring)
-    robot = replace(robot, joints=(replace(robot.joints[0], type=kind),))
-    step = 1e-6
-
-    def energy(position):
-        turned = np.array(
-            [np.cos(position) * 0.3 + np.sin(position) * 0.1, np.sin(position) * 0.3 - np.cos(position) * 0.1]
-        )
-        point = np.array([*turned, 0.4]) if kind == "revolute" else np.array([0.3, -0.1, 0.4 + position])
-        stretch = np.linalg.norm(point - spring.carrier_point_m) - 0.35
-        return 2e3 * stretch**2 + 120.0 * stretch
-
-    wanted = [(energy(at + step) - energy(at - step)) / (2 * step) for at in ANGLES]
-    bare = replace(robot, joints=(replace(robot.joints[0], counterbalance=None),))
-    found = held(robot, ANGLES) - held(bare, ANGLES)
-    close(found, np.array(wanted), FINITE_DIFFERENCE)
-
-
-@pytest.mark.parametrize("rotor", ["spong", "on_link"])
-@pytest.mark.parametrize("form", ["coulomb", "asymmetric", "load"])
-def test_forward_dynamics_undoes_the_inverse(rotor, form):
-    robot = replace(with_gears(random_chain(12)), rotor=rotor)
-    spring = SpringBalance(np.array([-0.2, 0.5, 0.1]), np.array([0.3, -0.1, 0.4]), 0.35, 4e3, 120.0)
-    robot = replace(robot, joints=(replace(robot.joints[0], counterbalance=spring), *robot.joints[1:]))
-    model = build_rigid_model(robot, RigidOptions(friction=form, payload="body"))
-    generator = np.random.default_rng(4)
-    parameters = model.nominal * generator.uniform(0.9, 1.1, len(model.names)) + 1e-3 * (model.nominal == 0)
-    motion, load = random_motion(robot, 6), generator.standard_normal((6, 5))
-    for loaded in (True, False):
-        torque = model.torques(parameters, *motion, torque=load, loaded=loaded)
-        dynamics = build_dynamics(model, parameters, loaded=loaded)
-        inertia, bias = dynamics.inertia_and_bias(motion[0], motion[1], load)
-        close(np.einsum("nij,nj->ni", inertia, motion[2]) + bias, torque)
-        if form != "load":
-            close(dynamics.acceleration(motion[0], motion[1], torque), motion[2], 1e3 * IDENTITY)
-
-
-def test_smoothed_friction_bends_where_it_would_jump():
-    robot = planar_arm(1, gravity=0.0)
-    motor = replace(robot.joints[0].motor, friction=Friction(coulomb_nm=2.0))
-    robot = replace(robot, joints=(replace(robot.joints[0], motor=motor),))
-    speed = np.array([[-1.0], [-0.05], [0.0], [0.05], [1.0]])
-    model, still = build_rigid_model(robot), np.zeros((5, 1))
-    for smoothing, wanted in ((0.0, np.sign(speed)), (0.1, np.tanh(speed / 0.1))):
-        _, bias = build_dynamics(model, smoothing_rad_s=smoothing).inertia_and_bias(still, speed)
-        np.testing.assert_allclose(bias, 2.0 * wanted, atol=1e-12)
 
 
 def test_a_body_of_points_has_their_standard_parameters():

@@ -141,6 +141,17 @@ def test_coefficients_are_written_tidily():
     names = ("a", "b", "c", "d", "e")
     assert label(np.array([2.0, 1.0, -1.0, 0.0, -0.81]), names, 1) == "b + 2 a - c - 0.81 e"
     assert label(np.array([0.0, 0.0, 0.0, 1.0, 66003.2]), names, 3) == "d + 6.6e+04 e"
+    half = 1.3225 * (1 + 1e-12 * np.array([-1, 1]))
+    assert len({label(np.array([1.0, value]), names, 0) for value in half}) == 1
+
+
+def test_a_robot_that_stands_still_shows_what_it_weighs_and_nothing_else():
+    model, still = build_rigid_model(planar_arm(2), BARE), np.zeros((20, 2))
+    found = select_base(model.columns(still, still, still).reshape(-1, 20), model)
+    assert set(found.labels) == {"joint1.MX + 0.9 joint2.M", "joint2.MX"}
+    weightless = build_rigid_model(planar_arm(2, gravity=0.0), BARE)
+    found = select_base(weightless.columns(still, still, still).reshape(-1, 20), weightless)
+    assert (found.columns.size, found.labels, len(found.silent)) == (0, (), 20)
 
 
 def test_silent_columns_are_told_and_rank_has_a_gap():
