@@ -63,10 +63,11 @@ def _ratios(robot: RobotFile) -> _Found:
 
 def _leads(index: int, joint: JointSection) -> _Found:
     stated = joint.motor.gear_ratio_rad_m
-    if stated is None or _SMALLEST_RATIO_RAD_M <= abs(stated) <= _LARGEST_RATIO_RAD_M:
+    # 1 stands for drives whose angles are metres: linear motors, or signals that are those of the carriage.
+    if stated is None or abs(stated) == 1 or _SMALLEST_RATIO_RAD_M <= abs(stated) <= _LARGEST_RATIO_RAD_M:
         return
     reason = f"{stated:g} is implausible: motor radians per metre are a number from {_SMALLEST_RATIO_RAD_M:g} to"
-    reason += f" {_LARGEST_RATIO_RAD_M:g}, negative where the motor turns the other way"
+    reason += f" {_LARGEST_RATIO_RAD_M:g}, or 1 of a linear motor, negative where the motor goes the other way"
     if stated and _SMALLEST_RATIO_RAD_M <= abs(2 * np.pi / stated) <= _LARGEST_RATIO_RAD_M:
         reason += f"; as a lead in m it would be {2 * np.pi / stated:.4g}"
     yield ("joints", index, "motor", "gear_ratio_rad_m"), reason

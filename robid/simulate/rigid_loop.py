@@ -32,8 +32,8 @@ def simulate_rigid(
     period = controller.sampling_period_s
     still = build_dynamics(model, parameters)
     dynamics = build_dynamics(model, parameters, smoothing_rad_s=_smoothing(still, command[:, 0], period))
-    angle = command[:, 0].copy()
-    speed = (command[:, 1] - command[:, 0]) / period
+    angle: FloatArray = command[:, 0].copy()
+    speed: FloatArray = (command[:, 1] - command[:, 0]) / period
     limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])
     hold = dynamics.inertia_and_bias(angle, np.zeros_like(speed))[1]
     cascade = Cascade(controller, robot.motor_inertia_kgm2, limit, angle - period * speed, hold)

@@ -50,7 +50,7 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     if fit.model.friction == "load" and fit.estimator == "instruments":
         message = "friction that grows with the measured torque has no instrument: take another `estimator`"
         yield ("estimator",), message
-    if fit.model.payload == "body" and robot.payload.mass_kg == 0:
+    if fit.model.payload == "body" and robot.payload is None:
         message = "a payload with parameters of its own needs a `payload` in the robot file"
         yield ("model", "payload"), message
 

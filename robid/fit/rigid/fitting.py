@@ -62,7 +62,8 @@ def fit_rigid(
     used, choice = _filters(shots, model.only(base.columns.tolist()), options)
     problem = _Problem(shots, model.only(base.columns.tolist()), used)
     problem, base = _without_dependent(problem, base)
-    return make_solution(model, base, problem.model, _estimate(problem, options, simulate), choice, options)
+    found = make_solution(model, base, problem.model, _estimate(problem, options, simulate), choice, options)
+    return replace(found, torque_unit=shots[0].torque_unit)
 
 
 @dataclass(frozen=True)

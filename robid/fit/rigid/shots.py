@@ -27,6 +27,7 @@ class Shot:
         held: Whether each torque is a command that is held until the next sample.
         command (n_sample, n_joint): Positions that the controller was told [rad]; None where they are unknown.
         loaded: Whether a payload with parameters of its own is there.
+        torque_unit: What stands for N m: A where torques are currents.
     """
 
     position: FloatArray
@@ -35,6 +36,7 @@ class Shot:
     held: bool
     command: FloatArray | None = None
     loaded: bool = True
+    torque_unit: str = "N m"
 
 
 def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
@@ -64,6 +66,7 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
     commands = [None] * len(flat[0]) if command is None else list(command.reshape(shape))
     held = record.input_hold == "zoh"
     end = flat[1].shape[1] - late_samples
+    unit = "A" if record.input_channels[drives[0]].quantity == "current" else "N m"
     return tuple(
         Shot(
             each[late_samples:],
@@ -72,6 +75,7 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
             held,
             None if told is None else told[late_samples:],
             loaded,
+            unit,
         )
         for each, drive, told in zip(*flat, commands, strict=True)
     )
@@ -83,8 +87,9 @@ def _chosen(
     """Indices of the joints' channels, and the side that all of them are of."""
     found: dict[str, int] = {}
     for index, channel in enumerate(channels):
-        if channel.quantity in quantities and channel.side != "tool" and channel.name in names:
-            found.setdefault(channel.name, index)
+        joint = channel.name.removesuffix(".arm")
+        if channel.quantity in quantities and channel.side != "tool" and joint in names:
+            found.setdefault(joint, index)
     missing = [name for name in names if name not in found]
     if missing:
         wanted = " or ".join(quantities)

@@ -185,6 +185,7 @@ class RigidSolution:
         residuals: Torques and residuals row by row.
         standard: The standard parameters of real bodies that are handed on; None where none were found.
         chosen: Name of the estimator whose result it is.
+        torque_unit: What stands for N m: A where torques are currents.
     """
 
     estimate: Estimate
@@ -195,3 +196,4 @@ class RigidSolution:
     residuals: RowResiduals
     standard: StandardSet | None
     chosen: str
+    torque_unit: str = "N m"

@@ -81,7 +81,7 @@ def _excitation(solution: RigidSolution) -> Iterator[Doubt]:
         if share > solution.estimate.identifiable_relative_std
     ]
     if poor and solution.base.condition > _POOR_CONDITION:
-        listed = ", ".join(poor[:5]) + (f" and {len(poor) - 5} more" if len(poor) > 5 else "")  # noqa: PLR2004
+        listed = ", ".join(poor[:5]) + (f" and {len(poor) - 5} more" if len(poor) > 5 else "")
         told = f"the motion has a condition number of {solution.base.condition:.3g}: {listed} suffer"
         yield Doubt("excitation", told, decisive=False, strength=solution.base.condition / _POOR_CONDITION)
 

@@ -111,7 +111,7 @@ def is_same_motion(one: Shot, other: Shot) -> bool:
     return bool((np.abs(one.position[:count] - other.position[:count]) / reach).max() < _SAME)
 
 
-def _seen_already(same: bool) -> tuple[Doubt, ...]:  # noqa: FBT001
+def _seen_already(same: bool) -> tuple[Doubt, ...]:
     if not same:
         return ()
     told = "the validation repeats the motion of the fit: it says nothing of other motions"

@@ -1,0 +1,107 @@
+"""What a rigid fit adds to page, terminal and summary."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid.artifacts.grade import grade_from_artifact
+from robid.families.family import Shown
+from robid.families.parameters import parameter_rows, parameter_summary
+from robid.families.rigid.files import solution_from_artifact, validation_from_artifact
+from robid.families.rigid.page.sections import sections
+from robid.fit.rigid.solution import RigidSolution
+from robid.report.content import FitReport, Headline, KeyNumber
+from robid.report.numbers import percent, significant
+from robid.report.parameter_section import parameter_numbers
+from robid.report.parameters import Estimates
+from robid.report.terminal import parameter_table
+from robid.validation.grade import Grade
+from robid.validation.rigid.validating import RigidValidation
+
+
+def report(shown: Shown) -> FitReport:
+    """Lays out a rigid fit for page, terminal and summary."""
+    solution = solution_from_artifact(shown.model)
+    validation = None if shown.validation is None else validation_from_artifact(shown.validation)
+    grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
+    estimates = _estimates(shown, solution)
+    joints = tuple(joint.name for joint in shown.data.loaded.robot.joints)
+    return FitReport(
+        headline=_headline(shown.data.name, solution, estimates, validation, grade),
+        verdict=_verdict(solution, validation, grade),
+        grade=grade.value,
+        sections=sections(solution, estimates, joints, validation),
+        parameters=estimates.rows,
+        summary=_summary(solution, estimates, validation, grade),
+        terminal=(parameter_table(estimates),),
+    )
+
+
+def _estimates(shown: Shown, solution: RigidSolution) -> Estimates:
+    estimate = solution.estimate
+    assumed = shown.data.loaded.robot.to_robot(0.0).assumed
+    return Estimates(
+        rows=parameter_rows(estimate, shown.true, assumed, solution.torque_unit),
+        level=estimate.confidence,
+        torque_unit=solution.torque_unit,
+        undetermined=estimate.undetermined,
+        identifiable_relative_std=estimate.identifiable_relative_std,
+        interval_rule=estimate.interval_rule,
+    )
+
+
+def _headline(
+    name: str, solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None, grade: Grade
+) -> Headline:
+    own = KeyNumber("Torques explained to", percent(solution.residuals.total_error), "of their size, own motion")
+    new = () if validation is None else (
+        KeyNumber("Torques predicted to", percent(validation.total_error), "of their size, another motion"),
+    )  # fmt: skip
+    condition = KeyNumber("Condition number", significant(solution.base.condition, 3), "of the scaled columns")
+    return Headline(
+        name=name,
+        numbers=(*parameter_numbers(estimates, usable=grade.value > 0), own, *new, condition),
+        doubts=tuple(doubt.sentence for doubt in grade.doubts),
+        status=solution.estimate.status.replace("_", " "),
+        advice=solution.estimate.advice,
+    )
+
+
+def _verdict(solution: RigidSolution, validation: RigidValidation | None, grade: Grade) -> str:
+    known = int(solution.estimate.identified.sum())
+    found = [grade.sentence, f"{known} of {len(solution.estimate.names)} base parameters are identified."]
+    if validation is None:
+        found.append("Not validated: no campaign was named to hold it against.")
+    elif validation.outcome.ok:
+        found.append(f"The model {validation.outcome.verdict}.")
+    return " ".join(found)
+
+
+def _summary(
+    solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None, grade: Grade
+) -> dict[str, float]:
+    checks, estimate = solution.checks, solution.estimate
+    found = {
+        "grade": float(grade.value),
+        "converged": float(estimate.status == "converged"),
+        "trust": float(checks.trust),
+        "condition": solution.base.condition,
+        "unscaled_condition": solution.base.unscaled_condition,
+        "relative_error": solution.residuals.total_error,
+        "largest_variation_from_huber": float(checks.huber_variation.max()),
+        "cut_hz": solution.filtered.cut_hz,
+        "identifiable": float(estimate.identifiable.sum()),
+        **parameter_summary(estimates.rows),
+    }
+    if checks.instrument_variation is not None:
+        found["largest_variation_from_instruments"] = float(checks.instrument_variation.max())
+    covered = [row.covered for row in estimates.rows if row.covered is not None]
+    if covered:
+        found["coverage"] = float(np.mean(covered))
+    if validation is not None:
+        found |= {
+            "validation.ok": float(validation.outcome.ok),
+            "validation.relative_error": validation.total_error,
+            "validation.worst_error_ratio": float(validation.error_ratio.max()),
+        }
+    return found
