@@ -209,7 +209,7 @@ def kind_of_name(name: str) -> str:
 
 def owner_of(name: str, kind: str) -> str:
     """What a parameter belongs to, where its name is made of that and its kind; else its whole name."""
-    return name.removesuffix(f".{kind}")
+    return name if PARAMETER_KINDS[kind].owner in _BARE else name.removesuffix(f".{kind}")
 
 
 def name_of(owner: str, kind: str) -> str:
