@@ -60,8 +60,8 @@ def robust_scale(residual: FloatArray) -> FloatArray:
     Source:
         Janot et al. (2009), eq. 18, with the median subtracted inside the magnitude.
     """
-    centre = np.nanmedian(residual, axis=0)
-    return np.asarray(np.nanmedian(np.abs(residual - centre), axis=0) / _GAUSSIAN)
+    centred = (joint[np.isfinite(joint)] - np.nanmedian(joint) for joint in residual.T)
+    return np.array([np.median(np.abs(joint)) for joint in centred]) / _GAUSSIAN
 
 
 def huber_weights(standardised: FloatArray, bend: float) -> FloatArray:
@@ -130,33 +130,33 @@ def _estimate(
     options: HuberOptions,
 ) -> HuberEstimate:
     parameters, inverse, condition = fit
-    standardised = residual / scale
-    weights = huber_weights(standardised, options.bend)
-    squares = weights * np.nan_to_num(standardised) ** 2
-    used = np.isfinite(standardised)
-    freedom = reduction.n_row * (1 - len(parameters) / used.sum())
+    n_row, n_param = reduction.n_row, len(parameters)
+    standardised = [joint[np.isfinite(joint)] / own for joint, own in zip(residual.T, scale, strict=True)]
+    squares = np.array([huber_weights(joint, options.bend) @ joint**2 for joint in standardised])
+    freedom = n_row * (1 - n_param / n_row.sum())
+    down = 1 - sum(np.count_nonzero(np.abs(joint) <= options.bend) for joint in standardised) / n_row.sum()
     if options.covariance == "weighted":
         covariance = inverse * squares.sum() / freedom.sum()
     else:
         _, plain, _ = solve_factor(reduction.weighted(scale**-2.0))
-        covariance = plain * _asymptotic_factor(standardised[used], options.bend, len(parameters))
+        scores = sum(float(np.sum(np.clip(joint, -options.bend, options.bend) ** 2)) for joint in standardised)
+        covariance = plain * _asymptotic_factor(scores / freedom.sum(), down, n_param / n_row.sum())
     return HuberEstimate(
         parameters=parameters,
         covariance=covariance,
-        deviation=np.sqrt(squares.sum(axis=0) / freedom) * scale,
-        n_row=reduction.n_row,
+        deviation=np.sqrt(squares / freedom) * scale,
+        n_row=n_row,
         weights=scale**-2.0,
         condition=condition,
         iterations=iterations,
         status=status,
         scale=scale,
-        share_down_weighted=float(np.mean(weights[used] < 1)),
+        share_down_weighted=float(down),
     )
 
 
-def _asymptotic_factor(standardised: FloatArray, bend: float, n_param: int) -> float:
+def _asymptotic_factor(mean_square_score: float, share_down: float, param_per_row: float) -> float:
     """What multiplies `(W' W)^-1` for an M-estimator (Huber 1981, eq. 7.6.10), residuals in deviations."""
-    score = np.clip(standardised, -bend, bend)
-    linear = float(np.mean(np.abs(standardised) <= bend))
-    correction = 1 + n_param / len(score) * (1 - linear) / linear
-    return float(correction**2 * np.sum(score**2) / (len(score) - n_param) / linear**2)
+    linear = 1 - share_down
+    correction = 1 + param_per_row * share_down / linear
+    return correction**2 * mean_square_score / linear**2

@@ -99,7 +99,9 @@ def prepare(
 
     smooth = filtered(position)
     centred = 0.5 * (torque + np.roll(torque, 1, axis=0)) if held else torque
-    slow = options.drop_deviations * speed_noise(position[inner] - smooth, sampling_period_s, options)
+    slow: FloatArray = np.zeros(n_joint)
+    if options.drop_deviations:
+        slow = options.drop_deviations * speed_noise(position[inner] - smooth, sampling_period_s, options)
     return Motion(
         sampling_period_s=sampling_period_s,
         position=smooth,

@@ -20,7 +20,6 @@ from robid.studies.janot2009.haptic import NAMES, NOMINAL, Bench, Device, measur
 FIRST_MOMENTS = ((1, 2),)
 _DROP_DEVIATIONS = 6.0
 _SIMULATIONS = 5
-_MEMORY_BYTES = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ def read(recording: Recording, seed: int, options: PreprocessingOptions, instrum
         instrument=None if instrument is None else instrument[:, None],
         held=True,
     )
-    return Remembered(Reading([motion], Device(), options.decimator(period)), _MEMORY_BYTES)
+    return Remembered(Reading([motion], Device(), options.decimator(period)))
 
 
 def identify(recording: Recording, cut_hz: float) -> tuple[list[Estimate], list[Conclusion]]:
