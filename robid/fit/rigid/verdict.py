@@ -164,7 +164,8 @@ def _sentence(huber: Variation, instruments: Variation | None, odd: bool, colour
         )
     if odd:
         return "Do not trust: the residuals are not Gaussian; find the outliers, or use Huber's estimate."
-    return f"Trust: {_largest(huber, names)} away from Huber's estimate at most, and the residuals are white."
+    others = "Huber's estimate" if instruments is None else "Huber's estimate and the instrumental variables"
+    return f"Trust: {others} agree within what noise explains, and the residuals are white and Gaussian."
 
 
 def _largest(variation: Variation, names: Sequence[str]) -> str:
