@@ -31,7 +31,10 @@ def low_pass(signal: FloatArray, sampling_period_s: float, cut_hz: float, order:
     from scipy.signal import sosfiltfilt
 
     sections = _butterworth(sampling_period_s, cut_hz, order)
-    return np.asarray(sosfiltfilt(sections, signal, axis=0))
+    filtered = np.empty(signal.shape)
+    for index in np.ndindex(signal.shape[1:]):  # one at a time: what it needs beside them is as long as one
+        filtered[:, *index] = sosfiltfilt(sections, signal[:, *index])
+    return filtered
 
 
 def low_pass_reach(sampling_period_s: float, cut_hz: float, order: int = 4) -> int:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rigid_models import random_rows, stacked
-from robid.fit.rigid.huber import HuberOptions, huber
+from robid.fit.rigid.huber import huber
+from robid.fit.rigid.options import HuberOptions
 from robid.fit.rigid.reduction import reduce_rows
 
 sm = pytest.importorskip("statsmodels.api")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.huber import HuberOptions, HuberRegression, huber
+from robid.fit.rigid.huber import HuberRegression, huber
 from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, weighted_least_squares
+from robid.fit.rigid.options import ConclusionOptions
 from robid.fit.rigid.reduction import Reduction, reduce_rows, residuals
 from robid.fit.rigid.residual_tests import expected_correlation
 from robid.fit.rigid.rows import RowSource
@@ -18,28 +19,11 @@ from robid.fit.rigid.uncertainty import (
     least_squares_influence,
     long_run_covariance,
 )
-from robid.fit.rigid.verdict import Verdict, VerdictOptions, judge
+from robid.fit.rigid.verdict import Verdict, judge
 from robid.signals.filters import Decimator
 
 LEAST_SQUARES, HUBER, INSTRUMENTS = range(3)
 """Order of the estimators in the joint covariance."""
-
-
-@dataclass(frozen=True)
-class ConclusionOptions:
-    """How rows are fitted and judged.
-
-    Attributes:
-        weighted: Whether each joint's rows have the inverse of their variance as weight.
-        huber: Huber's estimator.
-        verdict: The verdict.
-    """
-
-    weighted: bool = field(
-        default=True, metadata={"description": "Whether each joint's rows weigh by their residual variance."}
-    )
-    huber: HuberOptions = field(default_factory=HuberOptions)
-    verdict: VerdictOptions = field(default_factory=VerdictOptions)
 
 
 @dataclass(frozen=True)

@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from robid.arrays import FloatArray, IntArray, check_shape
+from robid.fit.rigid.options import ConsistencyOptions
 
 _ROOT2 = np.sqrt(2.0)
 _UPPER = tuple((row, column) for column in range(4) for row in range(column + 1))
-
-
-@dataclass(frozen=True)
-class ConsistencyOptions:
-    """How bodies are made real.
-
-    Attributes:
-        margin: Smallest eigenvalue of a pseudo-inertia, relative to the nominal body's size.
-        pull: Weight of the nominal parameters against the estimate, where no real body has the estimate.
-    """
-
-    margin: float = field(
-        default=1e-4,
-        metadata={"description": "Smallest eigenvalue of a pseudo-inertia over the body's size.", "ge": 0},
-    )
-    pull: float = field(
-        default=1e-3,
-        metadata={"description": "Weight of the nominal parameters where no real body has the estimate.", "gt": 0},
-    )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.fit.rigid.least_squares import weighted_least_squares
-from robid.fit.rigid.preprocessing import PreprocessingOptions, prepare
+from robid.fit.rigid.options import PreprocessingOptions
+from robid.fit.rigid.preprocessing import prepare
 from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows, residuals
 from robid.fit.rigid.residual_tests import check_whiteness, expected_correlation
@@ -23,7 +24,6 @@ _RATIO = 1.5
 _HIGHEST = 0.2  # of the sampling rate
 _LAGS = 10
 _WHITE = 0.2
-_MEMORY_BYTES = 1 << 28
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def _try(
 ) -> CutOffTrial:
     decimator = options.decimator(sampling_period_s)
     motion = prepare(position, torque, sampling_period_s, options, held=held)
-    rows = Remembered(Reading([motion], regressor, decimator), _MEMORY_BYTES)
+    rows = Remembered(Reading([motion], regressor, decimator))
     reduction = reduce_rows(rows)
     estimate = weighted_least_squares(reduction)
     expected = expected_correlation(rows, reduction, estimate, decimator.autocorrelation(_LAGS))

@@ -11,13 +11,13 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.rigid.base import BaseParameters, find_base_parameters, label, select_base
-from robid.fit.rigid.conclusion import ConclusionOptions, conclude
+from robid.fit.rigid.conclusion import conclude
 from robid.fit.rigid.cutoff import CutOffChoice, choose_cut_off, excited_band
 from robid.fit.rigid.huber import sweep_bend
 from robid.fit.rigid.instruments import instrumental_variables
 from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, weighted_least_squares
-from robid.fit.rigid.options import RigidFitOptions
-from robid.fit.rigid.preprocessing import Motion, PreprocessingOptions, prepare
+from robid.fit.rigid.options import ConclusionOptions, PreprocessingOptions, RigidFitOptions
+from robid.fit.rigid.preprocessing import Motion, prepare
 from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows
 from robid.fit.rigid.result import Found, first_moments, make_solution

@@ -11,34 +11,11 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, solve_factor
+from robid.fit.rigid.options import HuberOptions
 from robid.fit.rigid.reduction import Reduction, reduce_weighted, residuals
 from robid.fit.rigid.rows import RowSource
 
 _GAUSSIAN = 0.6745  # median of a standard Gaussian's magnitude
-
-
-@dataclass(frozen=True)
-class HuberOptions:
-    """How Huber's estimator weighs its rows.
-
-    Attributes:
-        bend: Residual, in deviations, beyond which a row loses weight (the paper's H).
-        covariance: The paper's eq. 19, or the asymptotic form of an M-estimator.
-        tolerance: Step at which to stop, in standard deviations of the parameters.
-        iteration_limit: Reweighted fits at most.
-    """
-
-    bend: float = field(
-        default=1.345, metadata={"description": "Residual in deviations beyond which a row loses weight.", "gt": 0}
-    )
-    covariance: Literal["weighted", "asymptotic"] = field(
-        default="asymptotic",
-        metadata={"description": "Covariance of the weighted rows (eq. 19), or the M-estimator's asymptotic one."},
-    )
-    tolerance: float = field(
-        default=1e-3, metadata={"description": "Step to stop at, in standard deviations of the parameters.", "gt": 0}
-    )
-    iteration_limit: int = field(default=100, metadata={"description": "Reweighted fits at most.", "ge": 1})
 
 
 @dataclass(frozen=True)
@@ -60,8 +37,8 @@ def robust_scale(residual: FloatArray) -> FloatArray:
     Source:
         Janot et al. (2009), eq. 18, with the median subtracted inside the magnitude.
     """
-    centre = np.nanmedian(residual, axis=0)
-    return np.asarray(np.nanmedian(np.abs(residual - centre), axis=0) / _GAUSSIAN)
+    centred = (joint[np.isfinite(joint)] - np.nanmedian(joint) for joint in residual.T)
+    return np.array([np.median(np.abs(joint)) for joint in centred]) / _GAUSSIAN
 
 
 def huber_weights(standardised: FloatArray, bend: float) -> FloatArray:
@@ -130,33 +107,33 @@ def _estimate(
     options: HuberOptions,
 ) -> HuberRegression:
     parameters, inverse, condition = fit
-    standardised = residual / scale
-    weights = huber_weights(standardised, options.bend)
-    squares = weights * np.nan_to_num(standardised) ** 2
-    used = np.isfinite(standardised)
-    freedom = reduction.n_row * (1 - len(parameters) / used.sum())
+    n_row, n_param = reduction.n_row, len(parameters)
+    standardised = [joint[np.isfinite(joint)] / own for joint, own in zip(residual.T, scale, strict=True)]
+    squares = np.array([huber_weights(joint, options.bend) @ joint**2 for joint in standardised])
+    freedom = n_row * (1 - n_param / n_row.sum())
+    down = 1 - sum(np.count_nonzero(np.abs(joint) <= options.bend) for joint in standardised) / n_row.sum()
     if options.covariance == "weighted":
         covariance = inverse * squares.sum() / freedom.sum()
     else:
         _, plain, _ = solve_factor(reduction.weighted(scale**-2.0))
-        covariance = plain * _asymptotic_factor(standardised[used], options.bend, len(parameters))
+        scores = sum(float(np.sum(np.clip(joint, -options.bend, options.bend) ** 2)) for joint in standardised)
+        covariance = plain * _asymptotic_factor(scores / freedom.sum(), down, n_param / n_row.sum())
     return HuberRegression(
         parameters=parameters,
         covariance=covariance,
-        deviation=np.sqrt(squares.sum(axis=0) / freedom) * scale,
-        n_row=reduction.n_row,
+        deviation=np.sqrt(squares / freedom) * scale,
+        n_row=n_row,
         weights=scale**-2.0,
         condition=condition,
         iterations=iterations,
         status=status,
         scale=scale,
-        share_down_weighted=float(np.mean(weights[used] < 1)),
+        share_down_weighted=float(down),
     )
 
 
-def _asymptotic_factor(standardised: FloatArray, bend: float, n_param: int) -> float:
+def _asymptotic_factor(mean_square_score: float, share_down: float, param_per_row: float) -> float:
     """What multiplies `(W' W)^-1` for an M-estimator (Huber 1981, eq. 7.6.10), residuals in deviations."""
-    score = np.clip(standardised, -bend, bend)
-    linear = float(np.mean(np.abs(standardised) <= bend))
-    correction = 1 + n_param / len(score) * (1 - linear) / linear
-    return float(correction**2 * np.sum(score**2) / (len(score) - n_param) / linear**2)
+    linear = 1 - share_down
+    correction = 1 + param_per_row * share_down / linear
+    return correction**2 * mean_square_score / linear**2

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.fit.rigid.least_squares import Regression
+from robid.fit.rigid.options import InstrumentOptions
 from robid.fit.rigid.reduction import residuals
 from robid.fit.rigid.rows import RowSource
 from robid.fit.rigid.uncertainty import Influence
-
-
-@dataclass(frozen=True)
-class InstrumentOptions:
-    """When instrumental variables have converged.
-
-    Attributes:
-        tolerance: Step at which to stop, in standard deviations of the parameters.
-        iteration_limit: Simulations at most.
-    """
-
-    tolerance: float = field(
-        default=0.05, metadata={"description": "Step to stop at, in standard deviations of the parameters.", "gt": 0}
-    )
-    iteration_limit: int = field(default=20, metadata={"description": "Simulations at most.", "ge": 1})
 
 
 def instrumental_variables(

@@ -3,17 +3,180 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from robid.fit.rigid.base import BaseOptions
-from robid.fit.rigid.consistency import ConsistencyOptions
-from robid.fit.rigid.huber import HuberOptions
-from robid.fit.rigid.instruments import InstrumentOptions
-from robid.fit.rigid.preprocessing import PreprocessingOptions
-from robid.fit.rigid.verdict import VerdictOptions
 from robid.robot.regressor.options import RigidOptions
 
+if TYPE_CHECKING:
+    from robid.signals.filters import Decimator
+
 EstimatorName = Literal["ordinary", "weighted", "huber", "instruments"]
+
+
+@dataclass(frozen=True)
+class BaseOptions:
+    """How base parameters are found."""
+
+    n_sample: int = field(
+        default=500, metadata={"description": "Random configurations with speeds and accelerations.", "ge": 10}
+    )
+    speed_rad_s: float = field(default=2.0, metadata={"description": "Largest arm speed [rad/s, or m/s].", "gt": 0})
+    acceleration_rad_s2: float = field(
+        default=10.0, metadata={"description": "Largest arm acceleration [rad/s^2, or m/s^2].", "gt": 0}
+    )
+    threshold: float = field(
+        default=1e-8,
+        metadata={
+            "description": "Columns, each scaled to 1, that lie nearer than this to the space of others are dependent.",
+            "gt": 0,
+            "lt": 1,
+        },
+    )
+    seed: int = field(default=0, metadata={"description": "Seed of the random configurations.", "ge": 0})
+
+
+@dataclass(frozen=True)
+class ConsistencyOptions:
+    """How bodies are made real.
+
+    Attributes:
+        margin: Smallest eigenvalue of a pseudo-inertia, relative to the nominal body's size.
+        pull: Weight of the nominal parameters against the estimate, where no real body has the estimate.
+    """
+
+    margin: float = field(
+        default=1e-4,
+        metadata={"description": "Smallest eigenvalue of a pseudo-inertia over the body's size.", "ge": 0},
+    )
+    pull: float = field(
+        default=1e-3,
+        metadata={"description": "Weight of the nominal parameters where no real body has the estimate.", "gt": 0},
+    )
+
+
+@dataclass(frozen=True)
+class HuberOptions:
+    """How Huber's estimator weighs its rows.
+
+    Attributes:
+        bend: Residual, in deviations, beyond which a row loses weight (the paper's H).
+        covariance: The paper's eq. 19, or the asymptotic form of an M-estimator.
+        tolerance: Step at which to stop, in standard deviations of the parameters.
+        iteration_limit: Reweighted fits at most.
+    """
+
+    bend: float = field(
+        default=1.345, metadata={"description": "Residual in deviations beyond which a row loses weight.", "gt": 0}
+    )
+    covariance: Literal["weighted", "asymptotic"] = field(
+        default="asymptotic",
+        metadata={"description": "Covariance of the weighted rows (eq. 19), or the M-estimator's asymptotic one."},
+    )
+    tolerance: float = field(
+        default=1e-3, metadata={"description": "Step to stop at, in standard deviations of the parameters.", "gt": 0}
+    )
+    iteration_limit: int = field(default=100, metadata={"description": "Reweighted fits at most.", "ge": 1})
+
+
+@dataclass(frozen=True)
+class InstrumentOptions:
+    """When instrumental variables have converged.
+
+    Attributes:
+        tolerance: Step at which to stop, in standard deviations of the parameters.
+        iteration_limit: Simulations at most.
+    """
+
+    tolerance: float = field(
+        default=0.05, metadata={"description": "Step to stop at, in standard deviations of the parameters.", "gt": 0}
+    )
+    iteration_limit: int = field(default=20, metadata={"description": "Simulations at most.", "ge": 1})
+
+
+@dataclass(frozen=True)
+class PreprocessingOptions:
+    """Filters of an inverse-dynamics fit.
+
+    Attributes:
+        position_cut_hz: Cut-off of the positions' low pass; None has it chosen from the data.
+        position_order: Order of one of its two passes.
+        decimation: Samples per kept sample; 0 keeps twice the cut-off's rate.
+        drop_deviations: Rows about speeds below so many deviations of the speed's noise are dropped; 0 keeps all.
+    """
+
+    position_cut_hz: float | None = field(
+        default=None,
+        metadata={
+            "description": "Cut-off of the positions' low pass [Hz]; when not given the lowest above the motion's band"
+            " that leaves white residuals.",
+            "gt": 0,
+        },
+    )
+    position_order: int = field(default=4, metadata={"description": "Order of one of its two passes.", "ge": 1})
+    decimation: int = field(
+        default=0, metadata={"description": "Samples per kept sample; 0 keeps twice the cut-off's rate.", "ge": 0}
+    )
+    drop_deviations: float = field(
+        default=0.0,
+        metadata={"description": "Deviations of the speed's noise below which rows are dropped; 0 keeps all.", "ge": 0},
+    )
+
+    @property
+    def cut_hz(self) -> float:
+        """The cut-off, once it is known [Hz]."""
+        if self.position_cut_hz is None:
+            message = "the cut-off is to be chosen from the data first"
+            raise ValueError(message)
+        return self.position_cut_hz
+
+    def decimator(self, sampling_period_s: float) -> Decimator:
+        """Designs the filter that torques and columns pass."""
+        from robid.signals.filters import design_decimator
+
+        twice = round(1 / (2 * self.cut_hz * sampling_period_s))
+        return design_decimator(self.decimation or max(1, twice))
+
+
+@dataclass(frozen=True)
+class VerdictOptions:
+    """When the verdict speaks against least squares.
+
+    Attributes:
+        level: Chance of a false alarm of all tests together.
+        variation: Relative difference from Huber's or the instruments' estimate that matters.
+        shape: Skewness, or half the excess kurtosis, that matters.
+        correlation: Autocorrelation that matters.
+        lags: Lags of the whiteness test.
+    """
+
+    level: float = field(
+        default=0.02, metadata={"description": "Chance of a false alarm of all tests together.", "gt": 0, "lt": 1}
+    )
+    variation: float = field(
+        default=0.05, metadata={"description": "Relative difference of two estimates that matters.", "ge": 0}
+    )
+    shape: float = field(
+        default=0.25, metadata={"description": "Skewness, or half the excess kurtosis, that matters.", "ge": 0}
+    )
+    correlation: float = field(default=0.2, metadata={"description": "Autocorrelation that matters.", "ge": 0})
+    lags: int = field(default=10, metadata={"description": "Lags of the whiteness test.", "ge": 1})
+
+
+@dataclass(frozen=True)
+class ConclusionOptions:
+    """How rows are fitted and judged.
+
+    Attributes:
+        weighted: Whether each joint's rows have the inverse of their variance as weight.
+        huber: Huber's estimator.
+        verdict: The verdict.
+    """
+
+    weighted: bool = field(
+        default=True, metadata={"description": "Whether each joint's rows weigh by their residual variance."}
+    )
+    huber: HuberOptions = field(default_factory=HuberOptions)
+    verdict: VerdictOptions = field(default_factory=VerdictOptions)
 
 
 @dataclass(frozen=True)

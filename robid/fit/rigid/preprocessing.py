@@ -2,54 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from robid.arrays import FloatArray, check_shape
-from robid.signals.filters import Decimator, design_decimator, low_pass, low_pass_gain, low_pass_reach
-
-
-@dataclass(frozen=True)
-class PreprocessingOptions:
-    """Filters of an inverse-dynamics fit.
-
-    Attributes:
-        position_cut_hz: Cut-off of the positions' low pass; None has it chosen from the data.
-        position_order: Order of one of its two passes.
-        decimation: Samples per kept sample; 0 keeps twice the cut-off's rate.
-        drop_deviations: Rows about speeds below so many deviations of the speed's noise are dropped; 0 keeps all.
-    """
-
-    position_cut_hz: float | None = field(
-        default=None,
-        metadata={
-            "description": "Cut-off of the positions' low pass [Hz]; when not given the lowest above the motion's band"
-            " that leaves white residuals.",
-            "gt": 0,
-        },
-    )
-    position_order: int = field(default=4, metadata={"description": "Order of one of its two passes.", "ge": 1})
-    decimation: int = field(
-        default=0, metadata={"description": "Samples per kept sample; 0 keeps twice the cut-off's rate.", "ge": 0}
-    )
-    drop_deviations: float = field(
-        default=0.0,
-        metadata={"description": "Deviations of the speed's noise below which rows are dropped; 0 keeps all.", "ge": 0},
-    )
-
-    @property
-    def cut_hz(self) -> float:
-        """The cut-off, once it is known [Hz]."""
-        if self.position_cut_hz is None:
-            message = "the cut-off is to be chosen from the data first"
-            raise ValueError(message)
-        return self.position_cut_hz
-
-    def decimator(self, sampling_period_s: float) -> Decimator:
-        """Designs the filter that torques and columns pass."""
-        twice = round(1 / (2 * self.cut_hz * sampling_period_s))
-        return design_decimator(self.decimation or max(1, twice))
+from robid.fit.rigid.options import PreprocessingOptions
+from robid.signals.filters import low_pass, low_pass_gain, low_pass_reach
 
 
 @dataclass(frozen=True)
@@ -114,7 +73,9 @@ def prepare(
 
     smooth = filtered(position)
     centred = 0.5 * (torque + np.roll(torque, 1, axis=0)) if held else torque
-    slow = options.drop_deviations * speed_noise(position[inner] - smooth, sampling_period_s, options)
+    slow: FloatArray = np.zeros(n_joint)
+    if options.drop_deviations:
+        slow = options.drop_deviations * speed_noise(position[inner] - smooth, sampling_period_s, options)
     return Motion(
         sampling_period_s=sampling_period_s,
         position=smooth,

@@ -16,8 +16,7 @@ from robid.fit.rigid.consistency import make_consistent, pseudo_inertia
 from robid.fit.rigid.cutoff import CutOffChoice
 from robid.fit.rigid.huber import HuberRegression, huber_weights
 from robid.fit.rigid.least_squares import Regression
-from robid.fit.rigid.options import EstimatorName, RigidFitOptions
-from robid.fit.rigid.preprocessing import PreprocessingOptions
+from robid.fit.rigid.options import EstimatorName, PreprocessingOptions, RigidFitOptions
 from robid.fit.rigid.solution import Base, Checks, Estimators, Filtered, RigidSolution, RowResiduals, StandardSet
 from robid.fit.rigid.verdict import Verdict, scale_of
 from robid.robot.regressor.model import RigidModel

@@ -10,6 +10,8 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 
+_BUDGET_BYTES = 384 << 20
+
 
 class Regressor(Protocol):
     """An inverse dynamics that is linear in its parameters."""
@@ -103,7 +105,7 @@ class Remembered:
         budget_bytes: What the kept blocks may take.
     """
 
-    def __init__(self, source: RowSource, budget_bytes: int) -> None:
+    def __init__(self, source: RowSource, budget_bytes: int = _BUDGET_BYTES) -> None:
         self._source = source
         self._budget = budget_bytes
         self._kept: dict[int, Rows] = {}

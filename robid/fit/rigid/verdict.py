@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import t as student
@@ -11,33 +11,9 @@ from scipy.stats import t as student
 from robid.arrays import FloatArray
 from robid.fit.rigid.huber import HuberRegression
 from robid.fit.rigid.least_squares import Regression
+from robid.fit.rigid.options import VerdictOptions
 from robid.fit.rigid.residual_tests import Normality, Whiteness, check_normality, check_whiteness
 from robid.fit.rigid.uncertainty import LongRun
-
-
-@dataclass(frozen=True)
-class VerdictOptions:
-    """When the verdict speaks against least squares.
-
-    Attributes:
-        level: Chance of a false alarm of all tests together.
-        variation: Relative difference from Huber's or the instruments' estimate that matters.
-        shape: Skewness, or half the excess kurtosis, that matters.
-        correlation: Autocorrelation that matters.
-        lags: Lags of the whiteness test.
-    """
-
-    level: float = field(
-        default=0.02, metadata={"description": "Chance of a false alarm of all tests together.", "gt": 0, "lt": 1}
-    )
-    variation: float = field(
-        default=0.05, metadata={"description": "Relative difference of two estimates that matters.", "ge": 0}
-    )
-    shape: float = field(
-        default=0.25, metadata={"description": "Skewness, or half the excess kurtosis, that matters.", "ge": 0}
-    )
-    correlation: float = field(default=0.2, metadata={"description": "Autocorrelation that matters.", "ge": 0})
-    lags: int = field(default=10, metadata={"description": "Lags of the whiteness test.", "ge": 1})
 
 
 @dataclass(frozen=True)
@@ -164,7 +140,8 @@ def _sentence(huber: Variation, instruments: Variation | None, odd: bool, colour
         )
     if odd:
         return "Do not trust: the residuals are not Gaussian; find the outliers, or use Huber's estimate."
-    return f"Trust: {_largest(huber, names)} away from Huber's estimate at most, and the residuals are white."
+    others = "Huber's estimate" if instruments is None else "Huber's estimate and the instrumental variables"
+    return f"Trust: {others} agree within what noise explains, and the residuals are white and Gaussian."
 
 
 def _largest(variation: Variation, names: Sequence[str]) -> str:

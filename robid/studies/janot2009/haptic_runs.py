@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.conclusion import Conclusion, ConclusionOptions, conclude
+from robid.fit.rigid.conclusion import Conclusion, conclude
 from robid.fit.rigid.instruments import solve_instruments
 from robid.fit.rigid.least_squares import Regression, ordinary_least_squares
-from robid.fit.rigid.preprocessing import PreprocessingOptions, prepare
+from robid.fit.rigid.options import ConclusionOptions, PreprocessingOptions
+from robid.fit.rigid.preprocessing import prepare
 from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows
 from robid.fit.rigid.rows import Remembered
@@ -20,7 +21,6 @@ from robid.studies.janot2009.haptic import NAMES, NOMINAL, Bench, Device, measur
 FIRST_MOMENTS = ((1, 2),)
 _DROP_DEVIATIONS = 6.0
 _SIMULATIONS = 5
-_MEMORY_BYTES = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def read(recording: Recording, seed: int, options: PreprocessingOptions, instrum
         instrument=None if instrument is None else instrument[:, None],
         held=True,
     )
-    return Remembered(Reading([motion], Device(), options.decimator(period)), _MEMORY_BYTES)
+    return Remembered(Reading([motion], Device(), options.decimator(period)))
 
 
 def identify(recording: Recording, cut_hz: float) -> tuple[list[Regression], list[Conclusion]]:

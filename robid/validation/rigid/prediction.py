@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.preprocessing import PreprocessingOptions, prepare
+from robid.fit.rigid.options import PreprocessingOptions
+from robid.fit.rigid.preprocessing import prepare
 from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.shots import Shot
 from robid.robot.regressor.model import RigidModel

@@ -9,8 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.fit.rigid.options import RigidFitOptions
-from robid.fit.rigid.preprocessing import PreprocessingOptions
+from robid.fit.rigid.options import PreprocessingOptions, RigidFitOptions
 from robid.fit.rigid.shots import Shot
 from robid.fit.rigid.solution import RigidSolution
 from robid.robot.description import Robot

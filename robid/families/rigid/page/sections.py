@@ -106,7 +106,7 @@ def _estimator_table(solution: RigidSolution) -> Table:
         " least squares from the others (eq. 22 of the paper, over at least three deviations, first moments over their"
         " vector's length)."
     )
-    styles: tuple[ColumnStyle, ...] = ("name", *(("number",) * (len(heads) - 1)))
+    styles: tuple[ColumnStyle, ...] = ("name", *_numbers(len(heads) - 1))
     return Table(heads, rows, title="Estimators beside each other", caption=caption, styles=styles)
 
 
@@ -132,7 +132,7 @@ def _test_table(solution: RigidSolution, joints: Sequence[str]) -> Table:
     caption = (
         "Residuals of weighted least squares over the torque's size. Of a Gaussian 0.27 % lie beyond 3 deviations."
     )
-    return Table(heads, rows, title="Residuals", caption=caption, styles=("name", *(("number",) * 5)))
+    return Table(heads, rows, title="Residuals", caption=caption, styles=("name", *_numbers(5)))
 
 
 def _bend_table(solution: RigidSolution) -> Table:
@@ -140,7 +140,7 @@ def _bend_table(solution: RigidSolution) -> Table:
     heads = ("Parameter", *(f"H = {bend:g}" for bend in found.bends.tolist()))
     columns = [[f"{value:.4g}" for value in row] for row in found.bent.tolist()]
     rows = tuple(zip(solution.estimate.names, *columns, strict=True))
-    styles: tuple[ColumnStyle, ...] = ("name", *(("number",) * len(columns)))
+    styles: tuple[ColumnStyle, ...] = ("name", *_numbers(len(columns)))
     return Table(heads, rows, styles=styles)
 
 
@@ -176,3 +176,8 @@ def _prediction(validation: RigidValidation, joints: Sequence[str], unit: str) -
     figures = tuple(torques(validation.prediction, joint, name, unit) for joint, name in enumerate(joints))
     lead = f"The model {validation.outcome.verdict}."
     return Section("Predicted torques", lead, (table, *figures), "prediction")
+
+
+def _numbers(count: int) -> tuple[ColumnStyle, ...]:
+    number: ColumnStyle = "number"
+    return (number,) * count

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.fit.rigid.cutoff import choose_cut_off, excited_band
-from robid.fit.rigid.preprocessing import PreprocessingOptions
+from robid.fit.rigid.options import PreprocessingOptions
 from robid.studies.janot2009.haptic import Bench, Device
 from robid.studies.janot2009.haptic_runs import record
 

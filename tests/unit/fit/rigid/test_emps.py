@@ -8,7 +8,8 @@ from rigid_models import Slide, stacked
 from robid.fit.rigid.cutoff import choose_cut_off
 from robid.fit.rigid.huber import huber
 from robid.fit.rigid.least_squares import ordinary_least_squares
-from robid.fit.rigid.preprocessing import PreprocessingOptions, prepare
+from robid.fit.rigid.options import PreprocessingOptions
+from robid.fit.rigid.preprocessing import prepare
 from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows
 

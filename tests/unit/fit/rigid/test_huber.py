@@ -5,8 +5,9 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 from rigid_models import random_rows, stacked
-from robid.fit.rigid.huber import HuberOptions, huber, huber_weights, robust_scale, sweep_bend
+from robid.fit.rigid.huber import huber, huber_weights, robust_scale, sweep_bend
 from robid.fit.rigid.least_squares import ordinary_least_squares
+from robid.fit.rigid.options import HuberOptions
 from robid.fit.rigid.reduction import reduce_rows
 from robid.fit.rigid.rows import Rows
 from tolerances import RECOVERY

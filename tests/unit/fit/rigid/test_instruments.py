@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from rigid_models import random_rows
-from robid.fit.rigid.instruments import InstrumentOptions, instrumental_variables, solve_instruments
+from robid.fit.rigid.instruments import instrumental_variables, solve_instruments
 from robid.fit.rigid.least_squares import ordinary_least_squares
+from robid.fit.rigid.options import InstrumentOptions
 from robid.fit.rigid.reduction import reduce_rows
 from robid.fit.rigid.rows import Rows
 from robid.fit.rigid.uncertainty import long_run_covariance

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rigid_models import Arm, Slide
-from robid.fit.rigid.preprocessing import PreprocessingOptions, prepare, speed_noise
+from robid.fit.rigid.options import PreprocessingOptions
+from robid.fit.rigid.preprocessing import prepare, speed_noise
 from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.rows import Remembered
 from robid.signals.filters import central_differences, low_pass, low_pass_reach
@@ -96,12 +97,27 @@ def test_slow_samples_are_dropped_by_the_instruments_speed():
     assert 0.05 < np.mean(~used) < 0.3
 
 
+def test_the_instruments_speed_gives_friction_its_sign():
+    position, torque = _record()
+    late = np.roll(position, 60, axis=0)
+    motion = prepare(position, torque, PERIOD_S, OPTIONS, instrument=late)
+    (rows,) = Reading([motion], Arm(), OPTIONS.decimator(PERIOD_S))
+    (alone,) = Reading([prepare(late, torque, PERIOD_S, OPTIONS)], Arm(), OPTIONS.decimator(PERIOD_S))
+    (own,) = Reading([prepare(position, torque, PERIOD_S, OPTIONS)], Arm(), OPTIONS.decimator(PERIOD_S))
+    np.testing.assert_array_equal(rows.instruments, alone.columns)
+    np.testing.assert_array_equal(rows.columns[..., 6:], alone.columns[..., 6:])
+    np.testing.assert_array_equal(rows.columns[..., :6], own.columns[..., :6])
+    assert np.abs(own.columns - alone.columns)[..., 6:].max() > 1
+
+
 def test_noise_of_the_speed_is_estimated_from_what_the_filter_took():
     generator = np.random.default_rng(5)
     position = 1e-3 * generator.standard_normal((200_000, 1))
-    smooth = low_pass(position, PERIOD_S, 25.0)
-    speed, _ = central_differences(smooth, PERIOD_S)
-    assert speed_noise(position - smooth, PERIOD_S, OPTIONS)[0] == pytest.approx(speed.std(), rel=0.02)
+    for cut_hz in (25.0, 180.0):
+        smooth = low_pass(position, PERIOD_S, cut_hz)
+        speed, _ = central_differences(smooth, PERIOD_S)
+        found = speed_noise(position - smooth, PERIOD_S, PreprocessingOptions(cut_hz))
+        assert found[0] == pytest.approx(speed.std(), rel=0.02)
 
 
 def test_a_held_torque_is_centred_about_its_samples():

@@ -32,6 +32,16 @@ def test_filtered_white_noise_is_white_net_of_its_filter_with_and_without_gaps()
     assert np.mean(np.array(chances) < 0.5) == pytest.approx(0.5, abs=0.08)
 
 
+def test_noise_that_its_filter_correlates_strongly_is_white_net_of_it():
+    own = np.zeros(11)
+    own[:4] = np.convolve(np.ones(4), np.ones(4))[3:] / 4
+    chances = []
+    for seed in range(300):
+        noise = np.convolve(np.random.default_rng(seed).standard_normal(2003), np.ones(4), "valid")
+        chances.append(check_whiteness(noise, own).p_value)
+    assert np.mean(np.array(chances) < 0.05) == pytest.approx(0.05, abs=0.04)
+
+
 def test_a_filter_forgotten_looks_like_colour():
     alone = np.r_[1.0, np.zeros(10)]
     residual = _filtered(np.random.default_rng(1), 20_000)

@@ -6,8 +6,9 @@ from scipy.signal import lfilter
 
 from rigid_models import random_rows
 from robid.fit.rigid.bootstrap import bootstrap_blocks
-from robid.fit.rigid.huber import HuberOptions, huber
+from robid.fit.rigid.huber import huber
 from robid.fit.rigid.least_squares import ordinary_least_squares, weighted_least_squares
+from robid.fit.rigid.options import HuberOptions
 from robid.fit.rigid.reduction import reduce_rows
 from robid.fit.rigid.rows import Rows
 from robid.fit.rigid.uncertainty import huber_influence, least_squares_influence, long_run_covariance

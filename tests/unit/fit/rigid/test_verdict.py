@@ -5,10 +5,11 @@ import pytest
 from scipy.signal import lfilter
 
 from rigid_models import random_rows
-from robid.fit.rigid.conclusion import INSTRUMENTS, ConclusionOptions, conclude
+from robid.fit.rigid.conclusion import INSTRUMENTS, conclude
 from robid.fit.rigid.instruments import solve_instruments
+from robid.fit.rigid.options import ConclusionOptions, VerdictOptions
 from robid.fit.rigid.rows import Rows
-from robid.fit.rigid.verdict import VerdictOptions, scale_of
+from robid.fit.rigid.verdict import scale_of
 from robid.signals.filters import design_decimator
 
 NAMES = ("a", "b", "c")
@@ -52,12 +53,13 @@ def test_a_bias_that_huber_shares_is_seen_by_the_instruments_alone():
 
 
 def test_a_difference_that_does_not_matter_is_silent():
-    rows = _with_instruments(0, 0.06)
-    verdict = _concluded(rows, instrumented=True).verdict
-    small = verdict.instruments
-    assert not small.alarm
-    eager = ConclusionOptions(verdict=VerdictOptions(variation=0.001))
-    assert _concluded(_with_instruments(0, 0.1), True, eager).verdict.instruments.alarm
+    rows = _with_instruments(0, 0.18)
+    difference = _concluded(rows, instrumented=True).verdict.instruments
+    assert difference.p_value.min() < 1e-6
+    assert 0.02 < difference.relative.max() < 0.05
+    assert not difference.alarm
+    eager = ConclusionOptions(verdict=VerdictOptions(variation=0.01))
+    assert _concluded(rows, True, eager).verdict.instruments.alarm
 
 
 def test_outliers_that_depend_on_the_motion_are_seen_by_huber():
