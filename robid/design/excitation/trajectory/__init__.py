@@ -1,0 +1,1 @@
+"""Exciting trajectories for rigid dynamics. Read `series`, `limits`, `criterion`, `search`, then `design`."""
