@@ -15,7 +15,12 @@ _SETTLED = 1.0  # steps in which friction may reverse a motor at most
 
 
 def simulate_rigid(
-    model: RigidModel, parameters: FloatArray, robot: Robot, controller: Controller, command: FloatArray
+    model: RigidModel,
+    parameters: FloatArray,
+    robot: Robot,
+    controller: Controller,
+    command: FloatArray,
+    feed_forward: FloatArray,
 ) -> FloatArray:
     """Simulates the closed loop of a rigid model, one run for each command.
 
@@ -25,6 +30,7 @@ def simulate_rigid(
         robot: The robot, for limits and for the rotor inertias that the controller was tuned to.
         controller: Its controller.
         command (n_run, n_sample, n_joint): Motor angles that the controller is told [rad].
+        feed_forward (n_run, n_sample, n_joint): Motor speeds that it is told besides [rad/s].
 
     Returns:
         Motor angles (n_run, n_sample, n_joint) at the controller's samples [rad]; they begin on the command.
@@ -38,10 +44,10 @@ def simulate_rigid(
     hold = dynamics.inertia_and_bias(angle, np.zeros_like(speed))[1]
     cascade = Cascade(controller, robot.motor_inertia_kgm2, limit, angle - period * speed, hold)
     pending = [hold.copy() for _ in range(controller.delay_samples)]
-    found, none = np.empty_like(command), np.zeros_like(angle)
+    found = np.empty_like(command)
     for sample in range(command.shape[1]):
         found[:, sample] = angle
-        pending.append(cascade.command(angle, command[:, sample], none))
+        pending.append(cascade.command(angle, command[:, sample], feed_forward[:, sample]))
         angle, speed = _step(dynamics, angle, speed, pending.pop(0), period)
     return found
 

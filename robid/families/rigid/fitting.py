@@ -82,11 +82,16 @@ def _loop(data: Data, robot: Robot, shots: Sequence[Shot]) -> Simulate | None:
     """Simulates the loop of the shots, where controller and commands are known and it is wanted."""
     controller, settings = data.loaded.robot.controller, rigid_fit(data.loaded.experiment, data.name)
     commands = [shot.command for shot in shots if shot.command is not None]
-    same = len({len(shot.position) for shot in shots}) == 1
+    same = len({len(command.angle) for command in commands}) == 1
     if settings.instruments == "none" or controller is None or len(commands) < len(shots) or not same:
         return None
 
     def simulate(model: RigidModel, values: FloatArray) -> Sequence[FloatArray]:
-        return list(simulate_rigid(model, values, robot, controller, np.stack(commands)))
+        # What repeats has settled after one period.
+        times = 2 if commands[0].periodic else 1
+        told = (np.tile([getattr(one, name) for one in commands], (1, times, 1)) for name in ("angle", "speed"))
+        found = simulate_rigid(model, values, robot, controller, *told)
+        late = shots[0].late_samples
+        return list(found[:, -len(commands[0].angle) + late :])
 
     return simulate

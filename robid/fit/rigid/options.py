@@ -102,6 +102,7 @@ class PreprocessingOptions:
         position_order: Order of one of its two passes.
         decimation: Samples per kept sample; 0 keeps twice the cut-off's rate.
         drop_deviations: Rows about speeds below so many deviations of the speed's noise are dropped; 0 keeps all.
+        drop_below_rad_s: Rows about motor speeds below this are dropped, where friction has another form; 0 keeps all.
     """
 
     position_cut_hz: float | None = field(
@@ -119,6 +120,14 @@ class PreprocessingOptions:
     drop_deviations: float = field(
         default=0.0,
         metadata={"description": "Deviations of the speed's noise below which rows are dropped; 0 keeps all.", "ge": 0},
+    )
+    drop_below_rad_s: float = field(
+        default=0.0,
+        metadata={
+            "description": "Motor speed below which rows are dropped, where friction is not Coulomb's [rad/s]; 0 keeps"
+            " all.",
+            "ge": 0,
+        },
     )
 
     @property

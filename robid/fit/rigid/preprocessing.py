@@ -73,9 +73,10 @@ def prepare(
 
     smooth = filtered(position)
     centred = 0.5 * (torque + np.roll(torque, 1, axis=0)) if held else torque
-    slow: FloatArray = np.zeros(n_joint)
+    slow: FloatArray = np.full(n_joint, options.drop_below_rad_s)
     if options.drop_deviations:
-        slow = options.drop_deviations * speed_noise(position[inner] - smooth, sampling_period_s, options)
+        noise = speed_noise(position[inner] - smooth, sampling_period_s, options)
+        slow = np.maximum(slow, options.drop_deviations * noise)
     return Motion(
         sampling_period_s=sampling_period_s,
         position=smooth,

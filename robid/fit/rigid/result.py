@@ -54,9 +54,15 @@ class Found:
         return found if instruments is None else {**found, "instruments": instruments}
 
     def covariance(self, name: EstimatorName) -> FloatArray:
-        """Covariance (n_base, n_base) of one estimator that respects correlated residuals."""
+        """Covariance (n_base, n_base) of one estimator that respects correlated residuals.
+
+        Its variances are the long-run ones; so few degrees of freedom do not determine correlations, which are those
+        of the estimator's own formula.
+        """
         place = {"huber": HUBER, "instruments": INSTRUMENTS}.get(name, LEAST_SQUARES)
-        return self.conclusion.long_run.of(place)
+        own = self.by_name[name]
+        ratio = np.sqrt(np.diag(self.conclusion.long_run.of(place))) / own.standard_deviation
+        return np.asarray(own.covariance * np.outer(ratio, ratio))
 
 
 def make_solution(
@@ -172,16 +178,17 @@ def _estimate(
         relative_half_width=reach / size,
         identifiable=identifiable,
         identifiable_relative_std=limit,
-        undetermined=tuple(
-            f"{one} is known only to {share:.0%}: the motion excites {label} too little"
-            for one, label, share, told in zip(
-                reduced.names, base.labels, (std / size).tolist(), (std / size > limit).tolist(), strict=True
-            )
-            if told
-        ),
+        undetermined=_poorly_known(reduced.names, std / size, limit),
         status=status,
         advice="" if status == "converged" else f"{name} least squares has not converged: raise its iteration limit",
     )
+
+
+def _poorly_known(names: Sequence[str], relative_std: FloatArray, limit: float) -> tuple[str, ...]:
+    poor = [name for name, share in zip(names, relative_std.tolist(), strict=True) if share > limit]
+    if not poor:
+        return ()
+    return (f"Known to no better than {limit:.0%}, or not told from zero: {', '.join(poor)}",)
 
 
 def _estimators(found: Found, bends: Sequence[float]) -> Estimators:
@@ -215,7 +222,8 @@ def _checks(verdict: Verdict) -> Checks:
         whiteness_p=np.array([joint.p_value for joint in verdict.whiteness]),
         odd=verdict.normality_alarm,
         coloured=verdict.whiteness_alarm,
-        biased=verdict.huber.alarm or (against is not None and against.alarm),
+        huber_differs=verdict.huber.alarm,
+        instruments_differ=against is not None and against.alarm,
     )
 
 

@@ -12,8 +12,24 @@ from robid.errors import DataError
 from robid.robot.description import Robot
 from robid.signals.quantities import Channel, Side, describe
 from robid.signals.record import Record
+from robid.simulate.controller import angle_reference
 
 _DRIVES, _POSITIONS = ("torque", "current", "force"), ("angle", "position")
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a controller was told to do; motor side.
+
+    Attributes:
+        angle (n_sample, n_joint): Motor angles [rad].
+        speed (n_sample, n_joint): Feed-forward speeds [rad/s].
+        periodic: Whether it goes on as it began, from before the first sample on.
+    """
+
+    angle: FloatArray
+    speed: FloatArray
+    periodic: bool
 
 
 @dataclass(frozen=True)
@@ -25,7 +41,8 @@ class Shot:
         torque (n_sample, n_joint): Motor torques, or currents [N m, or A].
         sampling_period_s: Sampling period [s].
         held: Whether each torque is a command that is held until the next sample.
-        command (n_sample, n_joint): Positions that the controller was told [rad]; None where they are unknown.
+        command: What the controller was told; None where that is unknown.
+        late_samples: Samples by which the command begins before the first position.
         loaded: Whether a payload with parameters of its own is there.
         torque_unit: What stands for N m: A where torques are currents.
     """
@@ -34,13 +51,16 @@ class Shot:
     torque: FloatArray
     sampling_period_s: float
     held: bool
-    command: FloatArray | None = None
+    command: Command | None = None
+    late_samples: int = 0
     loaded: bool = True
     torque_unit: str = "N m"
 
 
 def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
-    """Cuts a record into shots: one for each experiment, its periods after each other.
+    """Cuts a record into shots: one for each experiment, the mean of its periods.
+
+    What repeats from period to period beside noise, such as ripple, counts once.
 
     Args:
         record: The record.
@@ -60,24 +80,15 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
         torque = torque @ robot.arm_per_motor
     if move_side == "arm":
         position = position @ robot.motor_per_arm.T
-    command = _commands(record, robot, position)
-    shape = (-1, record.inputs.shape[3] * record.inputs.shape[4], len(names))
-    flat = [array.reshape(shape) for array in (position, torque)]
-    commands = [None] * len(flat[0]) if command is None else list(command.reshape(shape))
-    held = record.input_hold == "zoh"
-    end = flat[1].shape[1] - late_samples
+    shape = (-1, record.inputs.shape[4], len(names))
+    positions, torques = (array.mean(axis=3).reshape(shape) for array in (position, torque))
+    commands = _commands(record, robot) or [None] * len(positions)
+    held, end = record.input_hold == "zoh", torques.shape[1] - late_samples
     unit = "A" if record.input_channels[drives[0]].quantity == "current" else "N m"
+    period_s = record.sampling_period_s
     return tuple(
-        Shot(
-            each[late_samples:],
-            drive[:end],
-            record.sampling_period_s,
-            held,
-            None if told is None else told[late_samples:],
-            loaded,
-            unit,
-        )
-        for each, drive, told in zip(*flat, commands, strict=True)
+        Shot(each[late_samples:], drive[:end], period_s, held, told, late_samples, loaded, unit)
+        for each, drive, told in zip(positions, torques, commands, strict=True)
     )
 
 
@@ -103,13 +114,21 @@ def _chosen(
     return chosen, sides[0]
 
 
-def _commands(record: Record, robot: Robot, position: FloatArray) -> FloatArray | None:
-    """Position commands in the shape of the positions; they are relative to where a configuration rests."""
+def _commands(record: Record, robot: Robot) -> list[Command | None]:
+    """What the controller was told in each experiment, relative to where its configuration rests; none if unknown."""
     channels, names = record.reference_channels, [joint.name for joint in robot.joints]
     told = {channel.name: index for index, channel in enumerate(channels)}
-    known = all(channel.quantity == "position_command" and channel.side == "motor" for channel in channels)
-    if record.reference is None or record.configurations is None or not known or not set(names) <= set(told):
-        return None
-    relative = record.reference[:, :, :, None][..., [told[name] for name in names]]
-    rest = (record.configurations @ robot.motor_per_arm.T)[:, None, None, None, None]
-    return np.asarray(np.broadcast_to(relative + rest, position.shape))
+    quantities = {channel.quantity for channel in channels if channel.side == "motor"}
+    if record.reference is None or record.configurations is None or not set(names) <= set(told):
+        return []
+    reference = record.reference[..., [told[name] for name in names]]
+    rest = (record.configurations @ robot.motor_per_arm.T)[:, None, None, None]
+    if quantities == {"speed_reference"}:
+        angle, speed = angle_reference(reference, record.sampling_period_s), reference
+    elif quantities == {"position_command"}:
+        angle, speed = reference, np.zeros_like(reference)
+    else:
+        return []
+    shape = (-1, *reference.shape[3:])
+    pairs = zip((angle + rest).reshape(shape), speed.reshape(shape), strict=True)
+    return [Command(*pair, periodic=not record.is_one_shot) for pair in pairs]

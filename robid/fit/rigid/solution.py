@@ -79,7 +79,8 @@ class Checks:
         whiteness_p (n_joint,): Chance of white torque noise to look as correlated.
         odd: Whether residuals are far from a Gaussian.
         coloured: Whether residuals are far from white.
-        biased: Whether the estimators differ by more than chance and by more than matters.
+        huber_differs: Whether Huber's estimate differs by more than chance and by more than matters.
+        instruments_differ: The same of the instrumental variables.
     """
 
     trust: bool
@@ -96,7 +97,8 @@ class Checks:
     whiteness_p: FloatArray
     odd: bool
     coloured: bool
-    biased: bool
+    huber_differs: bool
+    instruments_differ: bool
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ _FEWEST = 3
 _MOVED = 3.0  # deviations
 _POOR_CONDITION = 200.0
 _SIGNIFICANT = 3.0
+_BIASED = 0.1
 
 
 def parameter_doubts(solution: RigidSolution) -> tuple[Doubt, ...]:
@@ -34,17 +35,29 @@ def parameter_doubts(solution: RigidSolution) -> tuple[Doubt, ...]:
 def _estimators(solution: RigidSolution) -> Iterator[Doubt]:
     """What the verdict on least squares says of the result, which may be another estimator's."""
     checks, told = solution.checks, solution.checks.sentence.rstrip(".")
-    if checks.biased and solution.chosen != "instruments":
-        yield Doubt("filters", told[0].lower() + told[1:], decisive=True, strength=2.0)
-    elif checks.coloured:
+    told = told[0].lower() + told[1:]
+    if checks.instruments_differ and solution.chosen != "instruments":
+        yield Doubt("filters", told, decisive=True, strength=2.0)
+    elif checks.huber_differs and checks.instrument_variation is None:
+        yield Doubt("filters", told, decisive=_varies(solution), strength=2.0)
+    elif checks.huber_differs and not checks.instruments_differ:
+        # The instruments agree: what moves Huber's estimate is no noise of the positions.
+        told = f"{solution.estimate.names[int(np.argmax(checks.huber_variation))]} depends on large residuals"
+        yield Doubt("model", told, decisive=False, strength=1.5)
+    if checks.coloured:
         worst = int(np.argmax(np.abs(checks.correlation).max(axis=1)))
         size = float(np.abs(checks.correlation[worst]).max())
         told = f"the residuals of motor {worst + 1} are correlated in time by {size:.2g} beyond their filter"
         yield Doubt("friction", told, decisive=False, strength=1 + size)
-    if checks.odd and not checks.biased:
+    if checks.odd and not checks.huber_differs:
         share = float(np.max(checks.outlier_share))
         told = f"the residuals are not Gaussian: up to {share:.2g} of a motor's lie beyond three deviations"
         yield Doubt("friction", told, decisive=False, strength=1.5)
+
+
+def _varies(solution: RigidSolution) -> bool:
+    """Whether Huber's estimate differs by much in what is identified; what is hardly told from zero decides nothing."""
+    return bool((solution.checks.huber_variation[solution.estimate.identified] > _BIASED).any())
 
 
 def _sizes(estimate: Estimate) -> Iterator[Doubt]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from robid.artifacts.grade import grade_from_artifact
@@ -33,7 +35,7 @@ def report(shown: Shown) -> FitReport:
         sections=sections(solution, estimates, joints, validation),
         parameters=estimates.rows,
         summary=_summary(solution, estimates, validation, grade),
-        terminal=(parameter_table(estimates),),
+        terminal=(parameter_table(_identified(estimates)),),
     )
 
 
@@ -48,6 +50,11 @@ def _estimates(shown: Shown, solution: RigidSolution) -> Estimates:
         identifiable_relative_std=estimate.identifiable_relative_std,
         interval_rule=estimate.interval_rule,
     )
+
+
+def _identified(estimates: Estimates) -> Estimates:
+    """Those that a terminal shows: what is not identified is told in one sentence."""
+    return replace(estimates, rows=tuple(row for row in estimates.rows if row.identified))
 
 
 def _headline(
