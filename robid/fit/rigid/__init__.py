@@ -1,1 +1,5 @@
-"""Rigid dynamics. Read `base`, `rows`, `preprocessing`, `reduction`, `least_squares`, `huber`, then `verdict`."""
+"""Rigid dynamics and friction by inverse-dynamics least squares.
+
+Read `fitting` from above; then `base`, `rows`, `preprocessing`, `reading`, `reduction`, `least_squares`, `huber`,
+`instruments` and `uncertainty`, last `verdict` and `conclusion`.
+"""

@@ -31,7 +31,6 @@ from robid.robot.regressor.model import RigidModel, build_rigid_model
 Simulate: TypeAlias = Callable[[RigidModel, FloatArray], Sequence[FloatArray]]
 """Motor angles (n_sample, n_joint) of each shot by a model with given parameters (n_base,), without noise."""
 
-_MEMORY_BYTES = 1 << 28
 _STILL = 1e-9  # of a turn
 _DEPENDENT = 1e-7  # share of a column that is rounding in filtered rows
 
@@ -79,7 +78,7 @@ class _Problem:
         given = [None] * len(self.shots) if instruments is None else instruments
         motions = [self._motion(shot, one) for shot, one in zip(self.shots, given, strict=True)]
         decimator = self.filters.decimator(self.shots[0].sampling_period_s)
-        return Remembered(Reading(motions, self.model, decimator), _MEMORY_BYTES)
+        return Remembered(Reading(motions, self.model, decimator))
 
     def _motion(self, shot: Shot, instrument: FloatArray | None) -> Motion:
         try:

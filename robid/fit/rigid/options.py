@@ -73,7 +73,7 @@ class HuberOptions:
         metadata={"description": "Covariance of the weighted rows (eq. 19), or the M-estimator's asymptotic one."},
     )
     tolerance: float = field(
-        default=1e-3, metadata={"description": "Step to stop at, in standard deviations of the parameters.", "gt": 0}
+        default=1e-2, metadata={"description": "Step to stop at, in standard deviations of the parameters.", "gt": 0}
     )
     iteration_limit: int = field(default=100, metadata={"description": "Reweighted fits at most.", "ge": 1})
 

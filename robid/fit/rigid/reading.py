@@ -37,7 +37,8 @@ class Reading:
         n_row = max(1, max(block_samples, _BLOCK_REACHES * decimator.reach) // decimator.factor)
         self._blocks: list[tuple[Motion, int, int]] = []
         for motion in motions:
-            kept = decimator.kept(len(motion.position) - 2) + 1
+            ends = motion.reach + 1
+            kept = decimator.kept(len(motion.position) - 2 * ends) + ends
             for first in range(0, len(kept), n_row):
                 last = kept[min(first + n_row, len(kept)) - 1]
                 self._blocks.append((motion, int(kept[first]) - decimator.reach, int(last) + decimator.reach + 1))
@@ -47,32 +48,24 @@ class Reading:
 
     def __getitem__(self, index: int, /) -> Rows:
         motion, first, end = self._blocks[index]
-        simulated = motion.position if motion.instrument is None else motion.instrument
-        deciding = central_differences(simulated[first - 1 : end + 1], motion.sampling_period_s)[0]
-        columns = self._columns(motion.position, motion, first, end, deciding)
-        instruments = None
-        if motion.instrument is not None:
-            instruments = self._columns(motion.instrument, motion, first, end, deciding)
-        torque = self._decimator(motion.torque[first:end])
-        return Rows(columns, torque, self._fast(deciding, motion.slow), instruments)
+        measured = _differentiated(motion, motion.position, first, end)
+        simulated = None if motion.instrument is None else _differentiated(motion, motion.instrument, first, end)
+        deciding = (simulated or measured)[1]
+        load = motion.smooth(motion.torque, first, end) if motion.load_dependent else None
+
+        def columns(path: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+            whole = self._regressor.columns(*path, torque=load, friction_speed=deciding, loaded=motion.loaded)
+            return self._decimator(whole)
+
+        return Rows(
+            columns(measured),
+            self._decimator(motion.centred_torque(first, end)),
+            self._fast(deciding, motion.slow),
+            None if simulated is None else columns(simulated),
+        )
 
     def __iter__(self) -> Iterator[Rows]:
         return (self[index] for index in range(len(self)))
-
-    def _columns(
-        self, position: FloatArray, motion: Motion, first: int, end: int, friction_speed: FloatArray
-    ) -> FloatArray:
-        around = position[first - 1 : end + 1]
-        velocity, acceleration = central_differences(around, motion.sampling_period_s)
-        whole = self._regressor.columns(
-            around[1:-1],
-            velocity,
-            acceleration,
-            torque=None if motion.load is None else motion.load[first:end],
-            friction_speed=friction_speed,
-            loaded=motion.loaded,
-        )
-        return self._decimator(whole)
 
     def _fast(self, speed: FloatArray, slow: FloatArray) -> BoolArray:
         """Which kept samples have no slow one nearer than the next kept one."""
@@ -83,3 +76,11 @@ class Reading:
         nearest = min(self._decimator.factor, self._decimator.reach)
         window = kept[:, None] + np.arange(-nearest, nearest + 1)
         return np.asarray(np.all(np.abs(speed[window]) >= slow, axis=1))
+
+
+def _differentiated(
+    motion: Motion, position: FloatArray, first: int, end: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Returns low-passed positions, speeds and accelerations of some samples."""
+    around = motion.smooth(position, first - 1, end + 1)
+    return around[1:-1], *central_differences(around, motion.sampling_period_s)

@@ -1,1 +1,1 @@
-"""The study of robust regression. Read `haptic`, the one-axis device."""
+"""The study of robust regression. Read `haptic`, the one-axis device, then `haptic_runs`."""

@@ -19,7 +19,7 @@ from robid.fit.rigid.uncertainty import Influence
 from robid.studies.janot2009.haptic import NAMES, NOMINAL, Bench, Device, measured, simulate
 
 FIRST_MOMENTS = ((1, 2),)
-_DROP_DEVIATIONS = 6.0
+_DROP_DEVIATIONS = 15.0  # on seeds of their own: 6 to 12 leave the instruments' viscous friction off by 2 to 4 %
 _SIMULATIONS = 5
 
 

@@ -88,7 +88,8 @@ def test_slow_samples_are_dropped_by_the_instruments_speed():
     assert prepare(noisy, np.zeros_like(true), PERIOD_S, OPTIONS).slow == 0
     decimator = options.decimator(PERIOD_S)
     used = np.concatenate([rows.used for rows in Reading([motion], Slide(), decimator, 900)])[:, 0]
-    speed = np.abs(central_differences(motion.instrument, PERIOD_S)[0][:, 0])
+    smooth = motion.smooth(motion.instrument, motion.reach, 5000 - motion.reach)
+    speed = np.abs(central_differences(smooth, PERIOD_S)[0][:, 0])
     around = range(-decimator.factor, decimator.factor + 1)
     expected = [
         min(speed[index + offset] for offset in around) >= motion.slow[0] for index in decimator.kept(len(speed))
@@ -123,11 +124,30 @@ def test_noise_of_the_speed_is_estimated_from_what_the_filter_took():
 def test_a_held_torque_is_centred_about_its_samples():
     position, _ = _record()
     ramp = np.tile(np.arange(4000.0)[:, None], 2)
-    plain = prepare(position, ramp, PERIOD_S, OPTIONS)
-    held = prepare(position, ramp, PERIOD_S, OPTIONS, held=True)
-    np.testing.assert_allclose(plain.torque - held.torque, 0.5)
+    motions = (prepare(position, ramp, PERIOD_S, OPTIONS, held=held) for held in (False, True))
+    (plain,), (held,) = (Reading([motion], Arm(), OPTIONS.decimator(PERIOD_S)) for motion in motions)
+    np.testing.assert_allclose(plain.torque - held.torque, 0.5, rtol=1e-6)
 
 
 def test_a_record_shorter_than_its_filters_is_refused():
     with pytest.raises(ValueError, match="ends of its filter"):
         prepare(*_record(n_sample=60), PERIOD_S, OPTIONS)
+
+
+def test_the_regressor_is_told_of_payload_and_low_passed_torques():
+    told = {}
+
+    class Listening(Arm):
+        def columns(self, *motion, torque=None, loaded=True, **others):
+            told.update(torque=torque, loaded=loaded)
+            return super().columns(*motion, **others)
+
+    position, torque = _record()
+    for load_dependent, loaded in ((False, True), (True, False)):
+        motion = prepare(position, torque, PERIOD_S, OPTIONS, load_dependent=load_dependent, loaded=loaded)
+        list(Reading([motion], Listening(), OPTIONS.decimator(PERIOD_S)))
+        assert told["loaded"] == loaded
+        assert (told["torque"] is None) == (not load_dependent)
+    inner = slice(motion.reach + 1, -motion.reach - 1)
+    whole = low_pass(torque, PERIOD_S, 25.0)[inner]
+    np.testing.assert_allclose(told["torque"], whole[: len(told["torque"])], atol=IDENTITY)
