@@ -22,7 +22,7 @@ from robid.fit.rigid.base import find_base_parameters
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
+from robid.robot.regressor.options import FrictionForm, RigidOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import require_controller
@@ -98,7 +98,7 @@ def _trajectory(
 
 def base_model(robot: Robot, options: TrajectoryOptions) -> BaseModel:
     """Returns the rigid model of a robot with the columns of its base parameters, and which of them are judged."""
-    form = "asymmetric" if options.friction == "asymmetric" else "coulomb"
+    form: FrictionForm = "asymmetric" if options.friction == "asymmetric" else "coulomb"
     left_out = _LEFT_OUT.get(options.friction, ())
     model = build_rigid_model(robot, RigidOptions(friction=form))
     base = find_base_parameters(model)

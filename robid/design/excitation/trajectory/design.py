@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.design.excitation.excitation import Excitation, ExcitationPlan
 from robid.design.excitation.lines import samples_per_period
 from robid.design.excitation.options import TrajectoryOptions
@@ -15,7 +15,8 @@ from robid.design.excitation.prediction import admissible_scale
 from robid.design.excitation.signal_lines import check_signal
 from robid.design.excitation.trajectory.criterion import BaseModel, Criterion
 from robid.design.excitation.trajectory.limits import trajectory_limits
-from robid.design.excitation.trajectory.search import TrajectoryProblem, descend, largest_factor
+from robid.design.excitation.trajectory.problem import TrajectoryProblem
+from robid.design.excitation.trajectory.search import descend, largest_factor, random_trajectory
 from robid.design.excitation.trajectory.series import resting_series
 from robid.robot.reach import Reach
 from robid.signals.multisine import crest_factor, time_signal
@@ -65,7 +66,7 @@ def trajectory_problem(
     plain = Criterion(options.criterion, weight, np.ones(n_judged))
     problem = TrajectoryProblem(base, plain, configurations, series, waves, limits, floor_m)
     generator = np.random.default_rng([options.seed, 0])
-    drawn = [plain.rows(problem.regressor(problem.random(generator))) for _ in range(_SIZING_DRAWS)]
+    drawn = [plain.rows(problem.regressor(random_trajectory(problem, generator))) for _ in range(_SIZING_DRAWS)]
     size = np.sqrt(np.mean(np.concatenate(drawn) ** 2, axis=0))
     return replace(problem, criterion=replace(plain, column_size=np.where(size > 0, size, 1.0)))
 
@@ -77,15 +78,15 @@ def find_trajectory(
 
     Args:
         problem: What is optimised.
-        options: Starts, iterations and seed.
+        options: Starts, evaluations and seed.
         realization: Its index, which makes its starts random anew.
         n_sample: Samples of a period when it is played, at which its limits hold.
         reach: What keeps the robot from a configuration.
     """
     found = []
     for index in range(options.starts):
-        start = problem.random(np.random.default_rng([options.seed, 1, realization, index]))
-        end = descend(problem, start, options.iterations)
+        start = random_trajectory(problem, np.random.default_rng([options.seed, 1, realization, index]))
+        end = descend(problem, start, options.evaluations)
         end = end * _playable_factor(problem, end, n_sample, reach)
         regressor = problem.regressor(end)
         found.append(Trajectory(end, problem.criterion.value(regressor), problem.criterion.condition(regressor)))
@@ -151,10 +152,10 @@ def _excitation(
     n_sample: int,
 ) -> Excitation:
     lines = problem.series.lines
-    way = np.array([problem.series.amplitudes(each.coefficients) for each in found]) @ problem.robot.motor_per_arm.T
+    amplitudes = np.array([problem.series.amplitudes(each.coefficients) for each in found])
+    spectrum: ComplexArray = np.einsum("rki,mi->rkm", amplitudes, problem.robot.motor_per_arm)[:, None]
     if options.inject == "speed_reference":
-        way = way * (2j * np.pi * lines / options.period_s)[:, None]
-    spectrum = way[:, None]
+        spectrum = np.asarray(spectrum * (2j * np.pi * lines / options.period_s)[:, None])
     reference = time_signal(spectrum, lines, n_sample)
     return Excitation(
         reference=reference,
