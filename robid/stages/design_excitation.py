@@ -84,6 +84,7 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
 def _trajectory(
     job: Job, options: TrajectoryOptions, robot: Robot, configurations: FloatArray, sampling_period_s: float
 ) -> Excitation:
+    job.progress.expect(job.campaign.realizations * options.starts, "starts")
     return design_trajectory(
         options,
         base_model(robot, options),
@@ -93,6 +94,7 @@ def _trajectory(
         reach_of(job.loaded, robot),
         periods=job.campaign.periods,
         transient_periods=next(iter(transient_periods(job.campaign).values())),
+        parallel_map=lambda function, tasks: job.map(function, tasks, lambda *_: job.progress.advance()),
     )
 
 

@@ -12,6 +12,7 @@ from robid.design.excitation.trajectory.limits import Limits
 from robid.design.excitation.trajectory.series import RestingSeries
 from robid.robot.description import Robot
 from robid.robot.heights import heights
+from robid.robot.reach import TOUCH_M
 
 _STILL = 1e-9
 
@@ -58,7 +59,7 @@ class TrajectoryProblem:
         motion = self.waves @ coefficients
         torque = self.base.torques(self.configurations, motion)
         within = self.limits.used(self.robot, motion, torque).max() <= 1
-        return bool(within) and (self.floor_m is None or self._height(motion[0])[0].min() >= self.floor_m)
+        return bool(within) and (self.floor_m is None or self._height(motion[0])[0].min() >= self.floor_m - TOUCH_M)
 
     def _height(self, way: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Heights (n_conf, n_time, n_point) and slopes (n_conf, n_time, n_point, n_joint)."""
