@@ -3,6 +3,7 @@
 Schema history:
     1.0: first version.
     1.1: in the plan, crest factor of the motor speed, signal-to-noise ratio of the response, and duration.
+    1.2: in the plan of a trajectory, condition number of its regressor.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from robid.artifacts.mapping import Column, from_datasets, to_datasets
 if TYPE_CHECKING:
     from robid.design.excitation.excitation import CampaignExcitation
 
-EXCITATION = Kind("excitation", "1.1", "robid design-excitation")
+EXCITATION = Kind("excitation", "1.2", "robid design-excitation")
 
 
 def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) -> Artifact:
@@ -55,6 +56,7 @@ def _plan_columns() -> dict[str, Column]:
             "dB", ("configuration", "frequency", "output", "input"), "Predicted signal-to-noise ratio of the response"
         ),
     }
+    columns["condition"] = Column("1", ("realization",), "Condition number of a trajectory's regressor")
     for quantity, unit in (("speed", "rad/s"), ("torque", "N m"), ("excursion", "rad")):
         columns[f"{quantity}_rms"] = Column(unit, ("configuration", "motor"), f"Predicted RMS of the {quantity}")
         columns[f"{quantity}_peak"] = Column(unit, ("configuration", "motor"), f"Predicted peak of the {quantity}")

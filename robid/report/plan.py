@@ -64,7 +64,12 @@ def _reached(rms: FloatArray, peak: FloatArray, limit: FloatArray) -> list[str]:
 
 def _notes(excitation: Excitation, names: tuple[str, ...]) -> list[str]:
     plan = excitation.plan
-    notes = ["rms peak/limit, each at its worst configuration; static torque is in it, friction is not"]
+    rigid = plan is not None and plan.condition is not None
+    what = "the rigid robot's torques, friction in them" if rigid else "static torque is in it, friction is not"
+    notes = [f"rms peak/limit, each at its worst configuration; {what}"]
+    if plan is not None and plan.condition is not None:
+        numbers = ", ".join(significant(value) for value in plan.condition)
+        notes.append(f"condition number of the base parameters' regressor: {numbers}")
     if plan is not None and plan.snr_db is not None:
         flat = plan.snr_db.reshape(-1, *plan.snr_db.shape[2:])
         output, motor = np.unravel_index(int(np.argmin(np.median(flat, axis=0))), flat.shape[1:])

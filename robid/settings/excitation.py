@@ -8,7 +8,13 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import Discriminator, GetJsonSchemaHandler, Tag
 from pydantic_core import CoreSchema
 
-from robid.design.excitation.options import ChirpOptions, FourierOptions, MultisineOptions, SteppedSineOptions
+from robid.design.excitation.options import (
+    ChirpOptions,
+    FourierOptions,
+    MultisineOptions,
+    SteppedSineOptions,
+    TrajectoryOptions,
+)
 
 _DEFAULT = "multisine"
 
@@ -36,7 +42,8 @@ ExcitationSettings: TypeAlias = Annotated[
     Annotated[MultisineOptions, Tag("multisine")]
     | Annotated[ChirpOptions, Tag("chirp")]
     | Annotated[SteppedSineOptions, Tag("stepped_sine")]
-    | Annotated[FourierOptions, Tag("fourier")],
+    | Annotated[FourierOptions, Tag("fourier")]
+    | Annotated[TrajectoryOptions, Tag("trajectory")],
     Discriminator(signal),
     _KeyUnlessDefault(),
 ]

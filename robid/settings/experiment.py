@@ -10,7 +10,7 @@ import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions
-from robid.design.excitation.options import MultisineOptions
+from robid.design.excitation.options import MultisineOptions, TrajectoryOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.acquire import Acquire
 from robid.settings.base import STRICT, Name, Section
@@ -139,6 +139,15 @@ class Campaign(Section):
     def is_one_shot(self) -> bool:
         """Whether it is imported from logs that do not repeat."""
         return self.source is not None and self.source.acquire is not None and self.source.acquire.one_shot
+
+    @property
+    def is_trajectory(self) -> bool:
+        """Whether it plays large motions, which have no frequency response."""
+        return isinstance(self.excitation, TrajectoryOptions)
+
+    def block_size(self, n_motor: int) -> int:
+        """Number of experiments in a realization: as many as motors unless it says less, a single trajectory."""
+        return 1 if self.is_trajectory else self.experiments or n_motor
 
     @model_validator(mode="before")
     @classmethod

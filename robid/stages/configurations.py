@@ -41,10 +41,15 @@ def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapp
     """
     robot = loaded.robot.to_robot(campaign.payload_kg)
     measured = campaign.source is not None and campaign.source.acquire is not None
-    reach = Reach(robot) if measured else Reach(robot, loaded.robot.floor_m, _shapes(loaded))
+    reach = Reach(robot) if measured else reach_of(loaded, robot)
     paths = dict(zip(campaign.configurations.designs, design_inputs(campaign), strict=True))
     designs = {name: _chosen(inputs[key]) for name, key in paths.items()}
     return _resolve(campaign.configurations, reach, designs)
+
+
+def reach_of(loaded: LoadedExperiment, robot: Robot) -> Reach:
+    """Returns what keeps a robot from a configuration: joint limits, floor and shapes."""
+    return Reach(robot, loaded.robot.floor_m, _shapes(loaded))
 
 
 def _chosen(path: Path) -> FloatArray:
@@ -83,7 +88,7 @@ def draw_in_reach(loaded: LoadedExperiment, robot: Robot, wanted: RandomConfigur
     Raises:
         SettingsError: If too few of those that are drawn are in reach.
     """
-    return _drawn(wanted, Reach(robot, loaded.robot.floor_m, _shapes(loaded)))
+    return _drawn(wanted, reach_of(loaded, robot))
 
 
 def _drawn(wanted: RandomConfigurations, reach: Reach) -> FloatArray:

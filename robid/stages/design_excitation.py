@@ -13,17 +13,26 @@ from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.excitation.excitation import CampaignExcitation, Excitation
 from robid.design.excitation.lines import samples_per_period
 from robid.design.excitation.loop import nominal_loop
+from robid.design.excitation.options import TrajectoryOptions
 from robid.design.excitation.prediction import predict
 from robid.design.excitation.signal import design_signal
+from robid.design.excitation.trajectory.criterion import BaseModel
+from robid.design.excitation.trajectory.design import design_trajectory
+from robid.fit.rigid.base import find_base_parameters
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
+from robid.robot.regressor.model import build_rigid_model
+from robid.robot.regressor.options import FrictionForm, RigidOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import require_controller
 from robid.stages.chain.design_excitation import STAGE, played_by_others, transient_periods
-from robid.stages.configurations import configurations_of
+from robid.stages.configurations import configurations_of, reach_of
 from robid.stages.lines import campaign_lines
 from robid.stages.stage import Job, counted
+
+_LEFT_OUT = {"none": ("viscous", "coulomb"), "viscous": ("coulomb",)}
+"""Kinds of parameters that the criterion leaves out, by the friction that is asked for."""
 
 
 def run(job: Job) -> str:
@@ -62,12 +71,41 @@ def _declared(loaded: LoadedExperiment, campaign: Campaign, sampling_period_s: f
 def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     campaign, controller = job.campaign, require_controller(job.loaded)
     options, period_s = campaign.excitation, controller.sampling_period_s
+    if isinstance(options, TrajectoryOptions):
+        return _trajectory(job, options, robot, configurations, period_s)
     lines, _ = campaign_lines(job.loaded, campaign)
     loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
     excitation = design_signal(options, len(robot.joints), campaign.realizations, period_s, loop)
     excitation = excitation.first_experiments(campaign.experiments)
     transient = next(iter(transient_periods(campaign).values()))
     return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
+
+
+def _trajectory(
+    job: Job, options: TrajectoryOptions, robot: Robot, configurations: FloatArray, sampling_period_s: float
+) -> Excitation:
+    job.progress.expect(job.campaign.realizations * options.starts, "starts")
+    return design_trajectory(
+        options,
+        base_model(robot, options),
+        configurations,
+        job.campaign.realizations,
+        sampling_period_s,
+        reach_of(job.loaded, robot),
+        periods=job.campaign.periods,
+        transient_periods=next(iter(transient_periods(job.campaign).values())),
+        parallel_map=lambda function, tasks: job.map(function, tasks, lambda *_: job.progress.advance()),
+    )
+
+
+def base_model(robot: Robot, options: TrajectoryOptions) -> BaseModel:
+    """Returns the rigid model of a robot with the columns of its base parameters, and which of them are judged."""
+    form: FrictionForm = "asymmetric" if options.friction == "asymmetric" else "coulomb"
+    left_out = _LEFT_OUT.get(options.friction, ())
+    model = build_rigid_model(robot, RigidOptions(friction=form))
+    base = find_base_parameters(model)
+    kept = model.only(base.columns.tolist())
+    return BaseModel(kept, base.values(model.nominal), np.array([kind not in left_out for kind in kept.kinds]))
 
 
 def phrase(output: Path) -> str:
@@ -92,6 +130,8 @@ def excitation_phrase(excitation: Excitation, n_conf: int) -> str:
     plan = excitation.plan
     margins = {"speed": plan.speed_margin, "torque": plan.torque_margin, "arm excursion": plan.excursion_margin}
     nearest = min(margins, key=lambda name: float(margins[name].min()))
+    if plan.condition is not None:
+        text += f", condition number {plan.condition.max():.3g} at most"
     return (
         f"{text}, crest factor {excitation.crest_factor.max():.2f} at most,"
         f" {nearest} reaches {100 * (1 - margins[nearest].min()):.1f} % of its limit"

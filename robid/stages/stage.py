@@ -146,6 +146,11 @@ def periodic_campaigns(experiment: Experiment) -> tuple[str, ...]:
     return tuple(name for name in measured_campaigns(experiment) if not experiment.campaigns[name].is_one_shot)
 
 
+def responding_campaigns(experiment: Experiment) -> tuple[str, ...]:
+    """Names of those whose excitation is small enough for a frequency response."""
+    return tuple(name for name in periodic_campaigns(experiment) if not experiment.campaigns[name].is_trajectory)
+
+
 def check_room(path: Path, needed_bytes: float) -> None:
     """Refuses a folder that cannot be written to or whose disk is too full, before a long computation.
 

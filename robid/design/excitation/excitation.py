@@ -42,6 +42,8 @@ class ExcitationPlan:
         snr_db (n_conf, n_freq, n_out, n_in): Power of each element of the response over the variance that the
             assumed noise will give its estimate; None with fewer experiments than motors and in older files [dB].
         duration_s: Time that the whole campaign takes, transients included; None in older files [s].
+        condition (n_real,): Of a trajectory, condition number of the regressor of its base parameters, each column over
+            its size in random motions; None for other signals and in older files.
     """
 
     speed_rms: FloatArray
@@ -57,6 +59,7 @@ class ExcitationPlan:
     speed_crest: FloatArray | None = None
     snr_db: FloatArray | None = None
     duration_s: float | None = None
+    condition: FloatArray | None = None
 
     @property
     def speed_margin(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Options of an excitation, one dataclass a signal: what they share, and what only one of them has."""
+"""Options of an excitation, one dataclass a signal: what perturbations share, what only one has, and a trajectory."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import ClassVar, Literal, TypeAlias
 
 _SIGNAL = {
     "description": "Kind of signal; a chirp excites all lines of the band, a stepped sine those near `count`"
-    " frequencies, a Fourier series has random phases and may begin and end at rest."
+    " frequencies, a Fourier series has random phases and may begin and end at rest. A trajectory moves far, for rigid"
+    " dynamics."
 }
 _COUNT = {"description": "Number of excited lines, of frequencies of a stepped sine.", "ge": 1}
 _SPACING = {"description": "How the excited lines, or a stepped sine's frequencies, are spaced."}
@@ -176,5 +177,55 @@ class SteppedSineOptions(SignalOptions):
     decides_lines: ClassVar[tuple[str, ...]] = (*SignalOptions.decides_lines, "count", "spacing")
 
 
+@dataclass(frozen=True)
+class TrajectoryOptions:
+    """A periodic Fourier series of all joints at once over large motions, optimised for rigid dynamics.
+
+    It begins and ends at rest in the configuration, which is its mean, and is one experiment in each realization.
+    """
+
+    signal: Literal["trajectory"] = field(default="trajectory", metadata=_SIGNAL)
+    period_s: float = field(default=10.0, metadata={"description": "Length of one period [s].", "gt": 0})
+    harmonics: int = field(default=5, metadata={"description": "Lines of the series: 1 to this one.", "ge": 3})
+    inject: Literal["speed_reference", "position_reference"] = field(
+        default="speed_reference", metadata={"description": "Where the controller adds the excitation."}
+    )
+    criterion: Literal["d_optimal", "condition"] = field(
+        default="d_optimal",
+        metadata={
+            "description": "What is optimised: the information's determinant about the base parameters, or the"
+            " condition number of the regressor, each column over its size in random motions."
+        },
+    )
+    friction: Literal["none", "viscous", "coulomb", "asymmetric"] = field(
+        default="coulomb", metadata={"description": "Friction of each motor that is among the parameters."}
+    )
+    position_share: float = field(
+        default=0.9,
+        metadata={"description": "Share of the way to the joint limits that may be used.", "gt": 0, "le": 1},
+    )
+    speed_share: float = field(
+        default=0.8, metadata={"description": "Share of the motors' speed limits that may be used.", "gt": 0, "le": 1}
+    )
+    torque_share: float = field(
+        default=0.8, metadata={"description": "Share of the motors' torque limits that may be used.", "gt": 0, "le": 1}
+    )
+    max_acceleration_deg_s2: float | None = field(
+        default=None,
+        metadata={"description": "Limit of each joint's acceleration on the arm side [deg/s^2].", "gt": 0},
+    )
+    max_acceleration_m_s2: float | None = field(
+        default=None, metadata={"description": "The same of prismatic joints [m/s^2].", "gt": 0}
+    )
+    starts: int = field(default=4, metadata={"description": "Random starts; the best end is taken.", "ge": 1})
+    evaluations: int = field(
+        default=200, metadata={"description": "Evaluations of the criterion with its slopes from each start.", "ge": 1}
+    )
+    seed: int = field(default=1, metadata={"description": "Seed of the starts.", "ge": 0})
+
+    decides_lines: ClassVar[tuple[str, ...]] = ("signal", "period_s", "harmonics")
+
+
 SweepOptions: TypeAlias = ChirpOptions | SteppedSineOptions
-ExcitationOptions: TypeAlias = MultisineOptions | ChirpOptions | SteppedSineOptions | FourierOptions
+PerturbationOptions: TypeAlias = MultisineOptions | ChirpOptions | SteppedSineOptions | FourierOptions
+ExcitationOptions: TypeAlias = PerturbationOptions | TrajectoryOptions

@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import FloatArray, check_shape
 from robid.design.excitation.excitation import UNITS, Excitation, ExcitationPlan
 from robid.design.excitation.loop import NominalLoop
-from robid.design.excitation.options import ExcitationOptions
+from robid.design.excitation.options import PerturbationOptions
 from robid.design.excitation.snr import predicted_snr_db, residual_covariance
 from robid.errors import SettingsError
 from robid.robot.description import Robot
@@ -22,7 +22,7 @@ _ROUNDING = 1 + 1e-9
 def predict(
     excitation: Excitation,
     loop: NominalLoop,
-    options: ExcitationOptions,
+    options: PerturbationOptions,
     *,
     periods: int = 1,
     transient_periods: int = 0,
@@ -54,7 +54,7 @@ def predict(
     found = [_reach(excitation, moving, index) for index in range(n_conf)]
     reach, crest = np.stack([each for each, _ in found], axis=2), np.array([each for _, each in found])
     if options.limit_share is not None:
-        share = _admissible_scale(reach[0], reach[1], options.limit_share * limits, loop.static_torque)
+        share = admissible_scale(reach[0], reach[1], options.limit_share * limits, loop.static_torque)
         factor = _common_factor(share, loop.robot, options.limit_share)
         excitation = _scaled(excitation, factor)
         offset = np.zeros((3, n_conf, n_motor))
@@ -62,7 +62,7 @@ def predict(
         reach = _scaled_reach(reach, offset, factor)
     minimum, maximum, rms = reach
     peak = np.maximum(maximum, -minimum)
-    scale = _admissible_scale(minimum, maximum, limits, loop.static_torque)
+    scale = admissible_scale(minimum, maximum, limits, loop.static_torque)
     every = "RMS of all motors" if options.slow_motion_rad_s == 0 else "RMS of all motors and the slow motion"
     _check_limits(excitation, loop.robot, peak, limits, scale, every)
     length = np.prod(excitation.reference.shape[:2]) * n_conf * (periods + transient_periods)
@@ -85,7 +85,7 @@ def predict(
     return replace(excitation, plan=plan)
 
 
-def _limits(robot: Robot, options: ExcitationOptions) -> FloatArray:
+def _limits(robot: Robot, options: PerturbationOptions) -> FloatArray:
     """Limits (3, n_motor) of speed, torque and excursion."""
     motors = [joint.motor for joint in robot.joints]
     return np.array(
@@ -112,7 +112,7 @@ def _reach(excitation: Excitation, loop: NominalLoop, index: int) -> tuple[Float
 
 
 def _snr_db(
-    excitation: Excitation, loop: NominalLoop, index: int, options: ExcitationOptions, periods: int
+    excitation: Excitation, loop: NominalLoop, index: int, options: PerturbationOptions, periods: int
 ) -> FloatArray:
     """Signal-to-noise ratio (n_freq, n_out, n_in) in one configuration."""
     response = loop.response[index]
@@ -152,10 +152,20 @@ def _scaled_reach(reach: FloatArray, offset: FloatArray, factor: float) -> Float
     return np.stack([minimum, maximum, rms])
 
 
-def _admissible_scale(
+def admissible_scale(
     minimum: FloatArray, maximum: FloatArray, limits: FloatArray, static_torque: FloatArray
 ) -> FloatArray:
-    """Factor (3, n_conf, n_motor) on the excitation at which each quantity meets its limit."""
+    """Factor on the excitation at which each quantity meets its limit; static torque does not scale.
+
+    Args:
+        minimum (3, n_conf, n_motor): Least speed, torque and excursion [rad/s, N m, rad or m].
+        maximum (3, n_conf, n_motor): The greatest of each.
+        limits (3, n_motor): Their limits.
+        static_torque (n_conf, n_motor): Motor torque that holds the arm [N m].
+
+    Returns:
+        Factors (3, n_conf, n_motor).
+    """
     offset = np.zeros_like(minimum)
     offset[1] = static_torque
     tiny = np.finfo(float).tiny

@@ -11,9 +11,9 @@ from robid.design.excitation.excitation import Excitation, design_excitation, rm
 from robid.design.excitation.lines import samples_per_period
 from robid.design.excitation.loop import NominalLoop
 from robid.design.excitation.options import (
-    ExcitationOptions,
     FourierOptions,
     MultisineOptions,
+    PerturbationOptions,
     SweepOptions,
 )
 from robid.design.excitation.signal_lines import RESTING_ORDERS, check_signal, signal_lines, sweep
@@ -23,7 +23,7 @@ from robid.signals.slow_motion import slow_motion
 
 
 def design_signal(
-    options: ExcitationOptions,
+    options: PerturbationOptions,
     n_motor: int,
     realizations: int,
     sampling_period_s: float,

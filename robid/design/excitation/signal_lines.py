@@ -11,8 +11,10 @@ from robid.design.excitation.options import (
     ChosenLineOptions,
     ExcitationOptions,
     FourierOptions,
+    PerturbationOptions,
     SteppedSineOptions,
     SweepOptions,
+    TrajectoryOptions,
 )
 from robid.errors import SettingsError
 from robid.signals.chirp import chirp
@@ -21,18 +23,23 @@ from robid.signals.stepped_sine import stepped_sine
 LINE_SHARE = 0.03
 """Amplitude of a line, relative to the strongest one of the band, from which it counts as excited."""
 
+_SAMPLES_PER_WAVE = 20
+"""Samples that the fastest harmonic of a trajectory must have."""
+
 RESTING_ORDERS = {"speed_reference": (-1, 0, 1), "position_reference": (0, 1, 2), "torque": (0, 1)}
 """Derivatives of a signal that begin and end at rest, by where it is injected."""
 
 
 def signal_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[IntArray, IntArray]:
-    """Returns the excited and the detection lines of a signal; a chirp and a stepped sine have no detection lines.
+    """Returns the excited and the detection lines of a signal; only multisines and Fourier series have the latter.
 
     Raises:
         SettingsError: If the signal cannot be made as asked.
     """
     if isinstance(options, ChosenLineOptions):
         return choose_lines(options, sampling_period_s)
+    if isinstance(options, TrajectoryOptions):
+        return np.arange(1, options.harmonics + 1), np.zeros(0, int)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     magnitude = np.abs(np.fft.rfft(sweep(options, sampling_period_s)))
     frequency = np.arange(n_sample // 2 + 1) / options.period_s
@@ -50,6 +57,29 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
         SettingsError: With every problem of the signal, or of its lines.
     """
     n_sample = samples_per_period(options.period_s, sampling_period_s)
+    if isinstance(options, TrajectoryOptions):
+        problems = _trajectory_problems(options, n_sample)
+    else:
+        problems = _perturbation_problems(options, n_sample, sampling_period_s)
+    if problems:
+        raise SettingsError(
+            f"The {options.signal} cannot be made: {'; '.join(problems)}.",
+            where="excitation",
+            remedy="Change the fields named in parentheses.",
+        )
+    signal_lines(options, sampling_period_s)
+
+
+def _trajectory_problems(options: TrajectoryOptions, n_sample: int) -> list[str]:
+    if _SAMPLES_PER_WAVE * options.harmonics <= n_sample:
+        return []
+    return [
+        f"{options.harmonics} harmonics leave fewer than {_SAMPLES_PER_WAVE} of {n_sample} samples to the fastest"
+        " (lower harmonics or lengthen period_s)"
+    ]
+
+
+def _perturbation_problems(options: PerturbationOptions, n_sample: int, sampling_period_s: float) -> list[str]:
     problems = []
     if isinstance(options, SweepOptions):
         problems += _sweep_problems(options, n_sample, sampling_period_s)
@@ -59,13 +89,7 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
     if isinstance(options, FourierOptions) and options.at_rest and options.count <= len(resting):
         needed = len(resting) + 1
         problems.append(f"{options.count} lines cannot begin and end at rest (use at least {needed} lines)")
-    if problems:
-        raise SettingsError(
-            f"The {options.signal} cannot be made: {'; '.join(problems)}.",
-            where="excitation",
-            remedy="Change the fields named in parentheses.",
-        )
-    signal_lines(options, sampling_period_s)
+    return problems
 
 
 def _sweep_problems(options: SweepOptions, n_sample: int, sampling_period_s: float) -> list[str]:
@@ -89,7 +113,7 @@ def _sweep_problems(options: SweepOptions, n_sample: int, sampling_period_s: flo
     return problems
 
 
-def _slow_problems(options: ExcitationOptions) -> list[str]:
+def _slow_problems(options: PerturbationOptions) -> list[str]:
     line, problems = options.slow_motion_line, []
     if options.inject == "torque":
         problems.append("a slow motion needs a reference of speed or position (inject)")
@@ -103,7 +127,7 @@ def _slow_problems(options: ExcitationOptions) -> list[str]:
     return problems
 
 
-def _not_slow(options: ExcitationOptions, n_sample: int) -> BoolArray:
+def _not_slow(options: PerturbationOptions, n_sample: int) -> BoolArray:
     """Whether each line (n_lines,) is free of the slow motion and its multiples."""
     lines = np.arange(n_sample // 2 + 1)
     return np.asarray((options.slow_motion_rad_s == 0) | (lines % options.slow_motion_line != 0))

@@ -40,6 +40,9 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> _Fo
         known = experiment.campaigns
         yield (*field, "campaign"), f"there is no campaign `{design.campaign}`; {suggest(design.campaign, known)}"
         return
+    if campaign.is_trajectory:
+        message = f"campaign `{design.campaign}` plays a trajectory, which tells nothing of springs: name another one"
+        yield (*field, "campaign"), message
     count = configuration_count(experiment, campaign)
     if count is not None and design.count > count:
         yield (*field, "count"), f"cannot choose {design.count} of the {count} configurations of `{design.campaign}`"

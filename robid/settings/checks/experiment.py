@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
 
+from robid.design.excitation.options import TrajectoryOptions
 from robid.design.excitation.signal_lines import check_signal
 from robid.errors import SettingsError
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
@@ -82,9 +83,13 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
     for place, design in named_designs((*field, "configurations"), campaign.configurations):
         if design not in experiment.designs:
             yield place, _unknown("design", design, experiment.designs)
-    rms = campaign.excitation.rms
-    if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
-        yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
+    if isinstance(campaign.excitation, TrajectoryOptions):
+        if campaign.experiments is not None:
+            yield (*field, "experiments"), "a trajectory is one experiment in each realization: leave it out"
+    else:
+        rms = campaign.excitation.rms
+        if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
+            yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
     if campaign.source is not None and campaign.source.acquire is not None:
         count = configuration_count(experiment, campaign)
         yield from check_logs(field, campaign, campaign.source.acquire, count)
@@ -94,13 +99,14 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     field = ("campaigns", name)
     n_joint = len(robot.joints)
     yield from check_reachable((*field, "configurations"), campaign.configurations, robot)
-    rms = campaign.excitation.rms
-    if isinstance(rms, tuple) and len(rms) != n_joint:
+    rms = () if isinstance(campaign.excitation, TrajectoryOptions) else campaign.excitation.rms
+    if isinstance(rms, tuple) and rms and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
     acquire = None if campaign.source is None else campaign.source.acquire
     if not campaign.is_one_shot:
-        yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
+        if not campaign.is_trajectory:
+            yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
         yield from _lines(field, campaign, robot)
     if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
         yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
@@ -163,6 +169,8 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families
             yield (*field, key), f"campaign `{campaign}` has no `source`, so there is no record to read"
         elif experiment.campaigns[campaign].is_one_shot and "frf" in reads:
             yield (*field, key), f"campaign `{campaign}` is one shot, which has no frequency response to read"
+        elif experiment.campaigns[campaign].is_trajectory and "frf" in reads:
+            yield (*field, key), f"campaign `{campaign}` plays a trajectory, which has no frequency response to read"
     if fit.validate_on in fit.campaigns:
         yield (*field, "validate_on"), f"campaign `{fit.validate_on}` is what the fit reads: validate on another one"
     if len(set(fit.campaigns)) < len(fit.campaigns):

@@ -29,7 +29,7 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         n_configuration: Its number of configurations, None where that is not known.
     """
     inside = (*field, "source", "acquire")
-    n_experiment = 1 if acquire.one_shot else campaign.experiments or len(acquire.inputs)
+    n_experiment = 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
     counts = {"configuration": n_configuration or 1, "realization": campaign.realizations, "experiment": n_experiment}
     yield from _file((*inside, "file"), acquire.file, counts)
     if acquire.one_shot:

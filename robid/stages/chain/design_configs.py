@@ -70,7 +70,7 @@ def visit_s(loaded: LoadedExperiment, campaign: Campaign) -> float:
         transient = campaign.source.acquire.drop_periods
     elif campaign.source is not None and campaign.source.simulate is not None:
         transient = campaign.source.simulate.transient_periods
-    experiments = campaign.realizations * (campaign.experiments or len(loaded.robot.joints))
+    experiments = campaign.realizations * campaign.block_size(len(loaded.robot.joints))
     return experiments * (transient + campaign.periods) * campaign.excitation.period_s
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from robid.artifacts.frf import FRF
 from robid.families.family import family_of
 from robid.settings.robot_parts import delay_s, robot_settings
-from robid.stages.stage import Job, Plan, Stage, periodic_campaigns
+from robid.stages.stage import Job, Plan, Stage, responding_campaigns
 
 if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment
@@ -52,7 +52,7 @@ STAGE = Stage(
     "Estimates frequency responses with their covariance from a record.",
     "campaign",
     FRF,
-    periodic_campaigns,
+    responding_campaigns,
     _plan,
     _run,
     _phrase,

@@ -48,7 +48,7 @@ def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
     n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
     n_channel = 2 * n_motor + len(campaign.outputs) - 1
     blocks = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations
-    experiments = blocks * (campaign.experiments or n_motor)
+    experiments = blocks * campaign.block_size(n_motor)
     samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
     return 2 * _BYTES_PER_SAMPLE * samples * n_channel
 
@@ -73,7 +73,7 @@ def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) ->
 
 def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
     """Returns the number of logged experiments of each block: as many as motors unless the campaign says less."""
-    return 1 if acquire.one_shot else campaign.experiments or len(acquire.inputs)
+    return 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
 
 
 def _vouched(outputs: Sequence[Path]) -> str:

@@ -120,7 +120,7 @@ def gather(run: Run, earlier: Earlier) -> Found:
     reference = by_model[study.reference]
     design = design_from_artifact(read_artifact(run.path(f"designs/{study.design}.h5"), DESIGN))
     campaign = run.loaded.experiment.campaigns[study.estimation[0]]
-    experiments = campaign.realizations * (campaign.experiments or len(run.loaded.robot.joints))
+    experiments = campaign.realizations * campaign.block_size(len(run.loaded.robot.joints))
     guess = np.mean([row["information"] for row in by_model[study.guess]], axis=0)
     return Found(
         study=study,

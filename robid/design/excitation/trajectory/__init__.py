@@ -1,0 +1,4 @@
+"""Exciting trajectories for rigid dynamics.
+
+Read `series`, `limits`, `criterion`, `problem`, `search`, `plan`, then `design`.
+"""

@@ -1,0 +1,153 @@
+"""What keeps a trajectory small: its limits, how much of each a motion uses, and what cannot be played at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.design.excitation.options import TrajectoryOptions
+from robid.errors import SettingsError
+from robid.robot.description import Robot
+
+_LEAST_SHARE = 0.1
+"""Share of the way to its limits that the slowest harmonic must be able to move a joint."""
+
+_LEAST_ROOM = 0.01
+"""Share of a joint's range that a configuration must leave on either side."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a motion may use; the shares of the options are in it.
+
+    Attributes:
+        below (n_joint,): Way down from every configuration, arm side [rad, or m].
+        above (n_joint,): Way up [rad, or m].
+        speed (n_motor,): Motor speed [rad/s].
+        acceleration (n_joint,): Acceleration on the arm side, infinite where none is set [rad/s^2, or m/s^2].
+        torque (n_motor,): Motor torque [N m].
+    """
+
+    below: FloatArray
+    above: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+
+    def used(self, robot: Robot, motion: FloatArray, torque: FloatArray) -> FloatArray:
+        """Largest share of each limit (4, n_joint) that a motion uses: position, speed, acceleration, torque.
+
+        Args:
+            robot: The robot.
+            motion (3, n_sample, n_joint): Way from the configuration, speed and acceleration on the arm side.
+            torque (..., n_motor): Motor torques [N m].
+        """
+        way, speed, acceleration = motion
+        return np.array(
+            [
+                np.maximum(way.max(axis=0) / self.above, -way.min(axis=0) / self.below),
+                np.abs(speed @ robot.motor_per_arm.T).max(axis=0) / self.speed,
+                np.abs(acceleration).max(axis=0) / self.acceleration,
+                np.abs(torque).reshape(-1, len(self.torque)).max(axis=0) / self.torque,
+            ]
+        )
+
+
+def trajectory_limits(
+    robot: Robot, configurations: FloatArray, static_torque: FloatArray, options: TrajectoryOptions
+) -> Limits:
+    """Returns the limits of a trajectory.
+
+    Args:
+        robot: The robot.
+        configurations (n_conf, n_joint): Arm-side joint positions that it begins in [rad, or m].
+        static_torque (n_conf, n_motor): Motor torques that hold them [N m].
+        options: Shares, accelerations, period.
+
+    Raises:
+        SettingsError: With everything that keeps the robot from moving.
+    """
+    problems = [*_missing(robot)]
+    below, above = configurations.min(axis=0) - robot.lower, robot.upper - configurations.max(axis=0)
+    if not problems:
+        problems += [*_confined(robot, below, above)]
+        problems += [*_overloaded(robot, static_torque, options)]
+    if not problems:
+        problems += [*_slow(robot, options.position_share * np.minimum(below, above), options)]
+    if problems:
+        raise SettingsError(
+            "The trajectory cannot be made:\n  " + "\n  ".join(problems),
+            where="excitation",
+            remedy="correct the robot file's limits, or change the configuration or what the parentheses name",
+        )
+    turns, slides = options.max_acceleration_deg_s2, options.max_acceleration_m_s2
+    return Limits(
+        below=options.position_share * below,
+        above=options.position_share * above,
+        speed=options.speed_share * np.array([joint.motor.max_speed_rad_s for joint in robot.joints]),
+        acceleration=np.where(
+            robot.prismatic, np.inf if slides is None else slides, np.inf if turns is None else np.radians(turns)
+        ),
+        torque=options.torque_share * np.array([joint.motor.max_torque_nm for joint in robot.joints]),
+    )
+
+
+def _missing(robot: Robot) -> list[str]:
+    found = []
+    for joint in robot.joints:
+        lacks = [
+            name
+            for name, value in (
+                ("joint limits", joint.upper - joint.lower),
+                ("max_speed_rad_s", joint.motor.max_speed_rad_s),
+                ("max_torque_nm", joint.motor.max_torque_nm),
+            )
+            if not np.isfinite(value)
+        ]
+        if lacks:
+            found.append(
+                f"joint `{joint.name}` has no {', '.join(lacks)} in the robot file, which a large motion needs"
+            )
+    return found
+
+
+def _confined(robot: Robot, below: FloatArray, above: FloatArray) -> list[str]:
+    found = []
+    for joint, down, up in zip(robot.joints, below.tolist(), above.tolist(), strict=True):
+        if min(down, up) < _LEAST_ROOM * (joint.upper - joint.lower):
+            unit, factor = ("m", 1.0) if joint.type == "prismatic" else ("deg", 180 / np.pi)
+            side, way = ("lower", down) if down < up else ("upper", up)
+            found.append(
+                f"joint `{joint.name}` is {way * factor:.3g} {unit} from its {side} limit where the motion begins and"
+                " ends (configurations)"
+            )
+    return found
+
+
+def _overloaded(robot: Robot, static_torque: FloatArray, options: TrajectoryOptions) -> list[str]:
+    found = []
+    for motor, joint in enumerate(robot.joints):
+        share = float(np.abs(static_torque[:, motor]).max() / joint.motor.max_torque_nm)
+        if share >= options.torque_share:
+            found.append(
+                f"motor `{joint.name}` needs {100 * share:.3g} % of its torque limit to hold the arm where the motion"
+                " begins (torque_share, configurations)"
+            )
+    return found
+
+
+def _slow(robot: Robot, way: FloatArray, options: TrajectoryOptions) -> list[str]:
+    """Joints that one period is too short for, by the speed of their own motor."""
+    found = []
+    for joint, wanted in zip(robot.joints, way.tolist(), strict=True):
+        speed = options.speed_share * joint.motor.max_speed_rad_s / abs(joint.motor.gear_ratio)
+        share = speed * options.period_s / (2 * np.pi) / wanted
+        if share < _LEAST_SHARE:
+            needed = options.period_s * _LEAST_SHARE / share
+            found.append(
+                f"joint `{joint.name}` reaches {100 * share:.2g} % of the way to its limits at its highest speed in"
+                f" {options.period_s:g} s (period_s: {needed:.2g} s or more)"
+            )
+    return found
