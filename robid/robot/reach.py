@@ -14,7 +14,8 @@ from robid.robot.description import Robot
 from robid.robot.foreign import Shapes
 from robid.robot.model import ElasticModel, build_model
 
-_TOUCH_M = 1e-3
+TOUCH_M = 1e-3
+"""How far a point may be below the floor."""
 _ASLANT = 1e-6
 
 
@@ -60,7 +61,7 @@ class Reach:
         if self.floor_m is None:
             return [""] * len(configurations)
         height = points(self.robot, configurations)[..., 2].min(axis=1) - self.floor_m
-        return [f"it reaches {-1e3 * low:.0f} mm below the floor" if low < -_TOUCH_M else "" for low in height]
+        return [f"it reaches {-1e3 * low:.0f} mm below the floor" if low < -TOUCH_M else "" for low in height]
 
 
 def points(robot: Robot, configurations: FloatArray) -> FloatArray:
@@ -105,7 +106,7 @@ def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
     axes, anchors = at_zero.xaxis[model.arm].copy(), at_zero.xanchor[model.arm].copy()
     across = np.abs(axes[:, 1]) > 1 - _ASLANT
     aslant = ~across & (np.abs(axes[:, 1]) > _ASLANT)
-    aside = ~across & ~robot.prismatic & (np.abs(anchors[:, 1]) > _TOUCH_M)
+    aside = ~across & ~robot.prismatic & (np.abs(anchors[:, 1]) > TOUCH_M)
     bad = [joint.name for joint, wrong in zip(robot.joints, aslant | aside, strict=True) if wrong]
     if bad:
         raise DataError(

@@ -17,7 +17,7 @@ from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.outputs import FurtherOutputs, further_channels
-from robid.simulate.steps import Steps, choose_steps, peak_motor_speed
+from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
 from robid.simulate.truth import recorded_torque_factor
 
 
@@ -60,6 +60,7 @@ def with_settled_steps(
     robot, controller, options = experiment.robot, experiment.controller, experiment.options
     frequency_hz = experiment.excited_lines / (experiment.reference.shape[2] * controller.sampling_period_s)
     speed = peak_motor_speed(robot, controller, experiment.reference, experiment.inject)
+    configurations = visited(robot, controller, experiment.reference, experiment.inject, configurations)
     steps = choose_steps(robot, controller, options, configurations, frequency_hz, speed)
     return replace(experiment, options=replace(options, steps_per_sample=steps.count)), steps
 

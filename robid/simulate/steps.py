@@ -18,6 +18,7 @@ from robid.simulate.options import STEP_LIMITS, Controller, SimulateOptions
 from robid.simulate.truth import with_imperfections
 
 _MOST = 64
+_FAR = 0.3  # [rad, or m]: farther than any perturbation
 _CONFIGURATIONS = 8
 _GROWTH = 1e-6
 _TAYLOR = [1 / 24, 1 / 6, 1 / 2, 1.0, 1.0]
@@ -72,6 +73,28 @@ def choose_steps(
     needs[f"the stiffest mode, {highest_hz:.0f} Hz"] = float(count)
     reason = max(needs, key=lambda name: np.ceil(needs[name]))
     return Steps(int(min(max(1, np.ceil(needs[reason])), _MOST)), reason)
+
+
+def visited(
+    robot: Robot, controller: Controller, reference: FloatArray, kind: str, configurations: FloatArray
+) -> FloatArray:
+    """Returns configurations (n, n_joint) that an excitation leads to, or those given where it moves a little only.
+
+    Args:
+        robot: The robot.
+        controller: Its controller.
+        reference (..., n_sample, n_motor): Periods of the excitation [unit of its kind].
+        kind: What is injected; a torque is taken to move little.
+        configurations (n_conf, n_joint): Where the motion begins [rad, or m].
+    """
+    if kind == "torque":
+        return configurations
+    way = angle_reference(reference, controller.sampling_period_s) if kind == "speed_reference" else reference
+    way = way.reshape(-1, way.shape[-1]) @ robot.arm_per_motor.T
+    if np.abs(way).max(initial=0.0) < _FAR:
+        return configurations
+    seen = way[:: max(len(way) // _CONFIGURATIONS, 1)][:_CONFIGURATIONS]
+    return np.asarray((configurations[:, None] + seen).reshape(-1, way.shape[1]))
 
 
 def settled(

@@ -22,7 +22,7 @@ from robid.fit.rigid.base import find_base_parameters
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
+from robid.robot.regressor.options import FrictionForm, RigidOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import require_controller
@@ -84,6 +84,7 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
 def _trajectory(
     job: Job, options: TrajectoryOptions, robot: Robot, configurations: FloatArray, sampling_period_s: float
 ) -> Excitation:
+    job.progress.expect(job.campaign.realizations * options.starts, "starts")
     return design_trajectory(
         options,
         base_model(robot, options),
@@ -93,12 +94,13 @@ def _trajectory(
         reach_of(job.loaded, robot),
         periods=job.campaign.periods,
         transient_periods=next(iter(transient_periods(job.campaign).values())),
+        parallel_map=lambda function, tasks: job.map(function, tasks, lambda *_: job.progress.advance()),
     )
 
 
 def base_model(robot: Robot, options: TrajectoryOptions) -> BaseModel:
     """Returns the rigid model of a robot with the columns of its base parameters, and which of them are judged."""
-    form = "asymmetric" if options.friction == "asymmetric" else "coulomb"
+    form: FrictionForm = "asymmetric" if options.friction == "asymmetric" else "coulomb"
     left_out = _LEFT_OUT.get(options.friction, ())
     model = build_rigid_model(robot, RigidOptions(friction=form))
     base = find_base_parameters(model)

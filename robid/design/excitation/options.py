@@ -218,10 +218,10 @@ class TrajectoryOptions:
         default=None, metadata={"description": "The same of prismatic joints [m/s^2].", "gt": 0}
     )
     starts: int = field(default=4, metadata={"description": "Random starts; the best end is taken.", "ge": 1})
-    iterations: int = field(
-        default=200, metadata={"description": "Evaluations of the criterion with its gradient, each start.", "ge": 1}
+    evaluations: int = field(
+        default=200, metadata={"description": "Evaluations of the criterion with its slopes from each start.", "ge": 1}
     )
-    seed: int = field(default=1, metadata={"description": "Seed of the phases and detection lines.", "ge": 0})
+    seed: int = field(default=1, metadata={"description": "Seed of the starts.", "ge": 0})
 
     decides_lines: ClassVar[tuple[str, ...]] = ("signal", "period_s", "harmonics")
 

@@ -1,1 +1,4 @@
-"""Exciting trajectories for rigid dynamics. Read `series`, `limits`, `criterion`, `search`, then `design`."""
+"""Exciting trajectories for rigid dynamics.
+
+Read `series`, `limits`, `criterion`, `problem`, `search`, `plan`, then `design`.
+"""

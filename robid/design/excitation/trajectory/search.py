@@ -1,198 +1,89 @@
-"""Search of a trajectory: random starts, constrained descents, and what of each can be played."""
+"""Search of a trajectory: random starts, constrained descents, and how much of each can be played."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import nlopt
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.design.excitation.trajectory.criterion import BaseModel, Criterion
-from robid.design.excitation.trajectory.limits import Limits
-from robid.design.excitation.trajectory.series import RestingSeries
-from robid.robot.description import Robot
-from robid.robot.heights import heights
+from robid.design.excitation.trajectory.problem import TrajectoryProblem
 
-_SHARPNESS = 200.0
-"""Of the smooth maximum, which is above the largest of n values by at most `log(n)` over this."""
+_ROUNDS = ((nlopt.LD_SLSQP, 0.5, 50.0), (nlopt.LD_MMA, 0.2, 100.0), (nlopt.LD_SLSQP, 0.3, 200.0))
+"""Optimizer, share of the evaluations and sharpness of the smooth maximum; a sharp one misleads early steps, and
+moving asymptotes come back to the limits where quadratic programs do not."""
+
+_WORTH = 0.03
+"""Factor on the criterion, without which the first quadratic programs step far beyond the limits."""
 
 _BOUND = 3.0
-_STILL = 1e-9
-_WITHIN = 1e-4
 _TOLERANCE = 1e-5
+_WITHIN = 1e-3
 _HALVINGS = 14
 _LEAST_USE = 0.3
 """Smallest share of its limits that a joint of a random series uses, before torques and floor."""
 
 
-@dataclass(frozen=True)
-class TrajectoryProblem:
-    """What is optimised: coefficients (n_shape, n_joint) of the way from the configurations.
-
-    Attributes:
-        base: The rigid model.
-        criterion: What its regressor is worth.
-        configurations (n_conf, n_joint): Arm-side joint positions that the motion begins in [rad, or m].
-        series: The shapes of the series.
-        waves (3, n_time, n_shape): Their values and derivatives at the samples that are judged.
-        limits: What the motion may use.
-        floor_m: Height that no point may go below; None for none [m].
-    """
-
-    base: BaseModel
-    criterion: Criterion
-    configurations: FloatArray
-    series: RestingSeries
-    waves: FloatArray
-    limits: Limits
-    floor_m: float | None
-
-    @property
-    def robot(self) -> Robot:
-        """The robot."""
-        return self.base.model.robot
-
-    @property
-    def scale(self) -> FloatArray:
-        """Natural size (n_joint,) of the coefficients [rad, or m]."""
-        return np.maximum(self.limits.below, self.limits.above)
-
-    def regressor(self, coefficients: FloatArray) -> FloatArray:
-        """Judged columns (n_conf, n_time, n_motor, n_judged) of coefficients (n_shape, n_joint)."""
-        columns = self.base.columns(self.configurations, self.waves @ coefficients)
-        return columns[..., self.base.judged]
-
-    def random(self, generator: np.random.Generator) -> FloatArray:
-        """Draws coefficients (n_shape, n_joint) whose joints use a random share of their limits."""
-        shape = (self.series.count, len(self.robot.joints))
-        drawn = generator.standard_normal(shape)
-        share = generator.uniform(_LEAST_USE, 1, shape[1])
-        motion = self.waves @ drawn
-        used = self.limits.used(self.robot, motion, np.zeros(shape[1]))[[0, 2]].max(axis=0)
-        drawn = drawn * share / used
-        speed = self.limits.used(self.robot, self.waves @ drawn, np.zeros(shape[1]))[1].max()
-        drawn = drawn / max(speed, 1.0)
-        return drawn * largest_factor(lambda factor: self._is_within(factor * drawn))
-
-    def _is_within(self, coefficients: FloatArray) -> bool:
-        motion = self.waves @ coefficients
-        torque = self.base.torques(self.configurations, motion)
-        within = self.limits.used(self.robot, motion, torque).max() <= 1
-        return bool(within) and (self.floor_m is None or self._height(motion[0])[0].min() >= self.floor_m)
-
-    def _height(self, way: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Heights (n_conf, n_time, n_point) and slopes (n_conf, n_time, n_point, n_joint)."""
-        visited = self.configurations[:, None] + way
-        found, slopes = heights(self.robot, visited.reshape(-1, way.shape[1]))
-        return found.reshape(*visited.shape[:2], -1), slopes.reshape(*visited.shape[:2], -1, way.shape[1])
-
-    def evaluate(self, point: FloatArray) -> Evaluation:
-        """Evaluates coefficients over `scale` (n_variable,), flat."""
-        coefficients = point.reshape(self.series.count, -1) * self.scale
-        motion = self.waves @ coefficients
-        columns = self.base.columns(self.configurations, motion)
-        slopes = self.base.slopes(self.configurations, motion, columns)
-        value, by_element = self.criterion.with_slopes(columns[..., self.base.judged])
-        by_motion = np.einsum("kicnmp,cnmp->kni", slopes[..., self.base.judged], by_element, optimize=True)
-        found = [*self._kinematic(motion), *self._torques(columns, slopes)]
-        if self.floor_m is not None:
-            found.append(self._floor(motion[0], self.floor_m))
-        used, use_slopes = np.concatenate([use for use, _ in found]), np.concatenate([slope for _, slope in found])
-        return Evaluation(value, self._chained(by_motion[None])[0], used, self._chained(use_slopes))
-
-    def _chained(self, by_motion: FloatArray) -> FloatArray:
-        """From slopes (n, 3, n_time, n_joint) by motion to slopes (n, n_variable) by the point."""
-        chained = np.einsum("akni,kns->asi", by_motion, self.waves, optimize=True) * self.scale
-        return np.asarray(chained.reshape(len(by_motion), -1))
-
-    def _kinematic(self, motion: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Smooth use of the limits of position, speed and acceleration, with slopes (n, 3, n_time, n_joint)."""
-        way, speed, acceleration = motion
-        limits, to_motor, own = self.limits, self.robot.motor_per_arm, np.eye(way.shape[1])
-        quantities = [
-            (0, way, own, limits.above, limits.below),
-            (1, speed @ to_motor.T, to_motor, limits.speed, limits.speed),
-        ]
-        if np.isfinite(limits.acceleration).any():
-            quantities.append((2, acceleration, own, limits.acceleration, limits.acceleration))
-        found = []
-        for kind, signal, matrix, above, below in quantities:
-            use, weight = _smooth_use(signal, above, below)
-            slopes = np.zeros((len(use), *motion.shape))
-            slopes[:, kind] = weight.T[:, :, None] * matrix[:, None]
-            found.append((use, slopes))
-        return found
-
-    def _torques(self, columns: FloatArray, slopes: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        torque = columns @ self.base.values
-        flat = torque.reshape(-1, torque.shape[-1])
-        use, weight = _smooth_use(flat, self.limits.torque, self.limits.torque)
-        by_motion = slopes @ self.base.values
-        return [(use, np.einsum("cnm,kicnm->mkni", weight.reshape(torque.shape), by_motion, optimize=True))]
-
-    def _floor(self, way: FloatArray, floor_m: float) -> tuple[FloatArray, FloatArray]:
-        height, by_way = self._height(way)
-        moves = np.abs(by_way).max(axis=(0, 1, 3)) > _STILL
-        height, by_way = height[..., moves], by_way[..., moves, :]
-        use, weight = _smooth_maximum(1 + floor_m - height.reshape(-1, 1))
-        slopes = np.zeros((1, 3, *way.shape))
-        slopes[0, 0] = -np.einsum("cnp,cnpi->ni", weight.reshape(height.shape), by_way)
-        return use, slopes
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """What a point is worth and uses.
-
-    Attributes:
-        value: The criterion.
-        slope (n_variable,): Its slope.
-        used (n_limit,): Share of each limit, by a smooth maximum over all samples; 1 is all of it.
-        used_slope (n_limit, n_variable): Its slope.
-    """
-
-    value: float
-    slope: FloatArray
-    used: FloatArray
-    used_slope: FloatArray
+def random_trajectory(problem: TrajectoryProblem, generator: np.random.Generator) -> FloatArray:
+    """Draws coefficients (n_shape, n_joint) within the limits, whose joints use random shares of them."""
+    shape = (problem.series.count, len(problem.robot.joints))
+    none = np.zeros(shape[1])
+    drawn = generator.standard_normal(shape)
+    share = generator.uniform(_LEAST_USE, 1, shape[1])
+    used = problem.limits.used(problem.robot, problem.waves @ drawn, none)
+    drawn = drawn * share / used[[0, 2]].max(axis=0)
+    speed = problem.limits.used(problem.robot, problem.waves @ drawn, none)[1].max()
+    drawn = drawn / max(speed, 1.0)
+    return np.asarray(drawn * _allowed(problem, drawn))
 
 
 def descend(problem: TrajectoryProblem, start: FloatArray, evaluations: int) -> FloatArray:
-    """Improves coefficients (n_shape, n_joint) by sequential quadratic programming; returns the best within limits.
+    """Improves coefficients (n_shape, n_joint) by local optimizers, round after round; they stay within the limits.
 
     Source:
-        Kraft (1994), SLSQP; Kreisselmeier and Steinhauser (1979) for the smooth maximum.
+        Kraft (1994), SLSQP; Svanberg (2002), MMA; Kreisselmeier and Steinhauser (1979) for the smooth maximum.
     """
-    walk = _Walk(problem, (start / problem.scale).ravel())
-    tool = nlopt.opt(nlopt.LD_SLSQP, walk.best.size)
+    best, value = start, problem.criterion.value(problem.regressor(start))
+    for algorithm, share, sharpness in _ROUNDS:
+        tool = nlopt.opt(algorithm, start.size)
+        tool.set_maxeval(max(round(share * evaluations), 1))
+        end = _round(problem, best, tool, sharpness)
+        end = end * _allowed(problem, end)
+        reached = problem.criterion.value(problem.regressor(end))
+        if reached < value:
+            best, value = end, reached
+    return best
+
+
+def _round(problem: TrajectoryProblem, start: FloatArray, tool: nlopt.opt, sharpness: float) -> FloatArray:
+    """Where an optimizer ends; it may exceed limits there."""
+    walk = _Walk(problem, (start / problem.scale).ravel(), sharpness)
     tool.set_min_objective(walk.objective)
     tool.add_inequality_mconstraint(walk.constraints, np.full(walk.latest.used.size, _WITHIN))
     tool.set_lower_bounds(-_BOUND)
     tool.set_upper_bounds(_BOUND)
-    tool.set_maxeval(evaluations)
     tool.set_ftol_rel(_TOLERANCE)
+    point = walk.point
     with contextlib.suppress(nlopt.RoundoffLimited, RuntimeError):
-        tool.optimize(walk.best)
-    return walk.best.reshape(start.shape) * problem.scale
+        point = np.asarray(tool.optimize(np.clip(walk.point, -_BOUND, _BOUND)))
+    return np.asarray(point.reshape(start.shape) * problem.scale)
 
 
 class _Walk:
-    """What an optimizer asks for, each point evaluated once, and the best point within the limits so far."""
+    """What an optimizer asks for, each point evaluated once."""
 
-    def __init__(self, problem: TrajectoryProblem, start: FloatArray) -> None:
-        self.problem, self.point = problem, start.copy()
-        self.latest = problem.evaluate(start)
-        self.best, self.value = start.copy(), self.latest.value
+    def __init__(self, problem: TrajectoryProblem, start: FloatArray, sharpness: float) -> None:
+        self.problem, self.point, self.sharpness = problem, start.copy(), sharpness
+        self.latest = problem.evaluate(start, sharpness)
 
     def objective(self, point: FloatArray, slope: FloatArray) -> float:
-        """Returns the criterion, and writes its slope."""
+        """Returns the criterion on its scale, and writes its slope."""
         self._move(point)
         if slope.size:
-            slope[:] = self.latest.slope
-        return self.latest.value
+            slope[:] = _WORTH * self.latest.slope
+        return _WORTH * self.latest.value
 
     def constraints(self, result: FloatArray, point: FloatArray, slope: FloatArray) -> None:
         """Writes by how much each limit is exceeded, and the slopes."""
@@ -202,12 +93,13 @@ class _Walk:
             slope[:] = self.latest.used_slope
 
     def _move(self, point: FloatArray) -> None:
-        if np.array_equal(point, self.point):
-            return
-        self.point = point.copy()
-        self.latest = self.problem.evaluate(self.point)
-        if self.latest.used.max() <= 1 + _WITHIN and self.latest.value < self.value:
-            self.best, self.value = self.point, self.latest.value
+        if not np.array_equal(point, self.point):
+            self.point = point.copy()
+            self.latest = self.problem.evaluate(self.point, self.sharpness)
+
+
+def _allowed(problem: TrajectoryProblem, coefficients: FloatArray) -> float:
+    return largest_factor(lambda factor: problem.is_within(factor * coefficients))
 
 
 def largest_factor(is_allowed: Callable[[float], bool]) -> float:
@@ -219,18 +111,3 @@ def largest_factor(is_allowed: Callable[[float], bool]) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if is_allowed(middle) else (low, middle)
     return low
-
-
-def _smooth_use(signal: FloatArray, above: FloatArray, below: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Smooth largest use (n,) of limits on either side by a signal (n_time, n), and its slope (n_time, n)."""
-    use, weight = _smooth_maximum(np.concatenate([signal / above, -signal / below]))
-    up, down = np.split(weight, 2)
-    return use, up / above - down / below
-
-
-def _smooth_maximum(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Smooth maximum (n,) over the first axis of (n_value, n), and its slope (n_value, n)."""
-    top = values.max(axis=0)
-    part = np.exp(_SHARPNESS * (values - top))
-    total = part.sum(axis=0)
-    return np.asarray(top + np.log(total) / _SHARPNESS), np.asarray(part / total)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class RestingSeries:
         return int(self.shapes.shape[1])
 
     @property
-    def lines(self) -> FloatArray:
+    def lines(self) -> IntArray:
         """Harmonics (n_harmonic,), from 1."""
         return np.arange(1, len(self.shapes) // 2 + 1)
 
@@ -49,7 +49,7 @@ class RestingSeries:
         return self.at(np.arange(count) * (self.period_s / count))
 
     def amplitudes(self, coefficients: FloatArray) -> ComplexArray:
-        """Complex amplitudes (n_harmonic, ...) of coefficients (n_shape, ...); the real part of their sum is the series."""
+        """Complex amplitudes (n_harmonic, ...) of the harmonics from coefficients (n_shape, ...)."""
         sine, cosine = np.split(self.shapes @ coefficients, 2)
         return np.asarray(cosine - 1j * sine)
 
