@@ -18,9 +18,9 @@ from robid.design.excitation.prediction import predict
 from robid.design.excitation.signal import design_signal
 from robid.design.excitation.trajectory.criterion import BaseModel
 from robid.design.excitation.trajectory.design import design_trajectory
-from robid.fit.rigid.base import find_base_parameters
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
+from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import build_rigid_model
 from robid.robot.regressor.options import FrictionForm, RigidOptions
 from robid.settings.experiment import Campaign

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robid.families.rigid.settings import rigid_fit
-from robid.fit.rigid.base import find_base_parameters
+from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import build_rigid_model
 from robid.settings.load import LoadedExperiment
 from robid.simulate.truth import TrueRobot

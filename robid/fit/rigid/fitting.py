@@ -10,7 +10,6 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.fit.rigid.base import BaseParameters, find_base_parameters, label, select_base
 from robid.fit.rigid.conclusion import conclude
 from robid.fit.rigid.cutoff import CutOffChoice, choose_cut_off, excited_band
 from robid.fit.rigid.huber import sweep_bend
@@ -26,6 +25,7 @@ from robid.fit.rigid.shots import Shot
 from robid.fit.rigid.solution import RigidSolution
 from robid.fit.rigid.uncertainty import Influence
 from robid.robot.description import Robot
+from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
 from robid.robot.regressor.model import RigidModel, build_rigid_model
 
 Simulate: TypeAlias = Callable[[RigidModel, FloatArray], Sequence[FloatArray]]

@@ -5,34 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from robid.robot.regressor.options import RigidOptions
+from robid.robot.regressor.options import BaseOptions, RigidOptions
 
 if TYPE_CHECKING:
     from robid.signals.filters import Decimator
 
 EstimatorName = Literal["ordinary", "weighted", "huber", "instruments"]
-
-
-@dataclass(frozen=True)
-class BaseOptions:
-    """How base parameters are found."""
-
-    n_sample: int = field(
-        default=500, metadata={"description": "Random configurations with speeds and accelerations.", "ge": 10}
-    )
-    speed_rad_s: float = field(default=2.0, metadata={"description": "Largest arm speed [rad/s, or m/s].", "gt": 0})
-    acceleration_rad_s2: float = field(
-        default=10.0, metadata={"description": "Largest arm acceleration [rad/s^2, or m/s^2].", "gt": 0}
-    )
-    threshold: float = field(
-        default=1e-8,
-        metadata={
-            "description": "Columns, each scaled to 1, that lie nearer than this to the space of others are dependent.",
-            "gt": 0,
-            "lt": 1,
-        },
-    )
-    seed: int = field(default=0, metadata={"description": "Seed of the random configurations.", "ge": 0})
 
 
 @dataclass(frozen=True)

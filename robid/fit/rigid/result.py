@@ -10,7 +10,6 @@ from scipy.stats import t
 
 from robid.arrays import FloatArray, IntArray
 from robid.fit.estimate import Estimate
-from robid.fit.rigid.base import BaseParameters
 from robid.fit.rigid.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion
 from robid.fit.rigid.consistency import make_consistent, pseudo_inertia
 from robid.fit.rigid.cutoff import CutOffChoice
@@ -19,6 +18,7 @@ from robid.fit.rigid.least_squares import Regression
 from robid.fit.rigid.options import EstimatorName, PreprocessingOptions, RigidFitOptions
 from robid.fit.rigid.solution import Base, Checks, Estimators, Filtered, RigidSolution, RowResiduals, StandardSet
 from robid.fit.rigid.verdict import Verdict, scale_of
+from robid.robot.regressor.base import BaseParameters
 from robid.robot.regressor.model import RigidModel
 
 _NOT_NEGATIVE = ("motor_inertia", "coupling_inertia", "viscous", "coupling_viscous", "coulomb", "coupling_coulomb")

@@ -14,9 +14,9 @@ from robid.design.excitation.trajectory.design import design_trajectory, traject
 from robid.design.excitation.trajectory.search import random_trajectory
 from robid.design.excitation.trajectory.series import resting_series
 from robid.errors import SettingsError
-from robid.fit.rigid.base import find_base_parameters
 from robid.robot.foreign import Shapes
 from robid.robot.reach import Reach
+from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import build_rigid_model
 from robid.robot.regressor.options import RigidOptions
 from robid.settings.load import load_robot

@@ -8,10 +8,9 @@ import pytest
 from ruamel.yaml import YAML
 
 from rigid_robots import planar_arm, random_chain, random_motion, with_gears
-from robid.fit.rigid.base import find_base_parameters, label, random_columns, select_base
-from robid.fit.rigid.options import BaseOptions
+from robid.robot.regressor.base import find_base_parameters, label, random_columns, select_base
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
+from robid.robot.regressor.options import BaseOptions, RigidOptions
 from robid.settings.load import load_robot
 from tolerances import IDENTITY
 
