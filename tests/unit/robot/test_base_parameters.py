@@ -14,7 +14,7 @@ from robid.robot.regressor.options import BaseOptions, RigidOptions
 from robid.settings.load import load_robot
 from tolerances import IDENTITY
 
-ROBOTS = Path(__file__).parents[4] / "configs" / "robots"
+ROBOTS = Path(__file__).parents[3] / "configs" / "robots"
 BARE = RigidOptions(friction="none", offsets=False, motor_inertias=False, couplings=False)
 
 
