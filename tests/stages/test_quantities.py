@@ -77,6 +77,22 @@ def test_one_shot_is_imported_and_no_more(bench):
     bench.refuse(2, "estimate-frf", command=("estimate-frf", "bench.yaml", "--campaign", "log"))
 
 
+def test_one_shot_needs_no_configurations_but_periods_do(bench):
+    bench.change("configurations: {list_deg: [[0]]}", "payload_kg: null", "bench.yaml")
+    told = "campaigns.log.configurations: is missing: only logs of one shot go without"
+    bench.refuse(2, told, command=("run", "bench.yaml"))
+    bench.change("        drop_periods: 1\n", "        one_shot: true\n", "bench.yaml")
+    text = (bench.folder / "bench.yaml").read_text()
+    text = text[: text.index("fits:")]
+    (bench.folder / "bench.yaml").write_text(f"{text}designs: {{some: {{campaign: log, count: 1}}}}\n")
+    told = "designs.some.campaign: campaign `log` is one shot without configurations to choose from"
+    bench.refuse(2, told, command=("run", "bench.yaml"))
+    (bench.folder / "bench.yaml").write_text(text)
+    answer = bench.robid("run", "bench.yaml")
+    assert answer.code == 0, answer.err
+    assert record_from_artifact(read_artifact(bench.runs / "log" / "record.h5", RECORD)).configurations is None
+
+
 @pytest.mark.parametrize(
     ("old", "new", "texts"),
     [

@@ -40,6 +40,9 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> _Fo
         known = experiment.campaigns
         yield (*field, "campaign"), f"there is no campaign `{design.campaign}`; {suggest(design.campaign, known)}"
         return
+    if campaign.configurations is None and campaign.is_one_shot:
+        yield (*field, "campaign"), f"campaign `{design.campaign}` is one shot without configurations to choose from"
+        return
     count = configuration_count(experiment, campaign)
     if count is not None and design.count > count:
         yield (*field, "count"), f"cannot choose {design.count} of the {count} configurations of `{design.campaign}`"
