@@ -93,6 +93,25 @@ def test_one_shot_needs_no_configurations_but_periods_do(bench):
     assert record_from_artifact(read_artifact(bench.runs / "log" / "record.h5", RECORD)).configurations is None
 
 
+def test_every_log_of_a_recording_counts_for_staleness(bench):
+    bench.change("        drop_periods: 1\n", "        one_shot: true\n", "bench.yaml")
+    bench.change("variable: told", "variable: second, file: 'told_{realization}.mat'", "bench.yaml")
+    text = (bench.folder / "bench.yaml").read_text()
+    (bench.folder / "bench.yaml").write_text(text[: text.index("fits:")])
+    missing = bench.robid("run", "bench.yaml")
+    assert missing.code == 4
+    assert "told_1.mat" in missing.flat
+    told = np.linspace(0, 1, 5 * N_SAMPLE)[:, None]
+    savemat(bench.folder / "told_1.mat", {"second": told})
+    assert bench.robid("run", "bench.yaml").code == 0
+    assert set(bench.states().values()) == {("fresh", "")}
+    savemat(bench.folder / "told_1.mat", {"second": 2 * told})
+    assert {state for state, _ in bench.states().values()} == {"stale"}
+    bench.change("realizations: 1", "realizations: 2", "bench.yaml")
+    bench.change("told_{realization}.mat", "told_1.mat", "bench.yaml")
+    bench.refuse(2, "inputs[0].file: there is one log for each of 2 realizations", command=("status", "bench.yaml"))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "texts"),
     [

@@ -1,1 +1,1 @@
-"""The study of robust regression. Read `haptic`, the one-axis device."""
+"""The study of robust regression. Read `haptic`, the one-axis device, then `tx40`, the measured arm."""
