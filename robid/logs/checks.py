@@ -88,14 +88,14 @@ def still_note(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tupl
         DataError: If no output changes, so that nothing moved.
     """
     outputs: list[LogChannel] = [*mapping.outputs]
-    still = [one for one in (*mapping.inputs, *outputs, *mapping.references) if np.ptp(columns[one.variable]) == 0]
+    still = [one for one in (*mapping.inputs, *outputs, *mapping.references) if np.ptp(columns[one.column]) == 0]
     if all(channel in still for channel in outputs):
         raise DataError(
             "No output changes: nothing moved.",
             where=str(mapping.file),
             remedy="Check that the channels were connected and that their variables are the right ones.",
         )
-    told = ", ".join(f"`{channel.variable}` ({columns[channel.variable][0]:g})" for channel in still)
+    told = ", ".join(f"`{channel.variable}` ({columns[channel.column][0]:g})" for channel in still)
     return (f"{_STILL} {mapping.file.name}: {told}; right only where these joints stood still.",) if still else ()
 
 

@@ -10,20 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.errors import DataError
-from robid.logs.files import find_variable
+from robid.logs.files import find_variable, load_variables
 from robid.logs.mapping import LogMapping
 
 _SHOWN = 8
 """Fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists."""
 
 
-def read_columns(mapping: LogMapping, variables: Mapping[str, Any]) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
-    """Reads every column that the mapping names, with every problem on the way."""
-    names = mapping.variables + ([mapping.time.variable] if mapping.time is not None else [])
+def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
+    """Reads every column that the mapping names from its log, with every problem on the way."""
     columns: dict[str, NDArray[Any]] = {}
     problems: list[DataError] = []
-    for name in dict.fromkeys(names):
-        column, found = read_column(mapping, variables, name)
+    paths = dict.fromkeys(path for path, _ in mapping.variables.values())
+    logs = {path: load_variables(path, mapping.format) for path in paths}
+    for name, (path, _) in mapping.variables.items():
+        column, found = read_column(mapping, logs[path], name)
         problems += found
         if column is not None:
             columns[name] = column
@@ -33,15 +34,15 @@ def read_columns(mapping: LogMapping, variables: Mapping[str, Any]) -> tuple[dic
 def read_column(
     mapping: LogMapping, variables: Mapping[str, Any], name: str
 ) -> tuple[NDArray[Any] | None, list[DataError]]:
-    """Returns a variable as a real column of finite numbers, or why it is none.
+    """Returns the variable of a column as real, finite numbers, or why it is none.
 
     A channel that never changes cannot have been excited; in one shot its joint may have stood still.
     """
-    where = f"{mapping.file}: variable `{name}`"
+    where, variable = mapping.place(name), mapping.variables[name][1]
     try:
-        raw = np.asarray(find_variable(variables, name))
+        raw = np.asarray(find_variable(variables, variable))
     except KeyError:
-        close = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
+        close = difflib.get_close_matches(variable, variables, n=3, cutoff=0.5)
         columns = [key for key, value in variables.items() if np.size(value) > _SHOWN]
         guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
         remedy = f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
@@ -71,7 +72,7 @@ def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> l
     return [
         DataError(
             f"It has {len(column)} samples, the other channels have {usual}.",
-            where=f"{mapping.file}: variable `{name}`",
+            where=mapping.place(name),
             remedy="Export all channels over the same time span and at the same rate.",
         )
         for name, column in columns.items()

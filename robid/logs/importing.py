@@ -14,7 +14,6 @@ from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
 from robid.logs.checks import check_count, check_mapping, check_period, check_shot, check_time, still_note
 from robid.logs.columns import check_lengths, read_columns
-from robid.logs.files import load_variables
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
 from robid.signals.log_channels import LogChannel
@@ -53,7 +52,7 @@ def import_log(
     check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
     columns, problems = _read(mapping)
-    n_sample = min((len(columns[name]) for name in mapping.variables if name in columns), default=0)
+    n_sample = min((len(columns[one.column]) for one in mapping.channels if one.column in columns), default=0)
     if played is not None and mapping.references:
         start, found, notes = _match(mapping, columns, played, periods, excited_lines)
     else:
@@ -145,7 +144,7 @@ def join_experiments(records: list[Record], n_experiment: int) -> Record:
 
 def _read(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
     """Reads the columns of a log and checks each for itself, their lengths, and the time."""
-    columns, problems = read_columns(mapping, load_variables(mapping.file, mapping.format))
+    columns, problems = read_columns(mapping)
     problems += check_lengths(mapping, columns)
     if mapping.time is not None and mapping.time.variable in columns:
         stamps = columns[mapping.time.variable]
@@ -156,7 +155,7 @@ def _read(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]
 
 def _signal(channels: Sequence[LogChannel], columns: Mapping[str, NDArray[Any]], used: slice) -> FloatArray:
     """Samples (n_sample, n_channel) in the channels' units."""
-    scaled = [channel.factor * columns[channel.variable][used].astype(float) for channel in channels]
+    scaled = [channel.factor * columns[channel.column][used].astype(float) for channel in channels]
     return np.stack(scaled, axis=-1)
 
 
@@ -167,7 +166,7 @@ def _sampled(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: sli
         sampling_period_s=mapping.sampling_period_s,
         inputs=inputs.reshape(1, 1, 1, periods, -1, inputs.shape[-1]),
         outputs=(outputs - outputs[0]).reshape(1, 1, 1, periods, -1, outputs.shape[-1]),
-        output_offset=outputs[:1],
+        output_offset=outputs[:1] - [channel.factor * channel.zero for channel in mapping.outputs],
         input_channels=tuple(channel.channel for channel in mapping.inputs),
         output_channels=tuple(channel.channel for channel in mapping.outputs),
         input_hold=mapping.inputs[0].hold,
@@ -188,14 +187,14 @@ def _place(
     problems = check_count(mapping, n_sample, samples_per_period, periods) if n_sample else []
     if mapping.take == "last":
         start = max(n_sample - periods * samples_per_period, 0)
-    usable = [channel for channel in mapping.inputs if channel.variable in columns]
-    signals = [channel.factor * columns[channel.variable][start:].astype(float) for channel in usable]
+    usable = [channel for channel in mapping.inputs if channel.column in columns]
+    signals = [channel.factor * columns[channel.column][start:].astype(float) for channel in usable]
     finite = [(np.ptp(values), index) for index, values in enumerate(signals) if len(values) > 2]
     finite = [(size, index) for size, index in finite if np.isfinite(size) and size > 0]
     if not finite:
         return start, problems, []
     strongest = max(finite)[1]
-    where = f"{mapping.file}: variable `{usable[strongest].variable}`"
+    where = mapping.place(usable[strongest].column)
     found, notes = check_period(
         where, signals[strongest], mapping.sampling_period_s, samples_per_period, periods, lines
     )
@@ -208,7 +207,7 @@ def _match(
     """First sample that is used, where the logged references show which periods were played."""
     names = tuple(channel.name for channel in mapping.references)
     where = f"{mapping.file}: references"
-    found = [columns.get(channel.variable) for channel in mapping.references]
+    found = [columns.get(channel.column) for channel in mapping.references]
     kept = [column for column in found if column is not None and np.all(np.isfinite(column))]
     if len(kept) < len(names) or len({len(column) for column in kept}) > 1:
         return 0, [], []

@@ -1,8 +1,9 @@
-"""One log file and what its variables are."""
+"""The logs of one recording and what their variables are."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -11,18 +12,32 @@ from robid.signals.log_channels import LogChannel, LogOptions
 
 @dataclass(frozen=True, kw_only=True)
 class LogMapping(LogOptions):
-    """One log file and its channels.
+    """The logs of one recording and their channels.
 
     Attributes:
         file: The log.
-        format: `mat` (version 5) or `csv`.
+        format: `mat` (version 5) or `csv`, of all of them.
+        files: Further logs, by what their channels call them.
     """
 
     file: Path
     format: Literal["mat", "csv"] = "mat"
+    files: Mapping[str, Path] = field(default_factory=dict)
 
     @property
-    def variables(self) -> list[str]:
-        """The variables of all channels but the time: inputs, outputs, references."""
-        channels: list[LogChannel] = [*self.inputs, *self.outputs, *self.references]
-        return [channel.variable for channel in channels]
+    def channels(self) -> list[LogChannel]:
+        """All channels but the time: inputs, outputs, references."""
+        return [*self.inputs, *self.outputs, *self.references]
+
+    @property
+    def variables(self) -> dict[str, tuple[Path, str]]:
+        """Log and variable of each column, the time's last."""
+        found = {
+            one.column: (self.file if one.file is None else self.files[one.file], one.variable) for one in self.channels
+        }
+        return found if self.time is None else {**found, self.time.variable: (self.file, self.time.variable)}
+
+    def place(self, column: str) -> str:
+        """Says where a column comes from."""
+        file, variable = self.variables[column]
+        return f"{file}: variable `{variable}`"

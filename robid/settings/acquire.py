@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pydantic.dataclasses
 from pydantic import Field
 
 from robid.settings.base import DATA_VARIABLE, STRICT, data_path
-from robid.signals.log_channels import LogOptions
+from robid.signals.log_channels import LogChannel, LogOptions
+
+_PLACES = ("configuration", "realization", "experiment")
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -21,6 +23,11 @@ class Acquire(LogOptions):
         " `{configuration}`, `{realization}` and `{experiment}` for their numbers, from 1."
     )
 
+    @property
+    def channels(self) -> tuple[LogChannel, ...]:
+        """Inputs, outputs and references."""
+        return (*self.inputs, *self.outputs, *self.references)
+
     def log_path(self, folder: Path, configuration: int = 0, realization: int = 0, experiment: int = 0) -> Path:
         """Returns the path of a log.
 
@@ -30,16 +37,22 @@ class Acquire(LogOptions):
             realization: Index of the realization, from 0.
             experiment: Index of the experiment, from 0.
         """
-        indices = {"configuration": configuration, "realization": realization, "experiment": experiment}
-        rest = self.file.removeprefix(DATA_VARIABLE)
-        start = self.file.removesuffix(rest) if rest else self.file
-        return data_path(start + rest.format(**{key: index + 1 for key, index in indices.items()}), folder)
+        return _path(self.file, folder, (configuration, realization, experiment))
 
-    def log_paths(self, folder: Path, *counts: int) -> tuple[Path, ...]:
-        """Returns the paths of all logs, configuration by configuration, realization by realization.
+    def further_paths(self, folder: Path, *indices: int) -> dict[str, Path]:
+        """Returns the paths of the logs that channels name beside `file`, by that name.
 
         Args:
             folder: As in `log_path`.
-            *counts: Number of configurations, realizations and experiments.
+            *indices: Of configuration, realization and experiment, each from 0.
         """
-        return tuple(self.log_path(folder, *indices) for indices in np.ndindex(*counts))
+        return {one.file: _path(one.file, folder, indices) for one in self.channels if one.file is not None}
+
+
+def _path(file: str, folder: Path, indices: Sequence[int]) -> Path:
+    """The path of a log, numbers from 1 in the place of their names."""
+    rest = file.removeprefix(DATA_VARIABLE)
+    start = file.removesuffix(rest) if rest else file
+    return data_path(
+        start + rest.format(**{key: index + 1 for key, index in zip(_PLACES, indices, strict=True)}), folder
+    )

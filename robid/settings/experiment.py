@@ -108,7 +108,9 @@ class Source(OneKey):
 class Campaign(Section):
     """One set of experiments in one set of robot configurations."""
 
-    configurations: Configurations = Field(description="The robot configurations.")
+    configurations: Configurations | None = Field(
+        default=None, description="The robot configurations; logs of one shot need none."
+    )
     payload_kg: float | None = Field(
         default=None, description="Payload mass; the robot file's when not given [kg].", ge=0
     )
@@ -134,6 +136,11 @@ class Campaign(Section):
     estimate: EstimateOptions = Field(
         default_factory=EstimateOptions, description="How the record becomes a frequency response."
     )
+
+    @property
+    def designs(self) -> tuple[str, ...]:
+        """Names of the designs that choose its configurations, each once."""
+        return () if self.configurations is None else self.configurations.designs
 
     @property
     def is_one_shot(self) -> bool:

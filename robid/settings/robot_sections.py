@@ -275,8 +275,8 @@ def moved(body: Inertial, position: FloatArray, rotation: FloatArray) -> Inertia
 
 
 def given(value: _Value | None) -> _Value:
-    """Returns a value that a checked robot file has."""
+    """Returns a value that checked settings have."""
     if value is None:
-        message = "a checked robot file lacks no value"
+        message = "checked settings lack no value"
         raise RuntimeError(message)
     return value

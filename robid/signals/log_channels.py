@@ -104,6 +104,14 @@ class LogChannel:
     resolution_m: float | None = field(
         default=None, metadata={"description": "Length of one count, of a translation in counts [m].", "gt": 0}
     )
+    file: str | None = field(
+        default=None, metadata={"description": "Its log, written as `file` above, where a recording has several."}
+    )
+
+    @property
+    def column(self) -> str:
+        """Name of its column among those of all logs of a recording."""
+        return self.variable if self.file is None else f"{self.variable} of {self.file}"
 
     @property
     def si_unit(self) -> str:
@@ -221,6 +229,11 @@ def input_problems(inputs: tuple[InputChannel, ...]) -> list[str]:
 @dataclass(frozen=True)
 class OutputChannel(LogChannel):
     """What was measured: an angle, a position, a speed or an acceleration."""
+
+    zero: float = field(
+        default=0.0,
+        metadata={"description": "The log's number where all joints are in their zero positions, in its own unit."},
+    )
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ def acquire_shots(campaign: Campaign, acquire: Acquire, folder: Path) -> Record:
     Raises:
         DataError: If a log is not what was said.
     """
-    paths = [acquire.log_path(folder, 0, realization) for realization in range(campaign.realizations)]
-    record = join_shots([import_shot(_mapping(acquire, path)) for path in paths])
+    shots = [_mapping(acquire, folder, 0, realization, 0) for realization in range(campaign.realizations)]
+    record = join_shots([import_shot(shot) for shot in shots])
     return replace(record, notes=(f"Imported from {Path(acquire.file).name}, as one shot.", *record.notes))
 
 
@@ -58,7 +58,7 @@ def acquire_configuration(
     excitation, n_exp = content.excitation, experiment_count(campaign, acquire)
     records = [
         import_log(
-            _mapping(acquire, acquire.log_path(folder, index, realization, experiment)),
+            _mapping(acquire, folder, index, realization, experiment),
             samples_per_period=excitation.reference.shape[2],
             periods=campaign.periods,
             excited_lines=excitation.excited_lines,
@@ -77,5 +77,10 @@ def acquire_configuration(
     )
 
 
-def _mapping(acquire: Acquire, file: Path) -> LogMapping:
-    return LogMapping(file=file, **{field.name: getattr(acquire, field.name) for field in fields(LogOptions)})
+def _mapping(acquire: Acquire, folder: Path, *indices: int) -> LogMapping:
+    """The logs of one experiment: indices of its configuration, realization and place in the block."""
+    return LogMapping(
+        file=acquire.log_path(folder, *indices),
+        files=acquire.further_paths(folder, *indices),
+        **{field.name: getattr(acquire, field.name) for field in fields(LogOptions)},
+    )

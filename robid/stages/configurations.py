@@ -16,6 +16,7 @@ from robid.robot.foreign import Shapes
 from robid.robot.reach import Reach, mirror
 from robid.settings.experiment import Campaign, Configurations, RandomConfigurations
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_sections import given
 from robid.stages.chain.design_configs import design_inputs
 from robid.stages.stage import counted
 
@@ -42,9 +43,9 @@ def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapp
     robot = loaded.robot.to_robot(campaign.payload_kg)
     measured = campaign.source is not None and campaign.source.acquire is not None
     reach = Reach(robot) if measured else reach_of(loaded, robot)
-    paths = dict(zip(campaign.configurations.designs, design_inputs(campaign), strict=True))
+    paths = dict(zip(campaign.designs, design_inputs(campaign), strict=True))
     designs = {name: _chosen(inputs[key]) for name, key in paths.items()}
-    return _resolve(campaign.configurations, reach, designs)
+    return _resolve(given(campaign.configurations), reach, designs)
 
 
 def reach_of(loaded: LoadedExperiment, robot: Robot) -> Reach:

@@ -77,6 +77,41 @@ def test_one_shot_is_imported_and_no_more(bench):
     bench.refuse(2, "estimate-frf", command=("estimate-frf", "bench.yaml", "--campaign", "log"))
 
 
+def test_one_shot_needs_no_configurations_but_periods_do(bench):
+    bench.change("configurations: {list_deg: [[0]]}", "payload_kg: null", "bench.yaml")
+    told = "campaigns.log.configurations: is missing: only logs of one shot go without"
+    bench.refuse(2, told, command=("run", "bench.yaml"))
+    bench.change("        drop_periods: 1\n", "        one_shot: true\n", "bench.yaml")
+    text = (bench.folder / "bench.yaml").read_text()
+    text = text[: text.index("fits:")]
+    (bench.folder / "bench.yaml").write_text(f"{text}designs: {{some: {{campaign: log, count: 1}}}}\n")
+    told = "designs.some.campaign: campaign `log` is one shot without configurations to choose from"
+    bench.refuse(2, told, command=("run", "bench.yaml"))
+    (bench.folder / "bench.yaml").write_text(text)
+    answer = bench.robid("run", "bench.yaml")
+    assert answer.code == 0, answer.err
+    assert record_from_artifact(read_artifact(bench.runs / "log" / "record.h5", RECORD)).configurations is None
+
+
+def test_every_log_of_a_recording_counts_for_staleness(bench):
+    bench.change("        drop_periods: 1\n", "        one_shot: true\n", "bench.yaml")
+    bench.change("variable: told", "variable: second, file: 'told_{realization}.mat'", "bench.yaml")
+    text = (bench.folder / "bench.yaml").read_text()
+    (bench.folder / "bench.yaml").write_text(text[: text.index("fits:")])
+    missing = bench.robid("run", "bench.yaml")
+    assert missing.code == 4
+    assert "told_1.mat" in missing.flat
+    told = np.linspace(0, 1, 5 * N_SAMPLE)[:, None]
+    savemat(bench.folder / "told_1.mat", {"second": told})
+    assert bench.robid("run", "bench.yaml").code == 0
+    assert set(bench.states().values()) == {("fresh", "")}
+    savemat(bench.folder / "told_1.mat", {"second": 2 * told})
+    assert {state for state, _ in bench.states().values()} == {"stale"}
+    bench.change("realizations: 1", "realizations: 2", "bench.yaml")
+    bench.change("told_{realization}.mat", "told_1.mat", "bench.yaml")
+    bench.refuse(2, "inputs[0].file: there is one log for each of 2 realizations", command=("status", "bench.yaml"))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "texts"),
     [

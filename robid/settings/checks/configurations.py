@@ -16,7 +16,9 @@ _LIMIT_TOLERANCE = 1e-9
 
 
 def configuration_count(experiment: Experiment, campaign: Campaign) -> int | None:
-    """Returns the number of a campaign's configurations, None where its design is unknown."""
+    """Returns the number of a campaign's configurations, None where its design is unknown; of a shot without any 1."""
+    if campaign.configurations is None:
+        return 1 if campaign.is_one_shot else None
     return _count(experiment, campaign.configurations)
 
 
@@ -58,7 +60,7 @@ def _way_back(experiment: Experiment, start: str, trail: tuple[str, ...]) -> tup
 def _campaigns_before(experiment: Experiment, name: str) -> Iterator[str]:
     """Campaigns that a campaign's designs read, themselves or through an earlier fit."""
     campaign = experiment.campaigns.get(name)
-    for chooser in () if campaign is None else campaign.configurations.designs:
+    for chooser in () if campaign is None else campaign.designs:
         design = experiment.designs.get(chooser)
         if design is not None:
             yield design.campaign

@@ -43,6 +43,9 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> _Fo
     if campaign.is_trajectory:
         message = f"campaign `{design.campaign}` plays a trajectory, which tells nothing of springs: name another one"
         yield (*field, "campaign"), message
+    if campaign.configurations is None and campaign.is_one_shot:
+        yield (*field, "campaign"), f"campaign `{design.campaign}` is one shot without configurations to choose from"
+        return
     count = configuration_count(experiment, campaign)
     if count is not None and design.count > count:
         yield (*field, "count"), f"cannot choose {design.count} of the {count} configurations of `{design.campaign}`"

@@ -80,9 +80,12 @@ def _unknown(kind: str, name: str, known: Mapping[str, object]) -> str:
 
 def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
     field = ("campaigns", name)
-    for place, design in named_designs((*field, "configurations"), campaign.configurations):
-        if design not in experiment.designs:
-            yield place, _unknown("design", design, experiment.designs)
+    if campaign.configurations is not None:
+        for place, design in named_designs((*field, "configurations"), campaign.configurations):
+            if design not in experiment.designs:
+                yield place, _unknown("design", design, experiment.designs)
+    elif not campaign.is_one_shot:
+        yield (*field, "configurations"), "is missing: only logs of one shot go without"
     if isinstance(campaign.excitation, TrajectoryOptions):
         if campaign.experiments is not None:
             yield (*field, "experiments"), "a trajectory is one experiment in each realization: leave it out"
@@ -98,7 +101,8 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
 def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
     field = ("campaigns", name)
     n_joint = len(robot.joints)
-    yield from check_reachable((*field, "configurations"), campaign.configurations, robot)
+    if campaign.configurations is not None:
+        yield from check_reachable((*field, "configurations"), campaign.configurations, robot)
     rms = () if isinstance(campaign.excitation, TrajectoryOptions) else campaign.excitation.rms
     if isinstance(rms, tuple) and rms and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"

@@ -48,6 +48,8 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         for index, channel in enumerate(channels):
             if channel.name in names[:index]:
                 yield (*inside, key, index, "name"), f"`{channel.name}` is there twice"
+            if channel.file is not None:
+                yield from _file((*inside, key, index, "file"), channel.file, counts)
             for problem in channel.problems():
                 yield (*inside, key, index), problem
     known = units_of(INJECTED[campaign.excitation.inject], rotation=True)

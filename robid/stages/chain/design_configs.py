@@ -76,7 +76,7 @@ def visit_s(loaded: LoadedExperiment, campaign: Campaign) -> float:
 
 def design_inputs(campaign: Campaign) -> dict[str, str]:
     """Returns the designs that a campaign's configurations come from, by name of input."""
-    names = campaign.configurations.designs
+    names = campaign.designs
     if len(names) == 1:
         return {"design": f"designs/{names[0]}.h5"}
     return {f"design {name}": f"designs/{name}.h5" for name in names}

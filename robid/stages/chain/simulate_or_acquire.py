@@ -62,13 +62,14 @@ def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) ->
         campaign.realizations,
         experiment_count(campaign, acquire),
     )
-    paths = acquire.log_paths(loaded.path.parent, *counts)
-    if len(paths) == 1:
-        return {"log": paths[0]}
-    return {
-        f"log of configuration {c + 1}, realization {r + 1}, experiment {e + 1}": path
-        for (c, r, e), path in zip(np.ndindex(*counts), paths, strict=True)
-    }
+    found: dict[str, Path] = {}
+    for place in np.ndindex(*counts):
+        c, r, e = (index + 1 for index in place)
+        name = "log" if np.prod(counts) == 1 else f"log of configuration {c}, realization {r}, experiment {e}"
+        found[name] = acquire.log_path(loaded.path.parent, *place)
+        for further in acquire.further_paths(loaded.path.parent, *place).values():
+            found[f"{name}, {further.name}"] = further
+    return found
 
 
 def experiment_count(campaign: Campaign, acquire: Acquire) -> int:

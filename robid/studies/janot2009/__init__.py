@@ -1,1 +1,1 @@
-"""The study of robust regression. Read `haptic`, the one-axis device, then `haptic_runs`."""
+"""The study of robust regression. Read `haptic`, the one-axis device, then `tx40`, the measured arm."""

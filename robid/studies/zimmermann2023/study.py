@@ -50,7 +50,7 @@ def study_of(loaded: LoadedExperiment) -> ZimmermannStudy:
 
 def chosen_designs(run: Run) -> dict[str, ConfigurationDesign]:
     """Returns the designs that the study's configurations come from, by name."""
-    names = run.loaded.experiment.campaigns[study_of(run.loaded).estimation[0]].configurations.designs
+    names = run.loaded.experiment.campaigns[study_of(run.loaded).estimation[0]].designs
     paths = {name: run.path(f"designs/{name}.h5") for name in names}
     return {name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in paths.items()}
 

@@ -360,6 +360,29 @@ def test_one_shot_is_read_whole_in_si_units(tmp_path):
     assert record.output_channels[2].side == "tool"
 
 
+def test_a_recording_in_two_logs_whose_columns_share_their_names(tmp_path):
+    time, angle = write_shot(tmp_path / "log.mat")
+    savemat(tmp_path / "torques.mat", {"count": np.cos(time)[:, None], "short": time[:9, None]})
+    inputs = (InputChannel("motor", "count", "N m", file="torques"),)
+    record = shot_of(tmp_path / "log.mat", inputs=inputs, files={"torques": tmp_path / "torques.mat"})
+    np.testing.assert_allclose(record.inputs[0, 0, 0, 0, :, 0], np.cos(time), rtol=1e-12)
+    np.testing.assert_allclose((record.outputs + record.output_offset)[0, 0, 0, 0, :, 0], angle, rtol=1e-12)
+    for variable, told in (("short", "9 samples, the other channels have 700"), ("none", "no such variable")):
+        inputs = (InputChannel("motor", variable, "N m", file="torques"),)
+        with pytest.raises(DataError, match=told) as caught:
+            shot_of(tmp_path / "log.mat", inputs=inputs, files={"torques": tmp_path / "torques.mat"})
+        assert caught.value.where == f"{tmp_path / 'torques.mat'}: variable `{variable}`"
+
+
+def test_angles_count_from_their_zero(tmp_path):
+    _, angle = write_shot(tmp_path / "log.mat")
+    outputs = (OutputChannel("motor", "count", "counts", counts_per_turn=8192, sign=-1, zero=2048),)
+    record = shot_of(tmp_path / "log.mat", outputs=outputs)
+    absolute = (record.outputs + record.output_offset)[0, 0, 0, 0, :, 0]
+    np.testing.assert_allclose(absolute, -(angle - np.pi / 2), rtol=1e-12)
+    assert record.outputs[0, 0, 0, 0, 0, 0] == 0
+
+
 def test_repeated_shots_are_realizations_cut_to_the_shortest(tmp_path):
     records = []
     for index, length in enumerate((700, 640)):
