@@ -47,6 +47,11 @@ class FitSettings:
         """The first of them; what the fit needs to know of it holds for all."""
         return self.campaigns[0]
 
+    @property
+    def takes_payloads(self) -> bool:
+        """Whether its campaigns may have different payloads."""
+        return False
+
 
 class SettingsOfFamily(Protocol):
     """What loading a file, its schema and its checks ask of a family."""

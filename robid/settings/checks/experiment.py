@@ -168,7 +168,7 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families
     if len(set(fit.campaigns)) < len(fit.campaigns):
         yield (*field, "from"), "names a campaign twice"
     used = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]
-    if len({campaign.payload_kg for campaign in used}) > 1:
+    if len({campaign.payload_kg for campaign in used}) > 1 and not fit.takes_payloads:
         yield (*field, "from"), "names campaigns with different payloads, which one model cannot have"
     counts = [configuration_count(experiment, campaign) for campaign in used]
     known = len(used) == len(fit.campaigns) and None not in counts
