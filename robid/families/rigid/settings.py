@@ -11,7 +11,7 @@ from pydantic import Field
 from robid.fit.rigid.options import RigidFitOptions
 from robid.settings.base import STRICT
 from robid.settings.experiment import Campaign, Experiment, heaviest, payload_kg
-from robid.settings.fits import FitSettings, part
+from robid.settings.fits import FitSettings, HandedOn, part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import robot_settings
@@ -25,6 +25,12 @@ class RigidFit(FitSettings, RigidFitOptions):
     """A fit of rigid dynamics and friction to records."""
 
     family: Literal["rigid"] = Field(description="Family of the model.")
+
+    @property
+    def hands_on(self) -> tuple[HandedOn, ...]:
+        """What other nodes may take of it."""
+        dry: tuple[HandedOn, ...] = ("friction",) if self.model.friction in ("coulomb", "asymmetric") else ()
+        return (*dry, "standard") if self.physical else dry
 
     @property
     def takes_payloads(self) -> bool:

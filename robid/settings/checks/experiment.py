@@ -10,6 +10,7 @@ from robid.design.excitation.signal_lines import check_signal
 from robid.errors import SettingsError
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
 from robid.settings.checks.designs import check_designs
+from robid.settings.checks.handed_on import check_handed_on
 from robid.settings.checks.limits import check_limits
 from robid.settings.checks.logs import check_channels, check_logs
 from robid.settings.checks.truth import check_truth
@@ -38,6 +39,7 @@ def check_experiment(
         _folders(experiment),
         check_designs(experiment, robot),
         check_cycles(experiment),
+        check_handed_on(experiment),
         () if check_study is None else check_study(experiment, robot),
     ]
     for name, campaign in experiment.campaigns.items():
