@@ -158,7 +158,10 @@ def export_model(
     experiment: ExperimentFile,
     format_: Annotated[
         str,
-        typer.Option("--format", help="What to write: mjcf, json, csv, mat, statespace; of a campaign csv, mat."),
+        typer.Option(
+            "--format",
+            help="What to write: mjcf, json, csv, mat, by family statespace, robot, urdf; of a campaign csv, mat.",
+        ),
     ],
     fit: Annotated[
         str | None, typer.Option("--fit", help="Name of the fit; may be left out if it is the only one.")

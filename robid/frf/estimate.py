@@ -132,16 +132,18 @@ def estimate_frf(
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_interpolation=levels.doubt[None],
         input_amplitude=np.concatenate(list(blocks.inputs), axis=-1)[None],
-        compensation=_used(laws),
+        compensation=_used(laws, options),
         freedom_share=np.array([found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],
     )
 
 
-def _used(laws: tuple[TorqueLaw, ...] | None) -> str:
+def _used(laws: tuple[TorqueLaw, ...] | None, options: EstimateOptions) -> str:
     """Which compensation some laws are."""
     if laws is None:
         return "none"
+    if options.friction_fit is not None:
+        return "fit"
     return "silent_lines" if any(law.identified_std is not None for law in laws) else "nominal"
 
 

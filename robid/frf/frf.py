@@ -98,7 +98,7 @@ class Frf:
             two are over all samples, and None where they are unknown.
         mean_output (n_conf, n_out): Mean output as it was measured, in that unit.
         motion_rms (n_conf, n_out): RMS of the output as it was measured about its mean, in that unit.
-        compensation: Which laws were subtracted: `none`, `nominal` or `silent_lines`; "" where it is unknown.
+        compensation: Which laws were subtracted: `none`, `nominal`, `silent_lines` or `fit`; "" where it is unknown.
         line_correlation (n_conf, n_freq, n_next): Correlation of each line's error with those of the next lines, of
             estimators whose windows overlap; None where lines are independent.
         freedom_share (n_conf,): Share of `total_degrees_of_freedom` left where experiments repeat each other's

@@ -124,6 +124,31 @@ def _distance(law: TorqueLaw, stated: TorqueLaw) -> TorqueLaw:
     return replace(law, offset=(*relative, law.lag_samples - stated.lag_samples, *ripple))
 
 
+def with_levels(
+    stated: Sequence[TorqueLaw], level: FloatArray, std: FloatArray, uneven: FloatArray
+) -> tuple[TorqueLaw, ...]:
+    """Laws with Coulomb levels that are known from elsewhere, of the robot file's shape.
+
+    A level that differs between the directions is their mean: the rest is a constant torque, which no line shows.
+
+    Args:
+        stated: The laws of the robot file; breakaway keeps its ratio to the Coulomb level.
+        level (n_in,): Coulomb levels [N m].
+        std (n_in,): Their standard deviations [N m].
+        uneven (n_in,): Half of what viscous friction is larger forward than backward [N m s/rad].
+    """
+    found = []
+    for law, own, deviation, more in zip(stated, np.maximum(level, 0.0).tolist(), std.tolist(), uneven, strict=True):
+        ratio = max(law.static_nm / law.coulomb_nm, 1.0) if law.coulomb_nm > 0 else 1.0
+        shape = (law.relative_std * law.stribeck_rad_s, law.relative_std * law.width)
+        # Lag and ripple are as little known as the robot file's.
+        changed = replace(law, coulomb_nm=own, static_nm=ratio * own, uneven_nms_rad=float(more))
+        others = changed.coefficient_std[2:]
+        identified = (deviation, ratio * deviation, *shape, *others)
+        found.append(_distance(replace(changed, identified_std=identified), law))
+    return tuple(found)
+
+
 def values_of(laws: Sequence[TorqueLaw]) -> FloatArray:
     """The values (n_in, 7) of some laws with friction, as `LawEstimate` has them."""
     return np.array(

@@ -10,6 +10,13 @@ IDENTIFYING = frozenset({"auto", "silent_lines"})
 
 
 @dataclass(frozen=True)
+class FittedFriction:
+    """Friction that a fit of rigid dynamics found, subtracted from the torque."""
+
+    fit: str = field(metadata={"description": "Name of the fit, which estimates Coulomb friction.", "min_length": 1})
+
+
+@dataclass(frozen=True)
 class EstimateOptions:
     """How a record becomes a frequency response."""
 
@@ -52,11 +59,12 @@ class EstimateOptions:
             "ge": 0,
         },
     )
-    compensation: Literal["auto", "none", "nominal", "silent_lines"] = field(
+    compensation: Literal["auto", "none", "nominal", "silent_lines"] | FittedFriction = field(
         default="nominal",
         metadata={
-            "description": "Friction and ripple subtracted from the torque: none, the robot file's, or what the lines"
-            " that are not excited show; `auto`, the default of logs: `silent_lines` where it can be, else `nominal`."
+            "description": "Friction and ripple subtracted from the torque: none, the robot file's, what the lines that"
+            " are not excited show, or what a fit of rigid dynamics found (`{fit: NAME}`); `auto`, the default of logs:"
+            " `silent_lines` where it can be, else `nominal`."
         },
     )
     silent_configurations: int = field(
@@ -67,3 +75,13 @@ class EstimateOptions:
         default=3,
         metadata={"description": "Neighbouring lines (odd number) pooled in the residual covariance.", "ge": 1},
     )
+
+    @property
+    def friction_fit(self) -> str | None:
+        """Name of the fit whose friction is subtracted, if one's is."""
+        return self.compensation.fit if isinstance(self.compensation, FittedFriction) else None
+
+    @property
+    def compensation_kind(self) -> str:
+        """What is subtracted, in a word."""
+        return "fit" if isinstance(self.compensation, FittedFriction) else self.compensation

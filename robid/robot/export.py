@@ -32,8 +32,15 @@ def to_mjcf(model: ElasticModel, equilibrium: Equilibrium, keyframes: tuple[str,
     spec.modelname = model.robot.name
     for name, position, torque in zip(keyframes, equilibrium.position, equilibrium.motor_torque, strict=True):
         spec.add_key(name=name, qpos=position, ctrl=torque)
+    return written(spec, header)
+
+
+def written(spec: mujoco.MjSpec, header: str) -> str:
+    """Writes a specification as MJCF with all its digits; `header` becomes the comment at the top."""
     compiled = spec.compile()
     root = ElementTree.fromstring(spec.to_xml())
+    for element in root.iter("option"):
+        _write(element, gravity=spec.option.gravity)
     _write_bodies(root, spec, compiled)
     _write_tendons(root, spec, compiled)
     for element in root.iter("general"):
@@ -59,6 +66,7 @@ def _write_bodies(root: ElementTree.Element, spec: mujoco.MjSpec, compiled: mujo
             name = hinge.get("name")
             joint = spec.joint(name)
             exact = {"stiffness": joint.stiffness, "damping": joint.damping, "armature": joint.armature}
+            exact |= {"frictionloss": joint.frictionloss, "range": joint.range}
             _write(hinge, axis=compiled.joint(name).axis, **exact)
 
 
@@ -66,6 +74,7 @@ def _write_tendons(root: ElementTree.Element, spec: mujoco.MjSpec, compiled: muj
     for element in root.iter("fixed"):
         tendon = spec.tendon(element.get("name"))
         _write(element, stiffness=tendon.stiffness, damping=tendon.damping, springlength=tendon.springlength)
+        _write(element, armature=tendon.armature, frictionloss=tendon.frictionloss)
         first = int(compiled.tendon_adr[compiled.tendon(element.get("name")).id])
         for offset, joint in enumerate(element.findall("joint")):
             _write(joint, coef=compiled.wrap_prm[first + offset])

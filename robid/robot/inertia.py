@@ -34,7 +34,7 @@ def about_origin(body: Inertial) -> FloatArray:
 
 
 def _from_moments(mass: float, first_moment: FloatArray, inertia: FloatArray) -> Inertial:
-    com = first_moment / mass
+    com = first_moment / mass if mass != 0 else np.zeros(3)
     return Inertial(mass, com, np.asarray(inertia - mass * _steiner(com)))
 
 

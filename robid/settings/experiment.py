@@ -16,6 +16,7 @@ from robid.settings.acquire import Acquire
 from robid.settings.base import STRICT, Name, Section
 from robid.settings.excitation import ExcitationSettings
 from robid.settings.fits import Families, FitSettings, part
+from robid.settings.robot import RobotFile
 from robid.settings.study import Study
 from robid.settings.truth import SimulateSettings
 
@@ -228,3 +229,15 @@ def _experiment_type(fits: tuple[type[FitSettings], ...]) -> type[Experiment]:
     field: Any = Field(default_factory=dict, description=Experiment.model_fields["fits"].description)
     fields: Any = {"fits": (dict[Name, fit], field)}
     return create_model("Experiment", __base__=Experiment, __doc__=Experiment.__doc__, **fields)
+
+
+def payload_kg(campaign: Campaign, robot: RobotFile) -> float:
+    """Returns the payload mass of a campaign, the robot file's where it says nothing [kg]."""
+    if campaign.payload_kg is not None:
+        return campaign.payload_kg
+    return 0.0 if robot.payload is None else robot.payload.mass_kg
+
+
+def heaviest(experiment: Experiment, fit: FitSettings, robot: RobotFile) -> str:
+    """Returns the name of a fit's campaign that knows all of its robot: the first with the largest payload."""
+    return max(fit.campaigns, key=lambda name: payload_kg(experiment.campaigns[name], robot))

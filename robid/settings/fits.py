@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from robid.settings.yaml import FieldPath
 
 Read: TypeAlias = Literal["record", "frf"]
+HandedOn: TypeAlias = Literal["friction", "standard"]
+"""What other nodes may take of a fit: motor friction, or the standard parameters of a rigid robot."""
 _Options = TypeVar("_Options")
 
 
@@ -46,6 +48,21 @@ class FitSettings:
     def campaign(self) -> str:
         """The first of them; what the fit needs to know of it holds for all."""
         return self.campaigns[0]
+
+    @property
+    def hands_on(self) -> tuple[HandedOn, ...]:
+        """What other nodes may take of it."""
+        return ()
+
+    @property
+    def takes(self) -> Mapping[HandedOn, str]:
+        """Names of the fits that it takes something of, by what it takes."""
+        return {}
+
+    @property
+    def takes_payloads(self) -> bool:
+        """Whether its campaigns may have different payloads."""
+        return False
 
 
 class SettingsOfFamily(Protocol):

@@ -11,7 +11,6 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.chain import ForeignJoint, extract_chain, frame_on_last, order_of
-from robid.robot.description import Inertial
 from robid.robot.foreign import ForeignModel, read_model
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.counterbalance import CounterbalanceSection
@@ -19,7 +18,8 @@ from robid.settings.loop_links import LoopLinkSection
 from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_frames import Frame
-from robid.settings.robot_sections import Body, InertiaTensor, JointSection, MotorSection, SpringSection, moved
+from robid.settings.robot_sections import JointSection, MotorSection, SpringSection, moved
+from robid.settings.robot_values import body_section
 from robid.settings.yaml import Document, FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
@@ -130,7 +130,7 @@ def _merge(
         if spring.point_m is not None or spring.place == "payload":
             update["point_m"] = tuple((position + rotation @ (spring.point_m or (0.0, 0.0, 0.0))).tolist())
         if spring.outboard is not None:
-            update["outboard"] = _body(moved(spring.outboard.inertial(), position, rotation), spring.outboard)
+            update["outboard"] = body_section(moved(spring.outboard.inertial(), position, rotation), spring.outboard)
         springs.append(spring.model_copy(update=update))
     sensors = []
     for sensor in robot.sensors:
@@ -141,7 +141,7 @@ def _merge(
         sensors.append(sensor.model_copy(update=update))
     payload = robot.payload
     if payload is not None:
-        payload = _body(moved(payload.inertial(), held, turned), payload)
+        payload = body_section(moved(payload.inertial(), held, turned), payload)
     update = {"joints": joints, "springs": tuple(springs), "sensors": tuple(sensors), "payload": payload}
     update["loop_links"] = tuple(_loop_link(link, bodies) for link in robot.loop_links)
     update["notes"] = (*robot.notes, *model.notes)
@@ -163,7 +163,12 @@ def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> J
         lower, upper = found.range if found.slides else np.rad2deg(found.range).tolist()
         limits = (lower, upper)
     frame = Frame.model_validate({"position_m": found.position_m.tolist(), "rotation": found.rotation.tolist()})
-    update = {"frame": frame, section.limits_key: limits, "link": _body(found.link), "motor": _motor(section, model)}
+    update = {
+        "frame": frame,
+        section.limits_key: limits,
+        "link": body_section(found.link),
+        "motor": _motor(section, model),
+    }
     return section.model_copy(update=update | {"counterbalance": _balance(section, found)})
 
 
@@ -204,13 +209,3 @@ def _motor(section: JointSection, model: ForeignModel) -> MotorSection:
     if motor.max_torque_nm is None and name in model.torque:
         update["max_torque_nm"] = model.torque[name] / ratio
     return motor.model_copy(update=update)
-
-
-def _body(found: Inertial, stated: Body | None = None) -> Body:
-    tensor = found.inertia_kgm2
-    keys = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
-    inertia = InertiaTensor.model_validate({key: float(tensor[index]) for key, index in keys.items()})
-    com = tuple(found.com_m.tolist())
-    return Body(
-        mass_kg=found.mass_kg, com_m=com, inertia_kgm2=inertia, assumed=() if stated is None else stated.assumed
-    )

@@ -212,4 +212,6 @@ Study: TypeAlias = Annotated[FrfStudy | WernholtStudy | ZimmermannStudy | Mistak
 
 def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:
     """Returns the values that an option of the estimate may have; `auto` is one of the others, chosen by the data."""
-    return tuple(name for name in get_args(get_type_hints(EstimateOptions)[option]) if name != "auto")
+    hint = get_type_hints(EstimateOptions)[option]
+    names = [name for member in (hint, *get_args(hint)) for name in get_args(member)]
+    return tuple(name for name in names if isinstance(name, str) and name != "auto")

@@ -41,6 +41,8 @@ class TorqueLaw:
         ripple_cos: The same with the cosine.
         offset: How far each coefficient in `KINDS` is from the robot file's.
         identified_std: Standard deviations of the values in `VALUES` where they were identified; None otherwise.
+        uneven_nms_rad: Half of what viscous friction is larger forward than backward: a torque per size of the speed,
+            which no linear model has [N m s/rad].
     """
 
     coulomb_nm: float
@@ -56,11 +58,12 @@ class TorqueLaw:
     ripple_cos: float = 0.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     identified_std: tuple[float, ...] | None = None
+    uneven_nms_rad: float = 0.0
 
     @property
     def is_zero(self) -> bool:
         """Whether the law gives no torque."""
-        return self.coulomb_nm == 0 and self.ripple_nm == 0
+        return self.coulomb_nm == 0 and self.ripple_nm == 0 and self.uneven_nms_rad == 0
 
     @property
     def coefficient_std(self) -> tuple[float, ...]:
@@ -132,13 +135,14 @@ def friction_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw])
         memory, `tanh(v / v_s)` times the Stribeck curve.
     """
     bristle = np.array([law.presliding_rad > 0 for law in laws])
-    if bristle.all():
-        return _bristle_torque(speed, step_s, laws)
     torque = np.empty_like(speed)
     for chosen, curve in ((bristle, _bristle_torque), (~bristle, _curve_torque)):
-        if chosen.any():
+        if chosen.all():
+            torque = curve(speed, step_s, laws)
+        elif chosen.any():
             torque[..., chosen] = curve(speed[..., chosen], step_s, list(compress(laws, chosen)))
-    return torque
+    uneven = _values(laws, "uneven_nms_rad", speed.dtype)
+    return torque + uneven * np.abs(speed) if uneven.any() else torque
 
 
 def _bristle_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:

@@ -21,6 +21,8 @@ def simulate_rigid(
     controller: Controller,
     command: FloatArray,
     feed_forward: FloatArray,
+    *,
+    loaded: bool = True,
 ) -> FloatArray:
     """Simulates the closed loop of a rigid model, one run for each command.
 
@@ -31,13 +33,15 @@ def simulate_rigid(
         controller: Its controller.
         command (n_run, n_sample, n_joint): Motor angles that the controller is told [rad].
         feed_forward (n_run, n_sample, n_joint): Motor speeds that it is told besides [rad/s].
+        loaded: Whether a payload with parameters of its own is there.
 
     Returns:
         Motor angles (n_run, n_sample, n_joint) at the controller's samples [rad]; they begin on the command.
     """
     period = controller.sampling_period_s
-    still = build_dynamics(model, parameters)
-    dynamics = build_dynamics(model, parameters, smoothing_rad_s=_smoothing(still, command[:, 0], period))
+    still = build_dynamics(model, parameters, loaded=loaded)
+    smoothing = _smoothing(still, command[:, 0], period)
+    dynamics = build_dynamics(model, parameters, loaded=loaded, smoothing_rad_s=smoothing)
     angle: FloatArray = command[:, 0].copy()
     speed: FloatArray = (command[:, 1] - command[:, 0]) / period
     limit = np.array([joint.motor.max_torque_nm for joint in robot.joints])

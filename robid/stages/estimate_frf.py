@@ -11,15 +11,17 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.model import MODEL
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
+from robid.families.friction import friction_from_artifact
 from robid.frf.checks import is_finding
 from robid.frf.compensation import shows_friction
 from robid.frf.estimate import READS_REFERENCE, estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
-from robid.frf.laws import LawEstimate, combine_laws
+from robid.frf.laws import LawEstimate, combine_laws, with_levels
 from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
 from robid.robot.description import Motor
@@ -115,6 +117,17 @@ def _chosen(
     return stated, (note,)
 
 
+def _fitted(job: Job, fit: str, stated: tuple[TorqueLaw, ...]) -> tuple[tuple[TorqueLaw, ...], tuple[str, ...]]:
+    """Laws whose levels a fit of rigid dynamics found, and what to say about them."""
+    acquire = None if job.campaign.source is None else job.campaign.source.acquire
+    currents = acquire is not None and any(channel.normalised for channel in acquire.inputs)
+    joints = [joint.name for joint in job.loaded.robot.joints]
+    model = read_artifact(job.inputs["friction"], MODEL)
+    found = friction_from_artifact(model, fit, joints, "A" if currents else "N m")
+    laws = with_levels(stated, found.coulomb_nm, found.coulomb_std, found.uneven_nms_rad)
+    return laws, (f"Coulomb friction is that of fit {fit}; breakaway and bristles have the robot file's shape.",)
+
+
 def _estimate_part(task: _Task) -> _Brief:
     unread = () if task.options.estimator in READS_REFERENCE else ("reference",)
     record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index, leave_out=unread))
@@ -131,7 +144,9 @@ def run(job: Job) -> str:
     n_conf = read_outline(path, RECORD).n_rows
     notes: tuple[str, ...] = ()
     laws, delay = stated_laws(job.loaded, job.campaign, options)
-    if options.compensation in IDENTIFYING and laws is not None:
+    if options.friction_fit is not None and laws is not None:
+        laws, notes = _fitted(job, options.friction_fit, laws)
+    elif options.compensation in IDENTIFYING and laws is not None:
         laws, notes = _chosen(job, path, n_conf, laws, delay)
     elif laws is None and options.compensation == "auto":
         notes = ("No friction was subtracted: the log does not have the torques and then the angles of all motors.",)

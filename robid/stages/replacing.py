@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment
 
 _HEAD_BYTES = 4096
+_RIGID = b"rigid model identified by robid "
 _MARKS = {
-    ".xml": (b"elastic model identified by robid ",),
+    ".xml": (b"elastic model identified by robid ", _RIGID),
+    **dict.fromkeys((".urdf", ".yaml", ".yml"), (_RIGID,)),
     ".mat": (b"MATLAB 5.0 MAT-file, written by robid",),
     ".csv": (",".join(PARAMETER_COLUMNS).encode(), b"# Excitation of campaign "),
 }

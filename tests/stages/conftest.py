@@ -112,3 +112,9 @@ def done(shop, finished_runs):
     """A folder with the small experiment and its finished run."""
     shutil.copytree(finished_runs, shop.folder / "runs")
     return shop
+
+
+@pytest.fixture(scope="session")
+def workshop() -> type[Workshop]:
+    """The kind of folder, for tests that share one."""
+    return Workshop

@@ -14,6 +14,9 @@ def _written(name: str, task: ExportTask) -> bytes:
 
 
 EXPORTS = {
+    "robot": Export("robot.yaml", (".yaml", ".yml"), partial(_written, "robot"), takes_configuration=False),
+    "urdf": Export("robot.urdf", (".urdf",), partial(_written, "urdf"), takes_configuration=False),
+    "mjcf": Export("robot.xml", (".xml",), partial(_written, "mjcf"), takes_configuration=False, takes_friction=True),
     "json": Export("parameters.json", (".json",), partial(_written, "json"), takes_configuration=False),
     "csv": Export("parameters.csv", (".csv",), partial(_written, "csv"), takes_configuration=False),
     "mat": Export("model.mat", (".mat",), partial(_written, "mat"), takes_configuration=False),

@@ -11,12 +11,13 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.grade import grade_from_artifact
 from robid.families.family import Data, Work
 from robid.families.rigid.files import model_of, solution_from_artifact, validation_of
-from robid.families.rigid.settings import rigid_fit
+from robid.families.rigid.settings import loaded_campaign, rigid_fit
 from robid.families.rigid.truth import values_in
 from robid.fit.rigid.fitting import Simulate, fit_rigid
 from robid.fit.rigid.shots import Shot, shots_of
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel
+from robid.settings.experiment import payload_kg
 from robid.settings.robot_parts import delay_s
 from robid.simulate.rigid_loop import simulate_rigid
 from robid.simulate.truth import TrueRobot
@@ -28,7 +29,7 @@ def fit(data: Data, work: Work) -> Artifact:
     """Fits a rigid model and grades it by itself."""
     settings = rigid_fit(data.loaded.experiment, data.name)
     work.progress.expect(1, "fits")
-    robot = robot_of(data, settings.campaign)
+    robot = robot_of(data)
     shots = shots_in(data, settings.campaigns, robot)
     solution = fit_rigid(robot, shots, settings.options(), _loop(data, robot, shots))
     work.progress.advance()
@@ -39,7 +40,7 @@ def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
     """Holds a rigid model against a motion that it never saw, and against the true robot where it is known."""
     settings = rigid_fit(data.loaded.experiment, data.name)
     campaign = settings.validate_on or settings.campaign
-    robot = robot_of(data, campaign)
+    robot = robot_of(data)
     validation = validate_rigid(
         robot,
         solution_from_artifact(model),
@@ -62,9 +63,9 @@ def phrase_of_model(model: Artifact) -> str:
     )
 
 
-def robot_of(data: Data, campaign: str) -> Robot:
-    """Returns the robot file's robot with the payload of a campaign."""
-    return data.loaded.robot.to_robot(data.loaded.experiment.campaigns[campaign].payload_kg)
+def robot_of(data: Data) -> Robot:
+    """Returns the robot file's robot with the fit's payload."""
+    return data.loaded.robot.to_robot(loaded_campaign(data.loaded, data.name).payload_kg)
 
 
 def shots_in(data: Data, campaigns: Sequence[str], robot: Robot) -> tuple[Shot, ...]:
@@ -73,7 +74,7 @@ def shots_in(data: Data, campaigns: Sequence[str], robot: Robot) -> tuple[Shot, 
     for name, record in zip(campaigns, data.records, strict=True):
         campaign = data.loaded.experiment.campaigns[name]
         late = round(delay_s(data.loaded, campaign) / record.sampling_period_s)
-        loaded = robot_of(data, name).payload.mass_kg > 0
+        loaded = payload_kg(campaign, data.loaded.robot) > 0
         found += shots_of(record, robot, late_samples=late, loaded=loaded)
     return tuple(found)
 
@@ -82,16 +83,23 @@ def _loop(data: Data, robot: Robot, shots: Sequence[Shot]) -> Simulate | None:
     """Simulates the loop of the shots, where controller and commands are known and it is wanted."""
     controller, settings = data.loaded.robot.controller, rigid_fit(data.loaded.experiment, data.name)
     commands = [shot.command for shot in shots if shot.command is not None]
-    same = len({len(command.angle) for command in commands}) == 1
-    if settings.instruments == "none" or controller is None or len(commands) < len(shots) or not same:
+    alike: dict[tuple[int, bool], list[int]] = {}
+    for index, command in enumerate(commands):
+        alike.setdefault((len(command.angle), shots[index].loaded), []).append(index)
+    if settings.instruments == "none" or controller is None or len(commands) < len(shots):
         return None
 
     def simulate(model: RigidModel, values: FloatArray) -> Sequence[FloatArray]:
-        # What repeats has settled after one period.
-        times = 2 if commands[0].periodic else 1
-        told = (np.tile([getattr(one, name) for one in commands], (1, times, 1)) for name in ("angle", "speed"))
-        found = simulate_rigid(model, values, robot, controller, *told)
-        late = shots[0].late_samples
-        return list(found[:, -len(commands[0].angle) + late :])
+        found: dict[int, FloatArray] = {}
+        for (n_sample, loaded), rows in alike.items():
+            # What repeats has settled after one period.
+            times = 2 if commands[rows[0]].periodic else 1
+            angle, speed = (
+                np.tile([getattr(commands[row], name) for row in rows], (1, times, 1)) for name in ("angle", "speed")
+            )
+            moved = simulate_rigid(model, values, robot, controller, angle, speed, loaded=loaded)
+            own = moved[:, -n_sample + shots[rows[0]].late_samples :]
+            found |= dict(zip(rows, own, strict=True))
+        return [found[index] for index in range(len(shots))]
 
     return simulate

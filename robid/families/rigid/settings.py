@@ -10,8 +10,8 @@ from pydantic import Field
 
 from robid.fit.rigid.options import RigidFitOptions
 from robid.settings.base import STRICT
-from robid.settings.experiment import Experiment
-from robid.settings.fits import FitSettings, part
+from robid.settings.experiment import Campaign, Experiment, heaviest, payload_kg
+from robid.settings.fits import FitSettings, HandedOn, part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import robot_settings
@@ -25,6 +25,17 @@ class RigidFit(FitSettings, RigidFitOptions):
     """A fit of rigid dynamics and friction to records."""
 
     family: Literal["rigid"] = Field(description="Family of the model.")
+
+    @property
+    def hands_on(self) -> tuple[HandedOn, ...]:
+        """What other nodes may take of it."""
+        dry: tuple[HandedOn, ...] = ("friction",) if self.model.friction in ("coulomb", "asymmetric") else ()
+        return (*dry, "standard") if self.physical else dry
+
+    @property
+    def takes_payloads(self) -> bool:
+        """Whether its campaigns may have different payloads: where the payload is a body of its own."""
+        return self.model.payload == "body"
 
     def options(self) -> RigidFitOptions:
         """Returns the options of the algorithm."""
@@ -50,9 +61,38 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     if fit.model.friction == "load" and fit.estimator == "instruments":
         message = "friction that grows with the measured torque has no instrument: take another `estimator`"
         yield ("estimator",), message
-    if fit.model.payload == "body" and robot.payload is None:
+    yield from _payloads(experiment, fit, robot)
+
+
+def _payloads(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found:
+    """Yields what is wrong with the payloads of a fit's campaigns."""
+    apart = fit.model.payload == "body"
+    if apart and robot.payload is None:
         message = "a payload with parameters of its own needs a `payload` in the robot file"
         yield ("model", "payload"), message
+        return
+    known = [name for name in fit.campaigns if name in experiment.campaigns]
+    masses = {name: payload_kg(experiment.campaigns[name], robot) for name in known}
+    carried = {mass for mass in masses.values() if mass > 0}
+    if apart and len(carried) > 1:
+        listed = ", ".join(f"{mass:g}" for mass in sorted(carried))
+        yield (
+            ("from",),
+            f"names campaigns with payloads of {listed} kg: one body is one of them, or none (`payload_kg: 0`)",
+        )
+    elif apart and not (carried and 0 in masses.values()):
+        lack = "without" if carried else "with"
+        message = (
+            f"names no campaign {lack} payload: a payload with parameters of its own is what records with it have"
+            " beside those without (`payload_kg: 0`)"
+        )
+        yield ("from",), message
+    new = experiment.campaigns.get(fit.validate_on or "")
+    if new is not None and masses and payload_kg(new, robot) not in ({0.0, *carried} if apart else masses.values()):
+        message = (
+            f"campaign `{fit.validate_on}` has a payload of {payload_kg(new, robot):g} kg, which the fit never saw"
+        )
+        yield ("validate_on",), message
 
 
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
@@ -60,3 +100,9 @@ def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     used = loaded.experiment.campaigns[campaign]
     parts = robot_settings(loaded, "mechanics", "rigid", "friction", "range", "controller", "timing")
     return {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
+
+
+def loaded_campaign(loaded: LoadedExperiment, name: str) -> Campaign:
+    """Returns the campaign of a fit in which the robot has all that the fit knows of: its payload too."""
+    experiment = loaded.experiment
+    return experiment.campaigns[heaviest(experiment, experiment.fits[name], loaded.robot)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robid.families.rigid.settings import rigid_fit
+from robid.families.rigid.settings import loaded_campaign, rigid_fit
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import build_rigid_model
 from robid.settings.load import LoadedExperiment
@@ -15,8 +15,8 @@ def values_in(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str,
     Parameters that a motion cannot tell apart are regrouped by the fit: these have no value here.
     """
     options = rigid_fit(loaded.experiment, name).options()
-    campaign = loaded.experiment.campaigns[loaded.experiment.fits[name].campaign]
-    nominal = build_rigid_model(loaded.robot.to_robot(campaign.payload_kg), options.model)
+    robot = loaded.robot.to_robot(loaded_campaign(loaded, name).payload_kg)
+    nominal = build_rigid_model(robot, options.model)
     base = find_base_parameters(nominal, options.base)
     values = base.values(build_rigid_model(true.robot, options.model).nominal)
     return dict(zip(base.base_names, values.tolist(), strict=True))

@@ -8,6 +8,7 @@ import robid
 from robid.families.encode import Content, encode_csv, encode_json, encode_mat
 from robid.families.family import ExportTask
 from robid.families.rigid.files import solution_from_artifact
+from robid.families.rigid.robots import mjcf, robot_file, urdf
 from robid.fit.rigid.solution import RigidSolution
 
 _COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
@@ -74,4 +75,11 @@ def _mat(task: ExportTask) -> bytes:
     return encode_mat(content)
 
 
-WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {"json": _json, "csv": _csv, "mat": _mat}
+WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {
+    "robot": robot_file,
+    "urdf": urdf,
+    "mjcf": mjcf,
+    "json": _json,
+    "csv": _csv,
+    "mat": _mat,
+}

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.fit.rigid.options import ConsistencyOptions
 
 _ROOT2 = np.sqrt(2.0)
+_FLAT = 1e-6  # of the largest variance
 _UPPER = tuple((row, column) for column in range(4) for row in range(column + 1))
 
 
@@ -78,9 +78,9 @@ def make_consistent(
     change = _solve(np.eye(len(nominal)), np.zeros(len(nominal)), cone, exact)
     status: Literal["estimated", "moved", "failed"] = "estimated"
     if change is None:
-        root = cholesky(covariance / np.outer(deviation, deviation), lower=True)
-        rows = np.vstack([solve_triangular(root, exact[0], lower=True), chosen.pull * np.eye(len(nominal))])
-        right = np.append(solve_triangular(root, exact[1], lower=True), np.zeros(len(nominal)))
+        white = _whitening(covariance / np.outer(deviation, deviation))
+        rows = np.vstack([white @ exact[0], chosen.pull * np.eye(len(nominal))])
+        right = np.append(white @ exact[1], np.zeros(len(nominal)))
         change, status = _solve(rows.T @ rows, -rows.T @ right, cone, None), "moved"
     if change is None:
         change, status = np.zeros(len(nominal)), "failed"
@@ -110,6 +110,12 @@ def parameter_scale(nominal: FloatArray, bodies: IntArray) -> FloatArray:
 def _size(moments: FloatArray) -> tuple[float, float]:
     mass = max(float(moments[9]), 1e-6)
     return mass, float(np.sqrt(max(np.trace(pseudo_inertia(moments)[:3, :3]) / mass, 1e-8)))
+
+
+def _whitening(correlation: FloatArray) -> FloatArray:
+    """What makes errors of this correlation (n, n) white; few blocks of a record leave some of it without variance."""
+    variance, axes = np.linalg.eigh(correlation)
+    return np.asarray((axes / np.sqrt(np.maximum(variance, _FLAT * variance[-1]))).T)
 
 
 @dataclass(frozen=True)

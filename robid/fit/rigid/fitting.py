@@ -27,6 +27,7 @@ from robid.fit.rigid.uncertainty import Influence
 from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
 from robid.robot.regressor.model import RigidModel, build_rigid_model
+from robid.robot.regressor.tree import PAYLOAD
 
 Simulate: TypeAlias = Callable[[RigidModel, FloatArray], Sequence[FloatArray]]
 """Motor angles (n_sample, n_joint) of each shot by a model with given parameters (n_base,), without noise."""
@@ -138,6 +139,8 @@ def _filters(
 ) -> tuple[PreprocessingOptions, CutOffChoice]:
     """The filters, their cut-off chosen from the first shot where none is stated."""
     first, stated = shots[0], options.filters
+    # One shot cannot tell a payload from the link that it is on.
+    model = model.only([index for index, name in enumerate(model.names) if not name.startswith(f"{PAYLOAD}.")])
     if stated.position_cut_hz is not None:
         band = excited_band(first.position, first.sampling_period_s)
         return stated, CutOffChoice(stated.position_cut_hz, False, band, ())

@@ -27,7 +27,7 @@ class ConsistencyOptions:
         metadata={"description": "Smallest eigenvalue of a pseudo-inertia over the body's size.", "ge": 0},
     )
     pull: float = field(
-        default=1e-3,
+        default=0.03,
         metadata={"description": "Weight of the nominal parameters where no real body has the estimate.", "gt": 0},
     )
 

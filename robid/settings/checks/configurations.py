@@ -64,8 +64,21 @@ def _campaigns_before(experiment: Experiment, name: str) -> Iterator[str]:
         design = experiment.designs.get(chooser)
         if design is not None:
             yield design.campaign
-            fit = experiment.fits.get(design.prior or "")
-            yield from () if fit is None else fit.campaigns
+            read = experiment.campaigns.get(design.campaign)
+            friction = None if read is None or design.information != "measured" else read.estimate.friction_fit
+            for fit in (design.prior, friction):
+                yield from campaigns_of_fit(experiment, fit or "")
+
+
+def campaigns_of_fit(experiment: Experiment, name: str, seen: tuple[str, ...] = ()) -> Iterator[str]:
+    """Yields the campaigns that a fit needs, those of fits that it or a response takes something of too."""
+    fit = experiment.fits.get(name)
+    if fit is None or name in seen:
+        return
+    yield from fit.campaigns
+    read = [experiment.campaigns[campaign] for campaign in fit.campaigns if campaign in experiment.campaigns]
+    for other in (*fit.takes.values(), *(campaign.estimate.friction_fit for campaign in read)):
+        yield from campaigns_of_fit(experiment, other or "", (*seen, name))
 
 
 def named_designs(field: FieldPath, chosen: Configurations) -> _Found:

@@ -11,6 +11,7 @@ from robid.design.excitation.signal_lines import check_signal
 from robid.errors import SettingsError
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
 from robid.settings.checks.designs import check_designs
+from robid.settings.checks.handed_on import check_handed_on
 from robid.settings.checks.limits import check_limits
 from robid.settings.checks.logs import check_channels, check_logs
 from robid.settings.checks.truth import check_truth
@@ -39,6 +40,7 @@ def check_experiment(
         _folders(experiment),
         check_designs(experiment, robot),
         check_cycles(experiment),
+        check_handed_on(experiment),
         () if check_study is None else check_study(experiment, robot),
     ]
     for name, campaign in experiment.campaigns.items():
@@ -180,7 +182,7 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families
     if len(set(fit.campaigns)) < len(fit.campaigns):
         yield (*field, "from"), "names a campaign twice"
     used = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]
-    if len({campaign.payload_kg for campaign in used}) > 1:
+    if len({campaign.payload_kg for campaign in used}) > 1 and not fit.takes_payloads:
         yield (*field, "from"), "names campaigns with different payloads, which one model cannot have"
     counts = [configuration_count(experiment, campaign) for campaign in used]
     known = len(used) == len(fit.campaigns) and None not in counts

@@ -63,7 +63,7 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         message = "friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
     others = [one.channel.title for one in acquire.inputs if not one.problems() and not _is_torque(one)]
-    if others and campaign.estimate.compensation in ("nominal", "silent_lines"):
+    if others and campaign.estimate.compensation_kind in ("nominal", "silent_lines", "fit"):
         message = f"friction is subtracted from motor torques, not from a {others[0]}: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
 

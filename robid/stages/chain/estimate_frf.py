@@ -19,7 +19,10 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings: dict[str, Any] = {f"campaigns.{owner}.estimate": loaded.plain["campaigns"][owner]["estimate"]}
     if campaign.estimate.compensation != "none":
         settings |= {"delay_s": delay_s(loaded, campaign), **robot_settings(loaded, "friction", "friction_std")}
-    return Plan((f"{owner}/frf.h5",), settings, {"record": f"{owner}/record.h5"})
+    inputs = {"record": f"{owner}/record.h5"}
+    if campaign.estimate.friction_fit is not None:
+        inputs["friction"] = f"fits/{campaign.estimate.friction_fit}/model.h5"
+    return Plan((f"{owner}/frf.h5",), settings, inputs)
 
 
 def _on_request(loaded: LoadedExperiment, owner: str) -> bool:

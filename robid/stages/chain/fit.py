@@ -13,7 +13,7 @@ from robid.stages.stage import Job, Plan, Stage
 
 if TYPE_CHECKING:
     from robid.settings.experiment import Experiment
-    from robid.settings.fits import Read
+    from robid.settings.fits import FitSettings, Read
     from robid.settings.load import LoadedExperiment
 
 
@@ -24,8 +24,15 @@ def _owners(experiment: Experiment) -> tuple[str, ...]:
 def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     fit, family = loaded.experiment.fits[owner], family_of(loaded, owner)
     plain = {key: value for key, value in loaded.plain["fits"][owner].items() if key != "validate_on"}
-    settings = {f"fits.{owner}": plain, **family.decides(loaded, fit.campaign)}
+    settings = {f"fits.{owner}": plain, **family.decides(loaded, fit.campaign), **payloads(loaded, fit)}
     return Plan((f"fits/{owner}/model.h5",), settings, data_inputs(family.reads, fit.campaigns))
+
+
+def payloads(loaded: LoadedExperiment, fit: FitSettings) -> dict[str, float | None]:
+    """Returns the payloads of a fit's campaigns, where they may differ."""
+    if not fit.takes_payloads:
+        return {}
+    return {f"campaigns.{name}.payload_kg": loaded.experiment.campaigns[name].payload_kg for name in fit.campaigns}
 
 
 def data_inputs(reads: Sequence[Read], campaigns: Sequence[str]) -> dict[str, str]:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
 from robid.families.family import family_of
-from robid.stages.chain.fit import data_inputs, read_grade
+from robid.settings.experiment import heaviest
+from robid.stages.chain.fit import data_inputs, payloads, read_grade
 from robid.stages.stage import Job, Plan, Stage
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     fit, family = loaded.experiment.fits[owner], family_of(loaded, owner)
     campaign = fit.validate_on or fit.campaign
     settings = {f"fits.{owner}": loaded.plain["fits"][owner], **family.decides(loaded, fit.campaign)}
+    settings |= payloads(loaded, fit)
     settings |= {f"campaigns.{campaign}.payload_kg": loaded.experiment.campaigns[campaign].payload_kg}
     inputs = {"model": f"fits/{owner}/model.h5", **data_inputs(family.reads, (campaign,)), **truth_input(loaded, fit)}
     return Plan((f"fits/{owner}/validation.h5",), settings, inputs)
@@ -32,9 +34,10 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
 
 def truth_input(loaded: LoadedExperiment, fit: FitSettings) -> dict[str, str]:
     """Returns where the truth of a fit's campaign and its record lie; a measured robot has none."""
-    source = loaded.experiment.campaigns[fit.campaign].source
+    campaign = heaviest(loaded.experiment, fit, loaded.robot)
+    source = loaded.experiment.campaigns[campaign].source
     simulated = source is not None and source.simulate is not None
-    return {"truth": f"{fit.campaign}/truth.json", "true_record": f"{fit.campaign}/record.h5"} if simulated else {}
+    return {"truth": f"{campaign}/truth.json", "true_record": f"{campaign}/record.h5"} if simulated else {}
 
 
 def _run(job: Job) -> str:

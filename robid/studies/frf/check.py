@@ -26,6 +26,9 @@ def check_frf_study(experiment: Experiment, _robot: RobotFile | None) -> Iterato
 
 
 def _check_groups(study: FrfStudy, campaign: Campaign) -> Iterator[tuple[FieldPath, str]]:
+    if campaign.estimate.friction_fit is not None:
+        message = f"the friction of `{study.campaign}` is a fit's, which this study does not compare: name another one"
+        yield ("study", "campaign"), message
     if campaign.realizations % study.group or campaign.realizations < 2 * study.group:
         message = (
             f"does not divide the {campaign.realizations} realizations of `{study.campaign}` into groups, two or more"

@@ -32,14 +32,14 @@ def conclude(run: Run, results: list[Artifact]) -> Conclusion:
     study, campaign, _ = campaign_of(loaded)
     own, kinds = campaign.estimate, compensations(study, campaign)
     place: dict[tuple[str, str], int] = {
-        (each.estimator, each.compensation): index for index, each in enumerate(compared(study, campaign))
+        (each.estimator, each.compensation_kind): index for index, each in enumerate(compared(study, campaign))
     }
-    reference = found.whole[kinds.index(own.compensation)]
-    default = found.response[place[own.estimator, own.compensation]]
+    reference = found.whole[kinds.index(own.compensation_kind)]
+    default = found.response[place[own.estimator, own.compensation_kind]]
     estimators = [
         estimator_figures(name, found.response[index], found.variance[index], reference, default)
         for (name, kind), index in place.items()
-        if kind == own.compensation
+        if kind == own.compensation_kind
     ]
     truth = true_response(loaded, found)
     biases = [
@@ -105,7 +105,7 @@ def _estimator_section(
 ) -> Section:
     lead = (
         f"Estimates from {group} realizations against the best linear approximation from all {campaign.realizations},"
-        f" with compensation {campaign.estimate.compensation}."
+        f" with compensation {campaign.estimate.compensation_kind}."
     )
     error = [(one.name, one.error_hz) for one in estimators]
     honesty = [(one.name, one.std_ratio_hz) for one in estimators]

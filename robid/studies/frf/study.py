@@ -51,7 +51,7 @@ def compared(study: FrfStudy, campaign: Campaign) -> list[EstimateOptions]:
     """
     own = campaign.estimate
     estimators = dict.fromkeys([own.estimator, *(study.estimators or choices("estimator"))])
-    others = [name for name in compensations(study, campaign) if name != own.compensation]
+    others = [name for name in compensations(study, campaign) if name != own.compensation_kind]
     chosen = [replace(own, estimator=name) for name in estimators]  # type: ignore[arg-type]
     return chosen + [replace(own, compensation=name) for name in others]  # type: ignore[arg-type]
 
@@ -59,7 +59,7 @@ def compared(study: FrfStudy, campaign: Campaign) -> list[EstimateOptions]:
 def compensations(study: FrfStudy, campaign: Campaign) -> list[str]:
     """Returns the compensations to compare, the campaign's own among them."""
     named = study.compensations or choices("compensation")
-    return list(dict.fromkeys([*named, campaign.estimate.compensation]))
+    return list(dict.fromkeys([*named, campaign.estimate.compensation_kind]))
 
 
 def campaign_of(loaded: LoadedExperiment) -> tuple[FrfStudy, Campaign, SimulateOptions]:
@@ -158,7 +158,7 @@ class _Outcome:
 
 def _identified(record: Record, estimators: tuple[Estimator, ...]) -> tuple[TorqueLaw, ...] | str | None:
     """Laws that the silent lines of a group show, why there are none, or None where nobody asks."""
-    asking = [each for each in estimators if each.options.compensation in IDENTIFYING]
+    asking = [each for each in estimators if each.options.compensation_kind in IDENTIFYING]
     if not asking or asking[0].laws is None:
         return None
     stated, delay = asking[0].laws, asking[0].delay_s

@@ -74,11 +74,11 @@ def _sizes(estimate: Estimate) -> Iterator[Doubt]:
 
 def _negative(estimate: Estimate) -> Iterator[Doubt]:
     """Friction and inertias that are negative beyond their interval."""
-    for name, kind, upper, value in zip(
-        estimate.names, estimate.kinds, estimate.upper.tolist(), estimate.value.tolist(), strict=True
-    ):
+    columns = (each.tolist() for each in (estimate.nominal, estimate.upper, estimate.value))
+    for name, kind, nominal, upper, value in zip(estimate.names, estimate.kinds, *columns, strict=True):
         own = name.endswith((".ZZ", ".XX", ".YY", ".M"))
-        if upper >= 0 or not (kind in _FRICTION or kind in ("motor_inertia", "coupling_inertia") or own):
+        # A combination of the robot file's own bodies may be negative as well.
+        if upper >= 0 or nominal < 0 or not (kind in _FRICTION or kind in ("motor_inertia", "coupling_inertia") or own):
             continue
         inertial = kind in _INERTIAL
         told = f"{name} comes out negative ({value:.3g})"
