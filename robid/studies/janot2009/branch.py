@@ -151,10 +151,11 @@ def exciting_motion(branch: Branch, model: RigidModel, truth: FloatArray) -> Flo
 
 
 def _draw(branch: Branch, generator: np.random.Generator) -> _Series:
-    """A random series that uses the allowed share of the range of each joint."""
+    """A random series that begins at rest and uses the allowed share of the range of each joint."""
     case, robot, middle = branch.case, branch.robot, branch.middle_rad
-    shape = (case.harmonics, len(middle))
+    shape, order = (case.harmonics, len(middle)), np.arange(1.0, case.harmonics + 1)
     sine, cosine = generator.standard_normal(shape), generator.standard_normal(shape)
+    sine -= np.outer(order, order @ sine) / (order @ order)
     plain = _Series(np.zeros_like(middle), sine, cosine, case.duration_s)
     reach = np.abs(plain.at(np.linspace(0, case.duration_s, _COARSE))[0]).max(axis=0)
     room = case.range_share * np.minimum(robot.upper - middle, middle - robot.lower)

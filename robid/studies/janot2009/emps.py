@@ -42,7 +42,7 @@ def conclude_emps(run: Run, _results: Sequence[Artifact]) -> PartFound | None:
         solution_from_artifact(read_artifact(own.path(f"fits/{name}/model.h5"), MODEL)) for name in _FITS
     )
     figures = _figures(plain, asymmetric)
-    return PartFound(figures, _asked(published), (_section(figures, published, plain),))
+    return PartFound(figures, asked_of(published), (_section(figures, published, plain),))
 
 
 def _run_of(run: Run) -> Run | None:
@@ -80,7 +80,8 @@ def _published(values: Mapping[str, Any]) -> dict[str, float]:
     return {**values["ordinary"], **{key: values[key] for key in keys}}
 
 
-def _asked(values: Mapping[str, Any]) -> dict[str, Asked]:
+def asked_of(values: Mapping[str, Any]) -> dict[str, Asked]:
+    """Returns how near to the published values the figures must lie."""
     asked = {}
     for name, value in _published(values).items():
         reach = _NEAR_ERROR if name.endswith("percent") else abs(value) * (_NEAR_OFFSET if name == "offset" else _NEAR)
