@@ -250,7 +250,8 @@ class JanotStudy(Section):
     haptic: SeededCase | None = Field(default=None, description="The paper's one-axis haptic device.")
     branch: BranchCase | None = Field(default=None, description="The robot of this file, a branch of three motors.")
     emps: RealCase | None = Field(
-        default=None, description="A real axis, with the fits `axis` and `asymmetric`; skipped where its log is not there."
+        default=None,
+        description="A real axis, with the fits `axis` and `asymmetric`; skipped where its log is not there.",
     )
     paper: PaperFile = None
 

@@ -126,7 +126,7 @@ def _act(body: FloatArray, screws: FloatArray) -> FloatArray:
     """Momenta (..., 6, n_sample) of motions (..., c, n_sample) under a body's matrix (6, c, 1 or n_sample)."""
     if body.shape[2] == 1:
         return np.asarray(body[:, :, 0] @ screws)
-    return np.einsum("cdn,...dn->...cn", body, screws)
+    return np.asarray(np.einsum("cdn,...dn->...cn", body, screws))
 
 
 def _wrench(motion: BodyMotion, body: FloatArray) -> FloatArray:

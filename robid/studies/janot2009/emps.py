@@ -65,7 +65,9 @@ def _missing(run: Run) -> str:
 def _figures(plain: RigidSolution, asymmetric: RigidSolution) -> dict[str, float]:
     estimate = plain.estimate
     named = {
-        _KINDS[kind]: value for kind, value in zip(estimate.kinds, estimate.value.tolist(), strict=True) if kind in _KINDS
+        _KINDS[kind]: value
+        for kind, value in zip(estimate.kinds, estimate.value.tolist(), strict=True)
+        if kind in _KINDS
     }
     return {
         **{f"emps.{name}": value for name, value in named.items()},

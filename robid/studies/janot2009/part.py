@@ -10,6 +10,7 @@ from robid.pipeline import Run
 from robid.report.section import Section
 from robid.settings.load import LoadedExperiment
 from robid.settings.study import JanotStudy
+from robid.studies.study import Step
 from robid.studies.tasks import Content, Function, Task
 
 
@@ -76,6 +77,11 @@ class Part:
     tasks: Callable[[Run], list[Task]] = _no_tasks
     function: Function = _nothing
     further: Callable[[Run], tuple[tuple[Run, tuple[str, ...]], ...]] = _none_further
+
+    @property
+    def step(self) -> Step:
+        """Its tasks as a step of the study; they wait for no others."""
+        return Step(self.name, lambda run, _: self.tasks(run), self.function)
 
 
 def study_of(loaded: LoadedExperiment) -> JanotStudy:

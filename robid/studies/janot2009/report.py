@@ -45,7 +45,7 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
 
 def _sentence(count: int, missed: Sequence[str]) -> str:
     if not missed:
-        return f"All {count} figures that are asked for are reached: the verdict on least squares is right where it must be."
+        return f"All {count} figures that are asked for are reached: the verdict on least squares is right."
     return f"{count - len(missed)} of {count} figures that are asked for are reached; missed: {', '.join(missed)}."
 
 

@@ -65,8 +65,7 @@ def test_unknown_keys_and_kinds_are_named(refused):
     wrong = refused(("kind: frf", "kind: frequency"))
     assert (
         "study.kind: input should be one of 'frf', 'wernholt2008', 'zimmermann2023', 'mistakes', 'janot2009' (found"
-        " 'frequency')"
-        in wrong
+        " 'frequency')" in wrong
     )
     assert "study.kind: is missing" in refused(("  kind: frf\n", ""))
 

@@ -14,7 +14,11 @@ CONFIGS = Path(__file__).parents[4] / "configs"
     ("old", "new", "message"),
     [
         ("campaign: motion", "campaign: motoin", "study.branch.campaign: there is no campaign `motoin`"),
-        ("{list_deg: [[0, 25, -90]]}", "{random: {count: 2}}", "study.branch.campaign: campaign `motion` does not list"),
+        (
+            "{list_deg: [[0, 25, -90]]}",
+            "{random: {count: 2}}",
+            "study.branch.campaign: campaign `motion` does not list",
+        ),
         ("torque_noise_nm: 0.09", "duration_s: 2", "study.haptic.duration_s: filters at 20 Hz leave fewer than 100"),
         ("torque_noise_nm: 0.09", "bad_cut_hz: 20", "study.haptic.bad_cut_hz: the filters that do not suit must pass"),
         ("harmonics: 12", "bad_cut_hz: 250", "study.branch.bad_cut_hz: must lie below 250 Hz"),

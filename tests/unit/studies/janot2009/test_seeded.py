@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid.studies.janot2009.chunks import Judged
-from robid.studies.janot2009.haptic_page import variations
+from robid.studies.janot2009.haptic.page import variations
 from robid.studies.janot2009.part import Asked
-from robid.studies.janot2009.seeded import errors_of, verdict_figures
+from robid.studies.janot2009.seeded.chunks import Judged
+from robid.studies.janot2009.seeded.figures import errors_of, verdict_figures
 
 TRUTH = np.array([2.0, 3.0, 4.0])
 
@@ -22,8 +22,8 @@ def judged(**changes):
         size=np.array([2.0, 5.0, 5.0]),
         trust=np.array([1, 1, 0, 1]),
         alarms=np.array([[0, 0, 0, 0], [0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 0, 0]]),
-        plain=TRUTH + [0.5, -1.0, 0.0] + scatter,
-        instrumental=TRUTH + [0.0, 0.2, 0.0] + scatter,
+        plain=TRUTH + np.array([0.5, -1.0, 0.0]) + scatter,
+        instrumental=TRUTH + np.array([0.0, 0.2, 0.0]) + scatter,
         deviation=np.array([[3.0, 4.0]] * 4),
         value=np.array([[2.0, 4.0, 8.0], [1.0, 4.0, 10.0]]),
         std=np.full((2, 3), 0.1),
@@ -47,7 +47,8 @@ def test_errors_are_those_of_the_means_and_a_vectors_of_its_norm():
 
 
 def test_what_scatters_may_be_further_off():
-    wide = judged(instrumental=TRUTH + [0.0, 0.2, 0.0] + np.array([[0, -1.0, 0], [0, 1, 0], [0, -1, 0], [0, 1, 0]]))
+    offset = np.array([[0, -0.8, 0], [0, 1.2, 0], [0, -0.8, 0], [0, 1.2, 0]])
+    wide = judged(instrumental=TRUTH + offset)
     assert errors_of(wide).excess == pytest.approx(0.2 / (3 * np.sqrt(4 / 3) / 2))
 
 

@@ -7,9 +7,15 @@ from collections.abc import Sequence
 from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.section import Section
-from robid.studies.janot2009.chunks import FILTERS, gather
 from robid.studies.janot2009.part import PartFound, study_of
-from robid.studies.janot2009.seeded import VERDICTS, estimate_table, joint_figures, verdict_figures, verdict_table
+from robid.studies.janot2009.seeded.chunks import FILTERS, gather
+from robid.studies.janot2009.seeded.figures import (
+    VERDICTS,
+    estimate_table,
+    joint_figures,
+    verdict_figures,
+    verdict_table,
+)
 
 
 def conclude_branch(run: Run, results: Sequence[Artifact]) -> PartFound | None:

@@ -18,7 +18,7 @@ from robid.fit.rigid.reduction import reduce_rows, residuals
 from robid.fit.rigid.verdict import Verdict
 from robid.settings.plain import plain_settings
 from robid.settings.study import SeededCase
-from robid.studies.janot2009.identification import Identified, Machine, Recording, identify, read
+from robid.studies.janot2009.seeded.identification import Identified, Machine, Recording, identify, read
 from robid.studies.tasks import Content, Task
 
 FILTERS = ("good", "bad")

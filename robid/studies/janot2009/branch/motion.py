@@ -1,4 +1,4 @@
-"""A branch of a haptic interface, closed by a parallelogram, in its control loop along an exciting motion."""
+"""A motion of the branch that excites its base parameters, within the limits of joints and torques."""
 
 from __future__ import annotations
 
@@ -8,21 +8,12 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.fit.rigid.base import BaseParameters, find_base_parameters
-from robid.fit.rigid.result import first_moments
 from robid.robot.description import Robot
-from robid.robot.regressor.model import RigidModel, build_rigid_model
-from robid.robot.regressor.options import RigidOptions
+from robid.robot.regressor.model import RigidModel
 from robid.settings.study import BranchCase
 from robid.simulate.options import Controller
-from robid.simulate.rigid_loop import simulate_rigid, simulate_rigid_loop
-from robid.studies.janot2009.identification import Machine, Recording
 
-_SUBSTEPS = 2
-_GUESS = 0.8  # of everything: what least squares makes of badly filtered rows need not be a robot at all
 _COARSE = 200  # samples by which a series is chosen
-MODEL = RigidOptions(couplings=False)
-"""The parallelogram's rods couple forearm and arm, not a gear with inertia and friction of its own."""
 
 
 @dataclass(frozen=True)
@@ -40,61 +31,6 @@ class Branch:
     robot: Robot
     controller: Controller
     middle_rad: FloatArray
-
-
-@dataclass(frozen=True)
-class Rig:
-    """The robot ready to be recorded.
-
-    Attributes:
-        branch: The robot.
-        model: Its model with the columns of base parameters alone.
-        truth (n_base,): The base parameters.
-        command (n_sample, n_joint): Motor angles that it is told [rad].
-    """
-
-    branch: Branch
-    model: RigidModel
-    truth: FloatArray
-    command: FloatArray
-
-    @property
-    def machine(self) -> Machine:
-        """The robot as what is to be identified."""
-
-        def simulate(parameters: FloatArray) -> FloatArray:
-            command = np.broadcast_to(self.command, (len(parameters), *self.command.shape))
-            return simulate_rigid(self.model, parameters, self.branch.robot, self.branch.controller, command)
-
-        return Machine(self.model, self.truth, first_moments(self.model.names), simulate, weighted=True, guess=_GUESS * self.truth)
-
-
-def make_rig(branch: Branch) -> Rig:
-    """Finds the base parameters of a robot and a motion that excites them."""
-    whole = build_rigid_model(branch.robot, MODEL)
-    base: BaseParameters = find_base_parameters(whole)
-    model, truth = whole.only(base.columns.tolist()), base.values(whole.nominal)
-    return Rig(branch, model, truth, exciting_motion(branch, model, truth))
-
-
-def record_branch(rig: Rig, seeds: range) -> Recording:
-    """Simulates the robot once a seed: the zeros of its encoders and its torque noise differ."""
-    case, (n_sample, n_joint) = rig.branch.case, rig.command.shape
-    generators = [np.random.default_rng(seed) for seed in seeds]
-    quantum = case.resolution_rad
-    zero = np.array([generator.uniform(0, quantum, n_joint) for generator in generators])
-    command = np.broadcast_to(rig.command, (len(seeds), n_sample, n_joint))
-
-    def measure(angle: FloatArray) -> FloatArray:
-        return np.asarray(quantum * np.round((angle - zero) / quantum) + zero) if quantum else angle
-
-    controller = rig.branch.controller
-    angle, torque = simulate_rigid_loop(
-        rig.model, rig.truth, rig.branch.robot, controller, command, measure, _SUBSTEPS
-    )
-    noise = np.array([generator.standard_normal((n_sample, n_joint)) for generator in generators])
-    seen = measure(angle.swapaxes(0, 1)).swapaxes(0, 1)
-    return Recording(controller.sampling_period_s, seen, torque + case.torque_noise_nm * noise)
 
 
 @dataclass(frozen=True)
@@ -145,7 +81,9 @@ def exciting_motion(branch: Branch, model: RigidModel, truth: FloatArray) -> Flo
     best = int(np.argmin(condition))
     if not np.isfinite(condition[best]):
         message = "every series that was drawn needs more torque than the motors have"
-        raise DataError(message, where="study.branch", remedy="lower `range_share` or `harmonics`, or raise `duration_s`")
+        raise DataError(
+            message, where="study.branch", remedy="lower `range_share` or `harmonics`, or raise `duration_s`"
+        )
     time_s = np.arange(round(case.duration_s / period)) * period
     return np.asarray(drawn[best].at(time_s)[0] @ branch.robot.motor_per_arm.T)
 

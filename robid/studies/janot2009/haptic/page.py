@@ -12,9 +12,9 @@ from robid.pipeline import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Beside, Section, Table
 from robid.settings.study import SeededCase
-from robid.studies.janot2009.chunks import BENDS, FILTERS, Judged, gather
 from robid.studies.janot2009.part import Asked, PartFound, study_of
-from robid.studies.janot2009.seeded import (
+from robid.studies.janot2009.seeded.chunks import BENDS, FILTERS, Judged, gather
+from robid.studies.janot2009.seeded.figures import (
     VERDICTS,
     error_table,
     errors_of,
@@ -169,10 +169,12 @@ def _figures(found: Mapping[str, Judged], case: SeededCase) -> Section:
     )
     lead = (
         f"Least squares of seed {case.first_seed}. In the paper Fig. 2 is close to a Gaussian of 0.01 N m with few"
-        " outliers, Fig. 3 is 1 in the middle and falls as one over the residual, Fig. 4 is no Gaussian, and Fig. 5 often"
-        " leaves the band of three deviations."
+        " outliers, Fig. 3 is 1 in the middle and falls as one over the residual, Fig. 4 is no Gaussian, and Fig. 5"
+        " often leaves the band of three deviations."
     )
-    return Section("Haptic device: Figs 2 to 5", lead, (Beside((*second_and_third[:2], others[0], others[2]), columns=2),))
+    return Section(
+        "Haptic device: Figs 2 to 5", lead, (Beside((*second_and_third[:2], others[0], others[2]), columns=2),)
+    )
 
 
 def _seeds(found: Mapping[str, Judged], case: SeededCase) -> Section:

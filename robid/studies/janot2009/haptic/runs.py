@@ -7,10 +7,10 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.pipeline import Run
 from robid.settings.study import SeededCase
-from robid.studies.janot2009.chunks import Chunk, chunk_tasks, judge_chunk
-from robid.studies.janot2009.haptic import NOMINAL, Bench, Device, measured, simulate
-from robid.studies.janot2009.identification import Machine, Recording
+from robid.studies.janot2009.haptic.device import NOMINAL, Bench, Device, measured, simulate
 from robid.studies.janot2009.part import study_of
+from robid.studies.janot2009.seeded.chunks import Chunk, chunk_tasks, judge_chunk
+from robid.studies.janot2009.seeded.identification import Machine, Recording
 from robid.studies.tasks import Content, Task
 
 FIRST_MOMENTS = ((1, 2),)
@@ -30,9 +30,7 @@ def identify_haptic(chunk: Chunk) -> Content:
 
 def bench_of(case: SeededCase) -> Bench:
     """Returns the device's loop and sensors as the settings say."""
-    return Bench(
-        duration_s=case.duration_s, quantum_rad=case.resolution_rad, torque_noise_nm=case.torque_noise_nm
-    )
+    return Bench(duration_s=case.duration_s, quantum_rad=case.resolution_rad, torque_noise_nm=case.torque_noise_nm)
 
 
 def haptic_machine(bench: Bench) -> Machine:
@@ -51,6 +49,4 @@ def record(seeds: range, bench: Bench) -> Recording:
     position, torque = simulate(np.tile(NOMINAL, (len(seeds), 1)), bench, phase)
     noise = np.stack([generator.standard_normal(len(torque)) for generator in generators])
     seen = measured(position, bench, phase)
-    return Recording(
-        bench.sampling_period_s, seen.T[..., None], (torque.T + bench.torque_noise_nm * noise)[..., None]
-    )
+    return Recording(bench.sampling_period_s, seen.T[..., None], (torque.T + bench.torque_noise_nm * noise)[..., None])
