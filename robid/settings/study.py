@@ -207,7 +207,58 @@ class MistakesStudy(Section):
         return self.seeds.judge if self.use == "judge" else self.seeds.choose
 
 
-Study: TypeAlias = Annotated[FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy, Field(discriminator="kind")]
+class SeededCase(Section):
+    """A machine that is simulated and identified over many seeds, with filters that suit and filters that do not."""
+
+    first_seed: int = Field(default=101, description="The first seed; further ones follow it.", ge=0)
+    seeds: int = Field(default=100, description="Number of seeds.", ge=2)
+    seeds_per_task: int = Field(default=25, description="Seeds that are simulated at once.", ge=1)
+    duration_s: float = Field(default=10.0, description="Length of a record [s].", gt=0)
+    resolution_rad: float = Field(default=7.67e-4, description="Quantum of the motor encoders [rad].", ge=0)
+    torque_noise_nm: float = Field(default=0.09, description="Deviation of the measured torque's noise [N m].", ge=0)
+    good_cut_hz: float = Field(default=20.0, description="Cut-off of the filters that suit [Hz].", gt=0)
+    bad_cut_hz: float = Field(default=200.0, description="Cut-off of the filters that do not [Hz].", gt=0)
+    drop_deviations: float = Field(
+        default=15.0, description="Deviations of the speed's noise below which rows are dropped.", ge=0
+    )
+
+
+class BranchCase(SeededCase):
+    """The robot of this file along an exciting Fourier series, with what all seeded cases have."""
+
+    campaign: Name = Field(description="Name of the campaign whose first configuration is the middle of the motion.")
+    harmonics: int = Field(default=6, description="Harmonics of the record's length that move each joint.", ge=1)
+    range_share: float = Field(
+        default=0.8, description="Share of the way from the middle to the joints' limits that is used.", gt=0, le=1
+    )
+    torque_share: float = Field(default=0.8, description="Share of the torque limits that is used.", gt=0, le=1)
+    draws: int = Field(default=40, description="Random series, of which the best conditioned is taken.", ge=1)
+    draw_seed: int = Field(default=1, description="Seed of these.", ge=0)
+
+
+class RealCase(Section):
+    """Real data with published values."""
+
+    experiment: str = Field(description="Experiment file, relative to this one.", min_length=1)
+    published: str = Field(description="File with the published values, relative to this one.", min_length=1)
+
+
+class JanotStudy(Section):
+    """Least squares on the inverse dynamics, and whether its verdict on itself is right."""
+
+    kind: Literal["janot2009"] = Field(description="What is studied.")
+    haptic: SeededCase | None = Field(default=None, description="The paper's one-axis haptic device.")
+    branch: BranchCase | None = Field(default=None, description="The robot of this file, a branch of three motors.")
+    emps: RealCase | None = Field(
+        default=None,
+        description="A real axis, with the fits `axis` and `asymmetric`; skipped where its log is not there.",
+    )
+    paper: PaperFile = None
+
+
+Study: TypeAlias = Annotated[
+    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy, Field(discriminator="kind")
+]
 
 
 def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:

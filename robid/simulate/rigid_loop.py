@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from robid.arrays import FloatArray
@@ -20,7 +22,7 @@ def simulate_rigid(
     robot: Robot,
     controller: Controller,
     command: FloatArray,
-    feed_forward: FloatArray,
+    feed_forward: FloatArray | None = None,
     *,
     loaded: bool = True,
 ) -> FloatArray:
@@ -28,19 +30,50 @@ def simulate_rigid(
 
     Args:
         model: The model.
-        parameters (n_param,): Values of its columns.
+        parameters (n_param,) or (n_run, n_param): Values of its columns, the same for all runs or one row for each.
         robot: The robot, for limits and for the rotor inertias that the controller was tuned to.
         controller: Its controller.
         command (n_run, n_sample, n_joint): Motor angles that the controller is told [rad].
-        feed_forward (n_run, n_sample, n_joint): Motor speeds that it is told besides [rad/s].
+        feed_forward (n_run, n_sample, n_joint): Motor speeds that it is told besides; none by default [rad/s].
         loaded: Whether a payload with parameters of its own is there.
 
     Returns:
         Motor angles (n_run, n_sample, n_joint) at the controller's samples [rad]; they begin on the command.
     """
+    return simulate_rigid_loop(model, parameters, robot, controller, command, feed_forward, loaded=loaded)[0]
+
+
+def simulate_rigid_loop(
+    model: RigidModel,
+    parameters: FloatArray,
+    robot: Robot,
+    controller: Controller,
+    command: FloatArray,
+    feed_forward: FloatArray | None = None,
+    *,
+    loaded: bool = True,
+    measure: Callable[[FloatArray], FloatArray] | None = None,
+    substeps: int = 1,
+) -> tuple[FloatArray, FloatArray]:
+    """Simulates the closed loop of a rigid model with what its encoders do.
+
+    Args:
+        model: The model.
+        parameters (n_param,) or (n_run, n_param): As in `simulate_rigid`, and so are what follows.
+        robot: The robot.
+        controller: Its controller.
+        command (n_run, n_sample, n_joint): Motor angles that it is told [rad].
+        feed_forward (n_run, n_sample, n_joint): Motor speeds that it is told besides; none by default [rad/s].
+        loaded: Whether a payload with parameters of its own is there.
+        measure: What the encoders say of motor angles (n_run, n_joint); the angles themselves by default.
+        substeps: Integration steps per sampling period.
+
+    Returns:
+        True motor angles (n_run, n_sample, n_joint) [rad], and motor torques that are held from each sample on [N m].
+    """
     period = controller.sampling_period_s
     still = build_dynamics(model, parameters, loaded=loaded)
-    smoothing = _smoothing(still, command[:, 0], period)
+    smoothing = _smoothing(still, command[:, 0], period / substeps)
     dynamics = build_dynamics(model, parameters, loaded=loaded, smoothing_rad_s=smoothing)
     angle: FloatArray = command[:, 0].copy()
     speed: FloatArray = (command[:, 1] - command[:, 0]) / period
@@ -48,12 +81,15 @@ def simulate_rigid(
     hold = dynamics.inertia_and_bias(angle, np.zeros_like(speed))[1]
     cascade = Cascade(controller, robot.motor_inertia_kgm2, limit, angle - period * speed, hold)
     pending = [hold.copy() for _ in range(controller.delay_samples)]
-    found = np.empty_like(command)
+    angles, torques = np.empty_like(command), np.empty_like(command)
+    ahead = np.zeros_like(command) if feed_forward is None else feed_forward
     for sample in range(command.shape[1]):
-        found[:, sample] = angle
-        pending.append(cascade.command(angle, command[:, sample], feed_forward[:, sample]))
-        angle, speed = _step(dynamics, angle, speed, pending.pop(0), period)
-    return found
+        seen = angle if measure is None else measure(angle)
+        pending.append(cascade.command(seen, command[:, sample], ahead[:, sample]))
+        angles[:, sample], torques[:, sample] = angle, pending.pop(0)
+        for _ in range(substeps):
+            angle, speed = _step(dynamics, angle, speed, torques[:, sample], period / substeps)
+    return angles, torques
 
 
 def _step(
@@ -72,7 +108,7 @@ def _smoothing(dynamics: RigidDynamics, angle: FloatArray, period: float) -> flo
     inertia, _ = dynamics.inertia_and_bias(angle, np.zeros_like(angle))
     own = np.diagonal(inertia, axis1=1, axis2=2).min(axis=0)
     dry = sum(
-        (abs(value) * np.abs(term.row) for term, value in dynamics.terms if term.kind.endswith("coulomb")),
+        (np.abs(value).max() * np.abs(term.row) for term, value in dynamics.terms if term.kind.endswith("coulomb")),
         start=np.zeros_like(own),
     )
     return float((dry * period / np.maximum(own, 1e-300)).max() / _SETTLED) or 1e-9

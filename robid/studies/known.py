@@ -11,6 +11,7 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 from robid.studies.frf import FRF_STUDY
+from robid.studies.janot2009 import JANOT2009
 from robid.studies.mistakes import MISTAKES
 from robid.studies.study import Study
 from robid.studies.wernholt2008 import WERNHOLT2008
@@ -21,6 +22,7 @@ STUDIES: Mapping[str, Study] = {
     "wernholt2008": WERNHOLT2008,
     "zimmermann2023": ZIMMERMANN2023,
     "mistakes": MISTAKES,
+    "janot2009": JANOT2009,
 }
 
 

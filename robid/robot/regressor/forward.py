@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from robid.arrays import FloatArray
 from robid.robot.regressor.drives import DriveMotion, DriveTerm
 from robid.robot.regressor.links import COMPONENTS, ROTOR
 from robid.robot.regressor.model import RigidModel
-from robid.robot.regressor.motion import BodyMotion, body_motions, cross_matrix, empty_states
+from robid.robot.regressor.motion import BodyMotion, body_motions, empty_states
 from robid.robot.regressor.tree import Tree
 
 _INERTIAL = ("motor_inertia", "coupling_inertia")
@@ -19,21 +18,21 @@ _INERTIAL = ("motor_inertia", "coupling_inertia")
 
 @dataclass(frozen=True)
 class RigidDynamics:
-    """A rigid robot with given parameters; everything on the motor side.
+    """A rigid robot with given parameters, or one of its kind for each sample; everything on the motor side.
 
     Attributes:
         tree: Its bodies.
-        inertias: Of each body the matrix (6, 6) that makes a momentum, first the angular one about its frame's origin,
-            of angular velocity and velocity of that origin.
-        motor (n_joint, n_joint): Inertia of what turns with motors and coupled gears [kg m^2].
-        terms: Terms without inertia, each with its parameter.
+        inertias: Of each body the matrix (6, 6, 1 or n_sample) that makes a momentum, first the angular one about its
+            frame's origin, of angular velocity and velocity of that origin.
+        motor (n_joint, n_joint, 1 or n_sample): Inertia of what turns with motors and coupled gears [kg m^2].
+        terms: Terms without inertia, each with its parameter (1 or n_sample,).
         smoothing_rad_s: Speed over which Coulomb friction changes its sign, as tanh; 0 for a jump.
     """
 
     tree: Tree
     inertias: tuple[FloatArray, ...]
     motor: FloatArray
-    terms: tuple[tuple[DriveTerm, float], ...]
+    terms: tuple[tuple[DriveTerm, FloatArray], ...]
     smoothing_rad_s: float = 0.0
 
     def inertia_and_bias(
@@ -51,15 +50,15 @@ class RigidDynamics:
             Coriolis forces, friction, offsets and counterbalances [N m].
         """
         q, v = np.ascontiguousarray(position.T), np.ascontiguousarray(velocity.T)
-        inertia = np.zeros((*self.motor.shape, len(position)))
-        inertia += self.motor[:, :, None]
+        inertia = np.zeros((*self.motor.shape[:2], len(position)))
+        inertia += self.motor
         bias = np.zeros_like(q)
         states = empty_states(self.tree, len(position))
         motions = body_motions(self.tree, q, v, np.zeros_like(q), states)
         for state, body, motion in zip(states, self.inertias, motions, strict=True):
             reach = len(motion.turn)
             screws = state[2:].reshape(reach, 6, -1)
-            inertia[:reach, :reach] += np.einsum("kcn,lcn->kln", screws, body @ screws)
+            inertia[:reach, :reach] += np.einsum("kcn,lcn->kln", screws, _act(body, screws))
             bias[:reach] += np.einsum("kcn,cn->kn", screws, _wrench(motion, body))
         load = np.zeros_like(q) if torque is None else torque.T
         for term, parameter in self.terms:
@@ -85,44 +84,56 @@ def build_dynamics(
 
     Args:
         model: The model; of one with the columns of base parameters alone, these are enough.
-        parameters (n_std,): Values of its parameters; those of the robot file by default.
+        parameters (n_std,) or (n_sample, n_std): Values of its parameters, the same for all samples or one row for
+            each; those of the robot file by default.
         loaded: Whether a payload with parameters of its own is there.
         smoothing_rad_s: Motor speed over which Coulomb friction changes its sign [rad/s].
     """
-    values = model.nominal if parameters is None else parameters
+    values = np.atleast_2d(model.nominal if parameters is None else parameters).T
     inertias: list[FloatArray] = []
     start = 0
     for body, components in zip(model.tree.bodies, model.components, strict=True):
-        own = np.zeros(len(COMPONENTS))
+        own = np.zeros((len(COMPONENTS), values.shape[1]))
         if body.is_rotor and components:
-            own = values[start] * ROTOR
+            own = np.outer(ROTOR, values[start])
         elif loaded or not body.is_payload:
             own[list(components)] = values[start : start + len(components)]
         inertias.append(_momentum(own))
         start += len(components)
-    motor = np.zeros((len(model.robot.joints),) * 2)
-    terms: list[tuple[DriveTerm, float]] = []
-    for term, value in zip(model.terms, values[start:].tolist(), strict=True):
+    motor = np.zeros((*(len(model.robot.joints),) * 2, values.shape[1]))
+    terms: list[tuple[DriveTerm, FloatArray]] = []
+    for term, value in zip(model.terms, values[start:], strict=True):
         if term.kind in _INERTIAL:
-            motor += value * np.outer(term.row, term.row)
+            motor += np.outer(term.row, term.row)[..., None] * value
         else:
             terms.append((term, value))
     return RigidDynamics(model.tree, tuple(inertias), motor, tuple(terms), smoothing_rad_s)
 
 
-def _momentum(parameters: Sequence[float] | FloatArray) -> FloatArray:
-    """Momentum matrix (6, 6) of a body's standard parameters (10,)."""
-    xx, xy, xz, yy, yz, zz = parameters[:6]
-    moment = cross_matrix(np.asarray(parameters[6:9]))
+def _momentum(parameters: FloatArray) -> FloatArray:
+    """Momentum matrices (6, 6, n) of bodies' standard parameters (10, n)."""
+    xx, xy, xz, yy, yz, zz, x, y, z, mass = parameters
+    nothing = np.zeros_like(mass)
+    moment = np.array([[nothing, -z, y], [z, nothing, -x], [-y, x, nothing]])
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return np.block([[inertia, moment], [-moment, parameters[9] * np.eye(3)]])
+    masses = np.eye(3)[..., None] * mass
+    return np.concatenate(
+        [np.concatenate([inertia, moment], axis=1), np.concatenate([-moment, masses], axis=1)], axis=0
+    )
+
+
+def _act(body: FloatArray, screws: FloatArray) -> FloatArray:
+    """Momenta (..., 6, n_sample) of motions (..., c, n_sample) under a body's matrix (6, c, 1 or n_sample)."""
+    if body.shape[2] == 1:
+        return np.asarray(body[:, :, 0] @ screws)
+    return np.asarray(np.einsum("cdn,...dn->...cn", body, screws))
 
 
 def _wrench(motion: BodyMotion, body: FloatArray) -> FloatArray:
     """Torque about the origin and force (6, n_sample) that a body's motion takes."""
-    wrench = body @ np.concatenate([motion.angular, motion.linear])
+    wrench = _act(body, np.concatenate([motion.angular, motion.linear]))
     # Of the angular velocity alone: that of the origin is in its acceleration.
-    momentum = body[:, :3] @ motion.rate
+    momentum = _act(body[:, :3], motion.rate)
     wrench[:3] += _cross(motion.rate, momentum[:3])
     wrench[3:] += _cross(motion.rate, momentum[3:])
     return np.asarray(wrench)

@@ -55,3 +55,15 @@ def test_base_parameters_move_the_robot_as_the_standard_ones_do():
     dynamics = build_dynamics(model.only(base.columns.tolist()), base.values(model.nominal))
     torque = model.torques(model.nominal, *motion)
     close(dynamics.acceleration(motion[0], motion[1], torque), motion[2], 1e3 * IDENTITY)
+
+
+def test_every_sample_may_have_parameters_of_its_own():
+    robot = with_gears(random_chain(14))
+    model, (position, velocity, _) = build_rigid_model(robot), random_motion(robot, 4)
+    torque = np.random.default_rng(5).standard_normal(position.shape)
+    parameters = model.nominal * np.random.default_rng(6).uniform(0.8, 1.2, (4, len(model.names)))
+    together = build_dynamics(model, parameters).acceleration(position, velocity, torque)
+    for row in range(4):
+        one = slice(row, row + 1)
+        alone = build_dynamics(model, parameters[row]).acceleration(position[one], velocity[one], torque[one])
+        close(together[one], alone, 1e3 * IDENTITY)

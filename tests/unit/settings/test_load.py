@@ -92,7 +92,8 @@ def test_every_example_loads_without_its_data(path, monkeypatch):
 
 
 def test_every_robot_is_used_by_an_example():
-    used = {(path.parent / load_experiment(path).experiment.robot).resolve() for path in CONFIGS.glob("*.yaml")}
+    examples = [*CONFIGS.glob("*.yaml"), *(CONFIGS / "studies").glob("*.yaml")]
+    used = {(path.parent / load_experiment(path).experiment.robot).resolve() for path in examples}
     assert used == {path.resolve() for path in (CONFIGS / "robots").glob("*.yaml")}
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from robid.fit.rigid.cutoff import choose_cut_off, excited_band
 from robid.fit.rigid.options import PreprocessingOptions
-from robid.studies.janot2009.haptic import Bench, Device
-from robid.studies.janot2009.haptic_runs import record
+from robid.studies.janot2009.haptic.device import Bench, Device
+from robid.studies.janot2009.haptic.runs import record
 
 BENCH = Bench()
 

@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robid.artifacts.artifact import Artifact, Provenance
+from robid.artifacts.task import TASK
+from robid.settings.study import SeededCase
 from robid.signals.filters import central_differences
-from robid.studies.janot2009.haptic import NOMINAL, Bench, Device, measured, reference, simulate
-from robid.studies.janot2009.haptic_runs import identify, record, summarise
+from robid.studies.janot2009.haptic.device import NOMINAL, Bench, Device, measured, reference, simulate
+from robid.studies.janot2009.haptic.page import variations
+from robid.studies.janot2009.haptic.runs import bench_of, haptic_machine, record
+from robid.studies.janot2009.seeded.chunks import BENDS, FILTERS, gather, judge_chunk
+from robid.studies.janot2009.seeded.figures import errors_of, verdict_figures
 
 BENCH = Bench()
 
@@ -41,22 +47,16 @@ def test_encoders_round_about_their_own_zero():
 
 
 def test_filters_decide_the_verdict():
-    recording = record(range(500, 502), replace(BENCH, substeps=1))
-    good, bad = (summarise(*identify(recording, cut_hz)) for cut_hz in (20.0, 200.0))
-    assert (good["trust_share"], bad["trust_share"]) == (1.0, 0.0)
-    assert good["sigma"] == pytest.approx(0.010, abs=0.002)
-    assert bad["sigma"] == pytest.approx(0.039, abs=0.008)
-    assert bad["ls.max_error_percent"] > 20
-
-
-@pytest.mark.slow
-def test_figures_of_100_seeds():
-    recording = record(range(1000, 1100), BENCH)
-    good, bad = (summarise(*identify(recording, cut_hz)) for cut_hz in (20.0, 200.0))
-    assert good["trust_share"] >= 0.95
-    assert bad["trust_share"] <= 0.05
-    assert good["sigma"] == pytest.approx(0.010, abs=0.002)
-    assert bad["sigma"] == pytest.approx(0.039, abs=0.008)
-    assert bad["iv.max_error_percent"] <= 5
-    assert bad["iv.max_excess"] <= 1
-    assert bad["ls.max_error_percent"] >= 20
+    case = SeededCase(first_seed=500, seeds=2)
+    bench = replace(bench_of(case), substeps=1)
+    content = judge_chunk(haptic_machine(bench), record(range(500, 502), bench), case)
+    held = Artifact(TASK, content.datasets, content.attributes, Provenance(stage="study"))
+    found = {filters: gather([held], filters) for filters in FILTERS}
+    figures = verdict_figures("haptic", found)
+    assert (figures["haptic.good.verdict_share"], figures["haptic.bad.verdict_share"]) == (1.0, 1.0)
+    assert figures["haptic.good.sigma"] == pytest.approx(0.010, abs=0.002)
+    assert figures["haptic.bad.sigma"] == pytest.approx(0.039, abs=0.008)
+    assert errors_of(found["bad"]).least_squares.max() > 20
+    huge = variations(found["bad"], 1 + BENDS.index(1e3))
+    assert max(huge.values()) < 1e-6
+    assert max(variations(found["good"], 1).values()) < max(variations(found["bad"], 1).values())

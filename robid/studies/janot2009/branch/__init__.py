@@ -1,0 +1,1 @@
+"""A branch of a haptic interface with a parallelogram. Read `motion`, `rig`, `runs`, `page`."""

@@ -1,0 +1,1 @@
+"""The one-axis haptic device of the paper. Read `device`, `runs`, `page`."""

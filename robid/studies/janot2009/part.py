@@ -1,0 +1,93 @@
+"""What a part of the study is: its tasks, and what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from robid.artifacts.artifact import Artifact
+from robid.pipeline import Run
+from robid.report.section import Section
+from robid.settings.load import LoadedExperiment
+from robid.settings.study import JanotStudy
+from robid.studies.study import Step
+from robid.studies.tasks import Content, Function, Task
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a figure.
+
+    Attributes:
+        lower: The least that it may be.
+        upper: The most that it may be.
+    """
+
+    lower: float = float("-inf")
+    upper: float = float("inf")
+
+    def is_reached(self, value: float) -> bool:
+        """Whether a figure lies within."""
+        return self.lower <= value <= self.upper
+
+
+@dataclass(frozen=True)
+class PartFound:
+    """What a part of the study found.
+
+    Attributes:
+        figures: Figures by their name in summary.json.
+        asked: What is asked of some of them.
+        sections: Tables and figures of the page.
+        warnings: Why something is left out, where it is.
+    """
+
+    figures: dict[str, float]
+    asked: dict[str, Asked] = field(default_factory=dict)
+    sections: tuple[Section, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def _no_tasks(_run: Run) -> list[Task]:
+    return []
+
+
+def _nothing(_argument: object) -> Content:
+    raise NotImplementedError
+
+
+def _none_further(_run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
+    return ()
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the study.
+
+    Attributes:
+        name: Its name, and that of the folder of its tasks.
+        conclude: Turns the results of its tasks into what it found; None where the study leaves it out.
+        tasks: Its tasks.
+        function: Does one of them.
+        further: Other experiments that it reads, each with outputs of its chain.
+    """
+
+    name: str
+    conclude: Callable[[Run, Sequence[Artifact]], PartFound | None]
+    tasks: Callable[[Run], list[Task]] = _no_tasks
+    function: Function = _nothing
+    further: Callable[[Run], tuple[tuple[Run, tuple[str, ...]], ...]] = _none_further
+
+    @property
+    def step(self) -> Step:
+        """Its tasks as a step of the study; they wait for no others."""
+        return Step(self.name, lambda run, _: self.tasks(run), self.function)
+
+
+def study_of(loaded: LoadedExperiment) -> JanotStudy:
+    """Returns the study of an experiment that has one of this kind."""
+    study = loaded.experiment.study
+    if not isinstance(study, JanotStudy):
+        message = "the study is of another kind"
+        raise TypeError(message)
+    return study

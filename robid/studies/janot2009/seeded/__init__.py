@@ -1,0 +1,1 @@
+"""Machines of known parameters over many seeds. Read `identification`, `chunks`, `figures`."""

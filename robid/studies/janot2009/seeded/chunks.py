@@ -1,0 +1,198 @@
+"""Tasks of the seeded cases: some seeds of a machine with either of its filters, and what is kept of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.artifacts.artifact import Artifact, Attribute, Dataset
+from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.fit.rigid.huber import huber_weights, sweep_bend
+from robid.fit.rigid.least_squares import Regression, ordinary_least_squares
+from robid.fit.rigid.options import HuberOptions, PreprocessingOptions
+from robid.fit.rigid.reduction import reduce_rows, residuals
+from robid.fit.rigid.verdict import Verdict
+from robid.settings.plain import plain_settings
+from robid.settings.study import SeededCase
+from robid.studies.janot2009.seeded.identification import Identified, Machine, Recording, identify, read
+from robid.studies.tasks import Content, Task
+
+FILTERS = ("good", "bad")
+"""Filters that suit, and filters that do not."""
+BENDS = (HuberOptions.bend, 0.2, 0.01, 1e3)
+"""Bends `H` that are shown: the usual one, the paper's 0.2, towards 0 and towards infinity."""
+TESTS = ("Huber", "instruments", "normality", "whiteness")
+_ITERATIONS = 1000  # towards H = 0 the weights settle slowly
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some seeds of a case."""
+
+    case: SeededCase
+    seeds: range
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What seeds gave, and the first of them in detail.
+
+    Attributes:
+        names: Names of the parameters.
+        units: Their units.
+        truth (n_param,): Their true values.
+        size (n_param,): What their errors are relative to: the magnitude of the truth, of a vector's parts its norm.
+        trust (n_seed,): Whether least squares was trusted, 1 or 0.
+        alarms (n_seed, n_test): Which tests spoke against it, in the order of `TESTS`.
+        plain (n_seed, n_param): Least squares as the paper has it.
+        instrumental (n_seed, n_param): Instrumental variables.
+        deviation (n_seed, n_joint): Deviations of the residuals of `plain` [N m].
+        value (n_bend + 1, n_param): Of the first seed least squares, then Huber's estimates at `BENDS`.
+        std (n_bend + 1, n_param): Their standard deviations by eq. 8 and 19.
+        sigma (n_bend + 1, n_joint): Deviations of their residuals, weighted by eq. 19 [N m].
+        iterations (n_bend + 1,): Passes that they took.
+        time_s (n_row,): Time of the first seed's rows [s].
+        residual (n_row, n_joint): Its residuals of least squares, NaN where a row is not used [N m].
+        weight (n_row, n_joint): Its weights by Huber's estimator at the usual bend.
+        sentence: The verdict on it.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    truth: FloatArray
+    size: FloatArray
+    trust: IntArray
+    alarms: IntArray
+    plain: FloatArray
+    instrumental: FloatArray
+    deviation: FloatArray
+    value: FloatArray
+    std: FloatArray
+    sigma: FloatArray
+    iterations: IntArray
+    time_s: FloatArray
+    residual: FloatArray
+    weight: FloatArray
+    sentence: str
+
+
+_PARAMETER, _SEED, _ESTIMATE, _ROW = ("parameter",), ("seed",), ("estimate",), ("row",)
+_TABLE = {
+    "names": Column("1", _PARAMETER),
+    "units": Column("1", _PARAMETER),
+    "truth": Column("as in units", _PARAMETER),
+    "size": Column("as in units", _PARAMETER, "What errors are relative to"),
+    "trust": Column("1", _SEED, "Whether least squares was trusted"),
+    "alarms": Column("1", ("seed", "test"), "Which tests spoke against it"),
+    "plain": Column("as in units", ("seed", "parameter"), "Least squares"),
+    "instrumental": Column("as in units", ("seed", "parameter"), "Instrumental variables"),
+    "deviation": Column("N m", ("seed", "joint"), "Deviation of the residuals"),
+    "value": Column("as in units", ("estimate", "parameter"), "First seed: least squares, Huber at several bends"),
+    "std": Column("as in units", ("estimate", "parameter"), "Their standard deviations"),
+    "sigma": Column("N m", ("estimate", "joint"), "Deviations of their residuals"),
+    "iterations": Column("1", _ESTIMATE, "Passes that they took"),
+    "time_s": Column("s", _ROW),
+    "residual": Column("N m", ("row", "joint"), "First seed: residuals of least squares", compact=True),
+    "weight": Column("1", ("row", "joint"), "First seed: Huber's weights", compact=True),
+}
+
+
+def chunk_tasks(
+    case: SeededCase, name: str, decides: dict[str, Any], argument: Callable[[Chunk], object]
+) -> list[Task]:
+    """Returns the tasks of a case: its seeds in chunks, with either of the filters.
+
+    Args:
+        case: The case.
+        name: Its name.
+        decides: What decides its results beside its settings.
+        argument: Makes what the task's function is given.
+    """
+    last = case.first_seed + case.seeds
+    own = plain_settings(case)
+    settings = {key: own[key] for key in own if key not in ("seeds", "seeds_per_task", "first_seed")}
+    found = []
+    for start in range(case.first_seed, last, case.seeds_per_task):
+        chunk = Chunk(case, range(start, min(start + case.seeds_per_task, last)))
+        place = {"seeds": [chunk.seeds.start, chunk.seeds.stop], "bends": BENDS}
+        found.append(Task(f"{name}_{start}", {**decides, **settings, **place}, argument(chunk)))
+    return found
+
+
+def judge_chunk(machine: Machine, recording: Recording, case: SeededCase) -> Content:
+    """Identifies every seed of a recording with either of the filters, the first seed in detail."""
+    datasets: dict[str, Dataset] = {}
+    attributes: dict[str, Attribute] = {}
+    for name, cut in zip(FILTERS, (case.good_cut_hz, case.bad_cut_hz), strict=True):
+        options = PreprocessingOptions(cut, drop_deviations=case.drop_deviations)
+        judged = _judged(machine, identify(machine, recording, options), _detail(machine, recording, options))
+        table = {f"{name}/{key}": column for key, column in _TABLE.items()}
+        arrays, scalars = to_datasets(judged, table, f"{name}/")
+        datasets, attributes = datasets | arrays, attributes | scalars
+    return Content(datasets, attributes)
+
+
+def gather(results: Sequence[Artifact], filters: str) -> Judged:
+    """Joins the seeds of several tasks with one of the filters; the details are those of the first."""
+    parts = [from_datasets(Judged, held, f"{filters}/") for held in results]
+    joined = {
+        key: np.concatenate([getattr(part, key) for part in parts])
+        for key in ("trust", "alarms", "plain", "instrumental", "deviation")
+    }
+    return Judged(**{**vars(parts[0]), **joined})
+
+
+@dataclass(frozen=True)
+class _Detail:
+    estimates: tuple[Regression, ...]
+    time_s: FloatArray
+    residual: FloatArray
+    weight: FloatArray
+
+
+def _detail(machine: Machine, recording: Recording, options: PreprocessingOptions) -> _Detail:
+    """The paper's tables of the first seed: rows chosen by the measured speed, equal weights."""
+    rows = read(machine, recording, 0, options)
+    reduction = reduce_rows(rows)
+    plain = ordinary_least_squares(reduction)
+    swept = sweep_bend(rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS))
+    residual = residuals(rows, plain.parameters)
+    period = recording.sampling_period_s * options.decimator(recording.sampling_period_s).factor
+    weight = huber_weights(residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0])
+    return _Detail((plain, *swept), np.arange(len(residual)) * period, residual, weight)
+
+
+def _judged(machine: Machine, found: Identified, detail: _Detail) -> Judged:
+    size = np.abs(machine.truth)
+    for vector in machine.vectors:
+        size[list(vector)] = np.linalg.norm(machine.truth[list(vector)])
+    verdicts = [one.verdict for one in found.conclusions]
+    instrumental = [one.instruments.parameters for one in found.conclusions if one.instruments is not None]
+    return Judged(
+        names=tuple(machine.regressor.names),
+        units=tuple(machine.regressor.units),
+        truth=machine.truth,
+        size=size,
+        trust=np.array([verdict.trust for verdict in verdicts], int),
+        alarms=np.array([_alarms(verdict) for verdict in verdicts], int),
+        plain=np.array([one.parameters for one in found.plain]),
+        instrumental=np.array(instrumental),
+        deviation=np.array([one.deviation for one in found.plain]),
+        value=np.array([one.parameters for one in detail.estimates]),
+        std=np.array([one.standard_deviation for one in detail.estimates]),
+        sigma=np.array([one.deviation for one in detail.estimates]),
+        iterations=np.array([one.iterations for one in detail.estimates]),
+        time_s=detail.time_s,
+        residual=detail.residual,
+        weight=detail.weight,
+        sentence=verdicts[0].sentence,
+    )
+
+
+def _alarms(verdict: Verdict) -> tuple[bool, ...]:
+    against = verdict.instruments is not None and verdict.instruments.alarm
+    return verdict.huber.alarm, against, verdict.normality_alarm, verdict.whiteness_alarm
