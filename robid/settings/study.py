@@ -243,6 +243,27 @@ class RealCase(Section):
     published: str = Field(description="File with the published values, relative to this one.", min_length=1)
 
 
+class RecordedCase(Section):
+    """A recording whose published values the study knows."""
+
+    experiment: str = Field(description="Experiment file, relative to this one.", min_length=1)
+    fit: Name = Field(description="Name of its rigid fit.")
+
+
+class CoverageCase(Section):
+    """Simulated records of one experiment, each of another robot of its kind: do intervals hold the truth?"""
+
+    experiment: str = Field(description="Experiment file, relative to this one.", min_length=1)
+    campaign: Name = Field(description="Name of its campaign whose trajectories are played.")
+    fit: Name = Field(description="Name of its rigid fit, whose options are taken.")
+    first_seed: int = Field(
+        default=101, description="The first seed of robots and noise; further ones follow it.", ge=0
+    )
+    seeds: int = Field(default=100, description="Number of rigid robots.", ge=1)
+    elastic_seeds: int = Field(default=10, description="Number of robots whose joints are elastic.", ge=0)
+    seeds_per_task: int = Field(default=5, description="Robots of one task.", ge=1)
+
+
 class JanotStudy(Section):
     """Least squares on the inverse dynamics, and whether its verdict on itself is right."""
 
@@ -253,6 +274,10 @@ class JanotStudy(Section):
         default=None,
         description="A real axis, with the fits `axis` and `asymmetric`; skipped where its log is not there.",
     )
+    tx40: RecordedCase | None = Field(
+        default=None, description="A real arm of six axes; skipped where its logs are not there."
+    )
+    kr300: CoverageCase | None = Field(default=None, description="A simulated arm of six axes.")
     paper: PaperFile = None
 
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
-from robid.families.files import load_experiment
 from robid.families.rigid.files import solution_from_artifact
 from robid.fit.rigid.solution import RigidSolution
 from robid.pipeline import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table
 from robid.settings.yaml import load_yaml
+from robid.studies.janot2009.elsewhere import missing_log, run_of
 from robid.studies.janot2009.part import Asked, PartFound, study_of
 
 _FITS = ("axis", "asymmetric")
@@ -26,7 +25,7 @@ _NEAR, _NEAR_OFFSET, _NEAR_ERROR = 0.01, 0.02, 0.1
 def further_emps(run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
     """Returns the axis' experiment with its fits, where its log is there."""
     own = _run_of(run)
-    return () if own is None or _missing(own) else ((own, tuple(f"fits/{name}/model.h5" for name in _FITS)),)
+    return () if own is None or missing_log(own) else ((own, tuple(f"fits/{name}/model.h5" for name in _FITS)),)
 
 
 def conclude_emps(run: Run, _results: Sequence[Artifact]) -> PartFound | None:
@@ -34,7 +33,7 @@ def conclude_emps(run: Run, _results: Sequence[Artifact]) -> PartFound | None:
     case, own = study_of(run.loaded).emps, _run_of(run)
     if case is None or own is None:
         return None
-    lacking = _missing(own)
+    lacking = missing_log(own)
     if lacking:
         return PartFound({}, warnings=(f"The EMPS axis is left out: there is no {lacking}; set ROBID_DATA.",))
     published = load_yaml(run.loaded.path.parent / case.published).data
@@ -47,19 +46,7 @@ def conclude_emps(run: Run, _results: Sequence[Artifact]) -> PartFound | None:
 
 def _run_of(run: Run) -> Run | None:
     case = study_of(run.loaded).emps
-    if case is None:
-        return None
-    return replace(run, loaded=load_experiment(run.loaded.path.parent / case.experiment), folder=run.folder / "emps")
-
-
-def _missing(run: Run) -> str:
-    """Name of the first log that is not there; empty when all are."""
-    for campaign in run.loaded.experiment.campaigns.values():
-        if campaign.source is not None and campaign.source.acquire is not None:
-            path = campaign.source.acquire.log_path(run.loaded.path.parent)
-            if not path.exists():
-                return path.name
-    return ""
+    return None if case is None else run_of(run, case.experiment, "emps")
 
 
 def _figures(plain: RigidSolution, asymmetric: RigidSolution) -> dict[str, float]:

@@ -1,0 +1,1 @@
+"""An arm of six axes, simulated many times. Read `runs`, then `page`."""

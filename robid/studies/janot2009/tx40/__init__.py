@@ -1,0 +1,1 @@
+"""The Staubli TX40 of a public recording. Read `published`, then `page`."""
