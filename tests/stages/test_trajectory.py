@@ -2,6 +2,7 @@
 
 import csv
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
+from robid.design.excitation.options import TrajectoryOptions
+from robid.families.files import load_experiment
+from robid.pipeline import graph
 
 HERE = Path(__file__).parent
 FILE = "trajectory.yaml"
@@ -116,3 +120,14 @@ def test_what_decides_a_trajectory_makes_it_stale(swing):
     assert swing.robid("design-excitation", FILE).code == 0
     swing.change("coulomb_nm: 0.2", "coulomb_nm: 0.15", "rigid_arm.yaml")
     assert swing.states()["exciting/excitation.h5"][0] == "stale"
+
+
+def test_every_setting_of_a_trajectory_decides_it(swing):
+    loaded = load_experiment(swing.folder / FILE)
+    plan = next(node.plan for node in graph(loaded) if node.output == "exciting/excitation.h5")
+    assert set(plan.settings["campaigns.exciting.excitation"]) == {each.name for each in fields(TrajectoryOptions)}
+    assert {"loop_links", "gravity_m_s2", "payload", "floor_m"} <= set(plan.settings["robot"])
+    joint = plan.settings["robot"]["joints"][0]
+    assert {"counterbalance", "limits_deg"} <= set(joint)
+    assert {"max_speed_rad_s", "max_torque_nm"} <= set(joint["motor"])
+    assert "coulomb_nm" in joint["motor"]["friction"]
