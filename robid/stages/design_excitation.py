@@ -102,7 +102,8 @@ def base_model(robot: Robot, options: TrajectoryOptions) -> BaseModel:
     """Returns the rigid model of a robot with the columns of its base parameters, and which of them are judged."""
     form: FrictionForm = "asymmetric" if options.friction == "asymmetric" else "coulomb"
     left_out = _LEFT_OUT.get(options.friction, ())
-    model = build_rigid_model(robot, RigidOptions(friction=form))
+    # Friction of either direction makes an offset, but for a motor that stands still.
+    model = build_rigid_model(robot, RigidOptions(friction=form, offsets=form == "coulomb"))
     base = find_base_parameters(model)
     kept = model.only(base.columns.tolist())
     return BaseModel(kept, base.values(model.nominal), np.array([kind not in left_out for kind in kept.kinds]))

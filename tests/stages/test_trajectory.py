@@ -2,6 +2,7 @@
 
 import csv
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,11 @@ import pytest
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
+from robid.design.excitation.options import TrajectoryOptions
+from robid.families.files import load_experiment
+from robid.pipeline import graph
+from robid.settings.load import load_robot
+from robid.stages.design_excitation import base_model
 
 HERE = Path(__file__).parent
 FILE = "trajectory.yaml"
@@ -116,3 +122,28 @@ def test_what_decides_a_trajectory_makes_it_stale(swing):
     assert swing.robid("design-excitation", FILE).code == 0
     swing.change("coulomb_nm: 0.2", "coulomb_nm: 0.15", "rigid_arm.yaml")
     assert swing.states()["exciting/excitation.h5"][0] == "stale"
+
+
+@pytest.mark.parametrize(
+    ("friction", "left_out"), [("none", {"viscous", "coulomb"}), ("viscous", {"coulomb"}), ("asymmetric", set())]
+)
+def test_friction_that_is_not_asked_for_is_not_judged_but_costs_torque(friction, left_out):
+    robot = load_robot(HERE / "rigid_arm.yaml").to_robot()
+    base = base_model(robot, TrajectoryOptions(friction=friction))
+    kinds = {kind for kind, judged in zip(base.model.kinds, base.judged, strict=True) if not judged}
+    assert kinds == left_out
+    motion = np.zeros((3, 1, 2))
+    still = base.torques(np.zeros((1, 2)), motion)
+    motion[1] = 1e-9
+    np.testing.assert_allclose(base.torques(np.zeros((1, 2)), motion) - still, 0.2, rtol=1e-6)
+
+
+def test_every_setting_of_a_trajectory_decides_it(swing):
+    loaded = load_experiment(swing.folder / FILE)
+    plan = next(node.plan for node in graph(loaded) if node.output == "exciting/excitation.h5")
+    assert set(plan.settings["campaigns.exciting.excitation"]) == {each.name for each in fields(TrajectoryOptions)}
+    assert {"loop_links", "gravity_m_s2", "payload", "floor_m"} <= set(plan.settings["robot"])
+    joint = plan.settings["robot"]["joints"][0]
+    assert {"counterbalance", "limits_deg"} <= set(joint)
+    assert {"max_speed_rad_s", "max_torque_nm"} <= set(joint["motor"])
+    assert "coulomb_nm" in joint["motor"]["friction"]

@@ -13,7 +13,7 @@ from robid.robot.description import Friction
 from robid.robot.model import build_model
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-from robid.simulate.steps import choose_steps, peak_motor_speed
+from robid.simulate.steps import choose_steps, peak_motor_speed, visited
 
 LINES_HZ = np.geomspace(2, 80, 30)
 REST = np.zeros((1, 1))
@@ -130,3 +130,17 @@ def test_an_open_number_is_settled_before_the_simulation():
     assert settled.options.steps_per_sample == steps.count >= 1
     record, same = (simulate(each, np.array([0.3, -0.8]), 0) for each in (run, settled))
     np.testing.assert_array_equal(record.inputs, same.inputs)
+
+
+@pytest.mark.parametrize("kind", ["speed_reference", "position_reference"])
+def test_far_motions_are_looked_at_where_they_lead(kind):
+    robot, rest = two_joint_robot(), np.array([[0.3, -0.8]])
+    time = np.arange(2000) / 1000
+    way = np.sin(np.pi * time)[:, None] * [0.2, 0.9]
+    reference = way @ robot.motor_per_arm.T
+    if kind == "speed_reference":
+        reference = np.pi * np.cos(np.pi * time)[:, None] * [0.2, 0.9] @ robot.motor_per_arm.T
+    far = visited(robot, Controller(), reference[None, None], kind, rest)
+    np.testing.assert_allclose(far, rest + way[::250], atol=2e-3)
+    assert visited(robot, Controller(), 0.1 * reference[None, None], kind, rest) is rest
+    assert visited(robot, Controller(), reference[None, None], "torque", rest) is rest

@@ -11,6 +11,7 @@ from rigid_robots import random_chain, with_gears
 from robid.design.excitation.options import TrajectoryOptions
 from robid.design.excitation.trajectory.criterion import BaseModel, Criterion
 from robid.design.excitation.trajectory.design import design_trajectory, trajectory_problem
+from robid.design.excitation.trajectory.limits import Limits
 from robid.design.excitation.trajectory.search import random_trajectory
 from robid.design.excitation.trajectory.series import resting_series
 from robid.errors import SettingsError
@@ -95,6 +96,22 @@ def test_slopes_of_the_criterion_are_those_of_its_value(kind):
     step = 1e-6
     change = criterion.value(columns + step * direction) - criterion.value(columns - step * direction)
     assert change / (2 * step) == pytest.approx(np.sum(slopes * direction), rel=FINITE_DIFFERENCE)
+
+
+def test_columns_and_torques_are_those_of_the_whole_model_about_each_configuration(arm):
+    base, rest = base_of(arm), np.array([[0.3, 0.5], [-0.4, 0.2]])
+    motion = np.random.default_rng(3).uniform(-1, 1, (3, 6, 2))
+    wanted = np.array([torques_of(arm, row, motion) for row in rest])
+    np.testing.assert_allclose(base.torques(rest, motion), wanted, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(base.columns(rest, motion) @ base.values, wanted, rtol=1e-7, atol=1e-8)
+
+
+def test_what_a_motion_uses_of_each_limit(arm):
+    limits = Limits(*(np.array(pair) for pair in ([1.0, 2.0], [2.0, 4.0], [120.0, 50.0], [5.0, np.inf], [4.0, 8.0])))
+    way, speed, acceleration = [[0.5, 1.0], [-0.5, -0.5]], [[1.0, 0.5], [0.0, -0.25]], [[1.0, 9.0], [-2.0, 9.0]]
+    torque = np.array([[[1.0, 2.0], [-2.0, 2.0]], [[0.0, -6.0], [1.0, 0.0]]])
+    used = limits.used(arm, np.array([way, speed, acceleration]), torque)
+    np.testing.assert_allclose(used, [[0.5, 0.25], [0.5, 0.5], [0.4, 0.0], [0.5, 0.75]])
 
 
 @pytest.mark.parametrize("coupled", [False, True])
