@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import datetime
@@ -71,7 +71,8 @@ def run_study(
     study, started = STUDIES[settings.kind].procedure(), utc_now()
     for name, kind in ((REPORT, "report"), (SUMMARY, "summary")):
         check_replaceable(run.path(name), kind, settings_files(run.loaded))
-    for other, outputs in ((run, study.needs(run.loaded)), *study.further(run)):
+    further = study.further(run)
+    for other, outputs in ((run, study.needs(run.loaded)), *further):
         run_all(other, lambda node: progress(node.output), tell, outputs)
     results: Earlier = ()
     with make_map(run.backend, run.workers) as parallel_map:
@@ -90,13 +91,22 @@ def run_study(
         for step, done, made in zip(study.steps, results, headers, strict=True)
         for path, header in zip(done.paths, made, strict=True)
     }
-    provenance = _provenance(run, hashes, started)
+    provenance = _provenance(run, {**hashes, **_read_elsewhere(further)}, started)
     if _is_fresh(run, provenance):
         return StudyOutcome("fresh", conclusion)
     seconds = sum(_seconds(header.provenance) for made in headers for header in made)
     write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
     write_page(run.path(REPORT), _content(run.loaded, conclusion, rows), provenance)
     return StudyOutcome("made", conclusion)
+
+
+def _read_elsewhere(further: Iterable[tuple[Run, tuple[str, ...]]]) -> dict[str, str]:
+    """Content hashes of the outputs of other experiments, which a page may show without a task."""
+    return {
+        f"{other.folder.name}/{output}": read_header(other.path(output)).content_sha256
+        for other, outputs in further
+        for output in outputs
+    }
 
 
 def _provenance(run: Run, hashes: dict[str, str], started: str) -> Provenance:

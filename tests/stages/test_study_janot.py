@@ -24,6 +24,12 @@ def study(shop):
     return shop
 
 
+def leave_out(study, *parts):
+    path, keys = study.folder / "janot.yaml", tuple(f"  {part}:" for part in parts)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(line for line in lines if not line.startswith(keys)))
+
+
 def files(study):
     return {
         folder: {path.name.split(".")[0] for path in (study.runs / "tasks" / folder).glob("*.h5")} for folder in TASKS
@@ -66,13 +72,17 @@ def test_parts_that_are_left_out_leave_no_trace(study):
     assert {name.split(".")[0] for name in answer.json["summary"]} == {"haptic", "tasks"}
 
 
-def test_real_data_stand_beside_their_published_values(study, data_folder, monkeypatch):
-    monkeypatch.setenv("ROBID_DATA", str(data_folder("emps").parent))
+def test_real_data_stand_beside_their_published_values_once_they_are_there(study, data_folder, monkeypatch):
+    folder = data_folder("emps").parent
     text = (study.folder / "janot.yaml").read_text()
     kept = [
         line for line in text.splitlines(keepends=True) if not line.startswith(("  branch:", "  haptic:", "  paper:"))
     ]
     (study.folder / "janot.yaml").write_text("".join(kept))
+    monkeypatch.setenv("ROBID_DATA", str(study.folder / "nowhere"))
+    assert study.robid("study", "janot.yaml", "--json").json["summary"] == {"tasks.count": 0, "tasks.seconds": 0}
+    assert "No part of the study" in (study.runs / "report.html").read_text()
+    monkeypatch.setenv("ROBID_DATA", str(folder))
     answer = study.robid("study", "janot.yaml", "--json")
     assert answer.code == 0, answer.err
     summary = answer.json["summary"]

@@ -19,6 +19,7 @@ from robid.studies.janot2009.part import Asked, PartFound, study_of
 
 _FITS = ("axis", "asymmetric")
 _KINDS = {"inertia": "M", "mass": "M", "viscous": "Fv", "coulomb": "Fc", "torque_offset": "offset"}
+_DIGITS = 6  # as they are published
 _NEAR, _NEAR_OFFSET, _NEAR_ERROR = 0.01, 0.02, 0.1
 
 
@@ -80,7 +81,7 @@ def asked_of(values: Mapping[str, Any]) -> dict[str, Asked]:
 
 def _section(figures: Mapping[str, float], values: Mapping[str, Any], plain: RigidSolution) -> Section:
     rows = tuple(
-        (name, significant(value), significant(figures[f"emps.{name}"]))
+        (name, significant(value, _DIGITS), significant(figures[f"emps.{name}"], _DIGITS))
         for name, value in _published(values).items()
         if f"emps.{name}" in figures
     )

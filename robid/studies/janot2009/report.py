@@ -15,6 +15,8 @@ from robid.studies.janot2009.parts import PARTS
 from robid.studies.paper import paper_figures
 from robid.studies.study import Earlier
 
+_DIGITS = 5  # published values are asked for within a hundredth
+
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns no outputs of the chain, once the paper's figures can be read."""
@@ -36,7 +38,7 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     missed = [name for name, limits in asked.items() if not limits.is_reached(figures[name])]
     sections = tuple(section for one in found for section in one.sections)
     return Conclusion(
-        Verdict(_sentence(len(asked), missed), "warn" if missed else "ok"),
+        Verdict(_sentence(len(asked), missed), "warn" if missed or not asked else "ok"),
         figures,
         (_asked_section(figures, asked), *sections),
         _warnings(found),
@@ -44,6 +46,8 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
 
 
 def _sentence(count: int, missed: Sequence[str]) -> str:
+    if not count:
+        return "No part of the study could be done."
     if not missed:
         return f"All {count} figures that are asked for are reached: the verdict on least squares is right."
     return f"{count - len(missed)} of {count} figures that are asked for are reached; missed: {', '.join(missed)}."
@@ -55,7 +59,7 @@ def _asked_section(figures: dict[str, float], asked: dict[str, Asked]) -> Sectio
             name,
             _end(limits.lower),
             _end(limits.upper),
-            significant(figures[name]),
+            significant(figures[name], _DIGITS),
             Cell("reached", "good") if limits.is_reached(figures[name]) else Cell("missed", "bad"),
         )
         for name, limits in asked.items()
@@ -65,7 +69,7 @@ def _asked_section(figures: dict[str, float], asked: dict[str, Asked]) -> Sectio
 
 
 def _end(value: float) -> str:
-    return MISSING if abs(value) == float("inf") else significant(value)
+    return MISSING if abs(value) == float("inf") else significant(value, _DIGITS)
 
 
 def _warnings(found: Sequence[PartFound]) -> tuple[str, ...]:

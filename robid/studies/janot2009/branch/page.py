@@ -11,10 +11,10 @@ from robid.studies.janot2009.part import PartFound, study_of
 from robid.studies.janot2009.seeded.chunks import FILTERS, gather
 from robid.studies.janot2009.seeded.figures import (
     VERDICTS,
-    estimate_table,
+    estimate_tables,
     joint_figures,
     verdict_figures,
-    verdict_table,
+    verdict_parts,
 )
 
 
@@ -27,9 +27,11 @@ def conclude_branch(run: Run, results: Sequence[Artifact]) -> PartFound | None:
     joints = tuple(joint.name for joint in run.loaded.robot.joints)
     lead = (
         "The paper says of its medical interface that it saw there what it saw on one axis. Its geometry is not"
-        " published: this branch has the same topology, an arm whose forearm a parallelogram drives."
+        " published: this branch has the same topology, an arm whose forearm a parallelogram drives. Least squares"
+        " and Huber's estimator share what bias there is, so that their difference alone need not show it: the"
+        " instruments and the residuals' correlation do."
     )
-    parts = (verdict_table(found, case), joint_figures(found, case, joints), estimate_table(found, case))
+    parts = (*verdict_parts(found, case), joint_figures(found, case, joints), *estimate_tables(found, case))
     section = Section(f"Branch of a haptic interface over {case.seeds} seeds", lead, parts)
     asked = {f"branch.{filters}.verdict_share": each for filters, each in VERDICTS.items()}
     return PartFound(verdict_figures("branch", found), asked, (section,))

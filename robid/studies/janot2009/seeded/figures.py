@@ -11,7 +11,7 @@ from robid.arrays import FloatArray
 from robid.families.rigid.page.charts import course, histogram, weights
 from robid.fit.rigid.solution import RowResiduals
 from robid.report.numbers import MISSING, percent, significant
-from robid.report.section import Beside, Figure, Part, Table
+from robid.report.section import Beside, Figure, Notes, Part, Table
 from robid.settings.study import SeededCase
 from robid.studies.janot2009.part import Asked
 from robid.studies.janot2009.seeded.chunks import FILTERS, TESTS, Judged
@@ -65,8 +65,8 @@ def verdict_figures(name: str, found: Mapping[str, Judged]) -> dict[str, float]:
     return figures
 
 
-def verdict_table(found: Mapping[str, Judged], case: SeededCase) -> Table:
-    """Shares of the seeds that were trusted, and of those that each test spoke against."""
+def verdict_parts(found: Mapping[str, Judged], case: SeededCase) -> tuple[Table, Notes]:
+    """Shares of the seeds that were trusted, and of those that each test spoke against; the words on the first seed."""
     rows = [
         ("Trusted", *(percent(float(found[filters].trust.mean())) for filters in FILTERS)),
         *(
@@ -74,12 +74,17 @@ def verdict_table(found: Mapping[str, Judged], case: SeededCase) -> Table:
             for index, test in enumerate(TESTS)
         ),
     ]
-    sentences = tuple(
-        (f"Seed {case.first_seed}, {cut:g} Hz", found[filters].sentence)
-        for filters, cut in zip(FILTERS, (case.good_cut_hz, case.bad_cut_hz), strict=True)
+    heads = (f"{case.seeds} seeds", *(f"{cut:g} Hz" for cut in cuts(case)))
+    said = tuple(
+        f"Seed {case.first_seed}, {cut:g} Hz: {found[filters].sentence}"
+        for filters, cut in zip(FILTERS, cuts(case), strict=True)
     )
-    heads = (f"{case.seeds} seeds", f"{case.good_cut_hz:g} Hz", f"{case.bad_cut_hz:g} Hz")
-    return Table(heads, tuple(rows), title="Verdict on least squares", footer=sentences, fit="compact")
+    return Table(heads, tuple(rows), title="Verdict on least squares", fit="compact"), Notes(said)
+
+
+def cuts(case: SeededCase) -> tuple[float, float]:
+    """Returns the cut-offs in the order of `FILTERS` [Hz]."""
+    return case.good_cut_hz, case.bad_cut_hz
 
 
 def error_table(judged: Judged, cut_hz: float) -> Table:
@@ -105,25 +110,19 @@ def error_table(judged: Judged, cut_hz: float) -> Table:
     return Table(heads, rows, title=f"Errors at {cut_hz:g} Hz", caption=caption)
 
 
-def estimate_table(found: Mapping[str, Judged], case: SeededCase) -> Table:
+def estimate_tables(found: Mapping[str, Judged], case: SeededCase) -> tuple[Table, ...]:
     """The first seed's estimates with either filter against the truth."""
-    good, bad = (found[filters] for filters in FILTERS)
-    rows = []
-    for index, (name, unit, truth) in enumerate(zip(good.names, good.units, good.truth.tolist(), strict=True)):
-        cells = [
-            significant(float(values[0, index])) if row is None else significant(float(values[row, index]))
-            for judged in (good, bad)
-            for values, row in ((judged.plain, None), (judged.value, 1), (judged.instrumental, None))
-        ]
-        rows.append((name, unit, significant(truth), *cells))
-    heads = (
-        *("Base parameter", "Unit", "Truth"),
-        *(f"{kind}, {cut:g} Hz" for cut in (case.good_cut_hz, case.bad_cut_hz) for kind in _KINDS),
-    )
-    return Table(heads, tuple(rows), title=f"Estimates of seed {case.first_seed}")
-
-
-_KINDS = ("least squares", "Huber", "instruments")
+    tables = []
+    for filters, cut in zip(FILTERS, cuts(case), strict=True):
+        judged = found[filters]
+        values = np.stack([judged.truth, judged.plain[0], judged.value[1], judged.instrumental[0]], axis=1)
+        rows = tuple(
+            (f"{name} [{unit}]", *(significant(each) for each in row))
+            for name, unit, row in zip(judged.names, judged.units, values.tolist(), strict=True)
+        )
+        heads = ("Base parameter", "Truth", "Least squares", "Huber", "Instruments")
+        tables.append(Table(heads, rows, title=f"Estimates of seed {case.first_seed} at {cut:g} Hz", fit="compact"))
+    return tuple(tables)
 
 
 def residual_figures(judged: Judged, joint: int, names: tuple[str, str, str]) -> tuple[Figure, Figure, Figure]:
@@ -140,10 +139,16 @@ def joint_figures(found: Mapping[str, Judged], case: SeededCase, joints: tuple[s
     """Histograms of all joints' residuals with either filter, good ones first."""
     shown = [
         residual_figures(found[filters], index, (f"{joint}, {cut:g} Hz", "", ""))[0]
-        for filters, cut in zip(FILTERS, (case.good_cut_hz, case.bad_cut_hz), strict=True)
+        for filters, cut in zip(FILTERS, cuts(case), strict=True)
         for index, joint in enumerate(joints)
     ]
     return Beside(tuple(shown), columns=len(joints))
+
+
+def outlier_share(judged: Judged) -> float:
+    """Returns the share of the first seed's residuals beyond three deviations."""
+    residual = judged.residual[np.isfinite(judged.residual)]
+    return float(np.mean(np.abs(residual) > _DEVIATIONS * residual.std()))
 
 
 def or_missing(value: float | None, *, fraction: bool = False) -> str:

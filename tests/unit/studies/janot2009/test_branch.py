@@ -55,7 +55,7 @@ def test_motions_beyond_the_torques_are_refused():
     assert "range_share" in caught.value.remedy
 
 
-def test_a_record_obeys_the_inverse_dynamics_and_its_encoders_round():
+def test_a_record_obeys_the_inverse_dynamics():
     rig = make_rig(branch(duration_s=1.0, harmonics=1, torque_noise_nm=0.0, resolution_rad=0.0))
     exact = record_branch(rig, range(1, 3))
     np.testing.assert_array_equal(exact.position[0], exact.position[1])
@@ -66,11 +66,20 @@ def test_a_record_obeys_the_inverse_dynamics_and_its_encoders_round():
     centred = 0.5 * (torque[1:-1] + torque[:-2])
     moving = np.abs(velocity) > 0.5
     assert np.abs(needed - centred)[moving].max() < 1e-3 * np.abs(centred).max()
-    coarse = make_rig(branch(duration_s=1.0, harmonics=1, torque_noise_nm=0.01, resolution_rad=1e-3))
-    seen = record_branch(coarse, range(1, 3))
-    steps = np.diff(seen.position, axis=1) / 1e-3
+
+
+def test_encoders_round_in_the_loop_and_torques_have_noise():
+    short = {"duration_s": 0.3, "harmonics": 1, "resolution_rad": 1e-3, "range_share": 0.05}
+    quiet, noisy = (
+        record_branch(make_rig(branch(torque_noise_nm=noise, **short)), range(1, 3)) for noise in (0.0, 0.01)
+    )
+    steps = np.diff(quiet.position, axis=1) / 1e-3
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
-    assert not np.array_equal(seen.position[0], seen.position[1])
+    assert np.abs(quiet.torque[0] - quiet.torque[1]).max() > 1e-3  # each seed's encoders have zeros of their own
+    np.testing.assert_array_equal(quiet.position, noisy.position)
+    noise = noisy.torque - quiet.torque
+    assert noise.std() == pytest.approx(0.01, rel=0.1)
+    assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.2
 
 
 @pytest.mark.slow
