@@ -49,6 +49,7 @@ _SOLUTION = {
     "rigid/against_nominal/share": Column("1", _JOINT, "Torque of the links over the measured one"),
     "rigid/against_nominal/ratio": Column("1", _JOINT, "The same over that by the robot file"),
     "rigid/against_nominal/likeness": Column("1", _JOINT, "Correlation of these two"),
+    "rigid/against_nominal/whole_ratio": Column("1", _JOINT, "The ratio of links and motors together"),
     "rigid/travel/shot": Column("1", _MOMENT, "Shot of each moment"),
     "rigid/travel/time_s": Column("s", _MOMENT, "Time since the shot began"),
     "rigid/travel/position": Column("rad, or m", ("moment", "joint"), "Arm positions at some moments"),

@@ -31,15 +31,17 @@ def against_nominal(
         reduction: The rows.
     """
     rotors = base.combination @ np.where(np.isin(np.array(model.kinds), _ROTORS), model.nominal, 0.0)
-    links = np.isin(np.array(estimate.kinds), _LINKS)
-    values = np.stack([estimate.value - rotors, estimate.nominal - rotors], axis=1)
-    rows = [_compare(factor, links, values) for factor in reduction.factors]
-    return NominalTorques(*np.array(rows).T)
+    both, kinds = np.stack([estimate.value, estimate.nominal], axis=1), np.array(estimate.kinds)
+    links, bodies = np.isin(kinds, _LINKS), np.isin(kinds, (*_LINKS, *_ROTORS))
+    rows = [_compare(factor, links, both - rotors[:, None]) for factor in reduction.factors]
+    share, ratio, likeness = np.array(rows).T
+    whole = np.array([_compare(factor, bodies, both)[1] for factor in reduction.factors])
+    return NominalTorques(share, ratio, likeness, whole)
 
 
-def _compare(factor: FloatArray, links: BoolArray, values: FloatArray) -> tuple[float, float, float]:
-    """Share, ratio and likeness of one joint's torques."""
-    both, others = factor[:, :-1][:, links] @ values[links], factor[:, :-1][:, ~links]
+def _compare(factor: FloatArray, chosen: BoolArray, values: FloatArray) -> tuple[float, float, float]:
+    """Share, ratio and likeness of what some parameters (n_param, 2), estimated and nominal, do to one joint."""
+    both, others = factor[:, :-1][:, chosen] @ values[chosen], factor[:, :-1][:, ~chosen]
     size = np.linalg.norm(others, axis=0)
     others = others / np.where(size > 0, size, 1.0)
     both = both - others @ np.linalg.lstsq(others, both, rcond=None)[0]

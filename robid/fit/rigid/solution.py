@@ -157,11 +157,13 @@ class NominalTorques:
         share (n_joint,): Norm of the estimated ones over that of the measured torque.
         ratio (n_joint,): Norm of the estimated ones over that of the robot file's; NaN where either has none.
         likeness (n_joint,): Their correlation: 1 where they differ by a factor alone.
+        whole_ratio (n_joint,): The same as `ratio`, of links and motors together.
     """
 
     share: FloatArray
     ratio: FloatArray
     likeness: FloatArray
+    whole_ratio: FloatArray
 
 
 @dataclass(frozen=True)

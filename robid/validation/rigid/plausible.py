@@ -86,7 +86,7 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
         ratio = float(found.ratio[worst])
         told = (
             f"the links that motor {worst + 1} moves come out {two_digits(ratio)} times the robot file's"
-            f"{_as_if(found.ratio)}"
+            f"{_as_if(found.whole_ratio)}"
         )
         yield Doubt("units", told, bool(size[worst] > np.log(_TOO_FAR)), float(size[worst] / np.log(_FAR)))
     unlike = int(np.argmin(np.where(visible, found.likeness, 1.0)))
