@@ -20,16 +20,20 @@ def travel_of(robot: Robot, shots: Sequence[Shot]) -> Travel:
     """Returns where the arm of a robot was during some shots, at moments evenly spread over each."""
     turns = robot.arm_per_motor.T
     index = [np.linspace(0, len(shot.position) - 1, _MOMENTS).round().astype(int) for shot in shots]
-    extremes = np.array([[end(shot.position @ turns, axis=0) for end in (np.min, np.max)] for shot in shots])
+    extremes = np.array([[_extremes(shot.position @ joint) for joint in turns.T] for shot in shots])
     return Travel(
         shot=np.repeat(np.arange(len(shots)), _MOMENTS),
         time_s=np.concatenate([own * shot.sampling_period_s for own, shot in zip(index, shots, strict=True)]),
         position=np.concatenate([shot.position[own] @ turns for own, shot in zip(index, shots, strict=True)]),
-        lowest=extremes[:, 0].min(axis=0),
-        highest=extremes[:, 1].max(axis=0),
+        lowest=extremes[..., 0].min(axis=0),
+        highest=extremes[..., 1].max(axis=0),
         lower_limit=robot.lower,
         upper_limit=robot.upper,
     )
+
+
+def _extremes(course: FloatArray) -> tuple[float, float]:
+    return float(course.min()), float(course.max())
 
 
 def repeats(travel: Travel, robot: Robot, shot: Shot) -> bool:
