@@ -13,6 +13,7 @@ from robid.validation.rigid.validating import RigidValidation
 _NAME = "rigid"
 _BASE, _STANDARD, _JOINT, _ROW = ("parameter",), ("standard",), ("joint",), ("row",)
 _ESTIMATOR, _BEND, _TRIAL = ("estimator",), ("bend",), ("trial",)
+_MOMENT = ("moment",)
 _TORQUE = "N m, or the drives' unit"
 _SOLUTION = {
     "rigid/base/labels": Column("1", _BASE, "Each base parameter as its combination"),
@@ -45,6 +46,17 @@ _SOLUTION = {
     "rigid/residuals/torque": Column(_TORQUE, ("row", "joint"), "Filtered torque", compact=True),
     "rigid/residuals/residual": Column(_TORQUE, ("row", "joint"), "What least squares leaves", compact=True),
     "rigid/residuals/weight": Column("1", ("row", "joint"), "Huber's weight", compact=True),
+    "rigid/against_nominal/share": Column("1", _JOINT, "Torque of the links over the measured one"),
+    "rigid/against_nominal/ratio": Column("1", _JOINT, "The same over that by the robot file"),
+    "rigid/against_nominal/likeness": Column("1", _JOINT, "Correlation of these two"),
+    "rigid/against_nominal/whole_ratio": Column("1", _JOINT, "The ratio of links and motors together"),
+    "rigid/travel/shot": Column("1", _MOMENT, "Shot of each moment"),
+    "rigid/travel/time_s": Column("s", _MOMENT, "Time since the shot began"),
+    "rigid/travel/position": Column("rad, or m", ("moment", "joint"), "Arm positions at some moments"),
+    "rigid/travel/lowest": Column("rad, or m", _JOINT, "Lowest arm position of the record"),
+    "rigid/travel/highest": Column("rad, or m", _JOINT, "Highest one"),
+    "rigid/travel/lower_limit": Column("rad, or m", _JOINT, "The robot file's limit below"),
+    "rigid/travel/upper_limit": Column("rad, or m", _JOINT, "The same above"),
     "rigid/standard/names": Column("1", _STANDARD),
     "rigid/standard/units": Column("1", _STANDARD),
     "rigid/standard/nominal": Column("as in units", _STANDARD, "Values of the robot file"),

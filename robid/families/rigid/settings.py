@@ -10,6 +10,7 @@ from pydantic import Field
 
 from robid.fit.rigid.options import RigidFitOptions
 from robid.settings.base import STRICT
+from robid.settings.checks.experiment import sampling_period_s
 from robid.settings.experiment import Campaign, Experiment, heaviest, payload_kg
 from robid.settings.fits import FitSettings, HandedOn, part
 from robid.settings.load import LoadedExperiment
@@ -62,6 +63,21 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         message = "friction that grows with the measured torque has no instrument: take another `estimator`"
         yield ("estimator",), message
     yield from _payloads(experiment, fit, robot)
+    yield from _cut_off(experiment, fit, robot)
+
+
+def _cut_off(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found:
+    """Yields a cut-off that the sampling of a campaign is too slow for."""
+    cut_hz = fit.filters.position_cut_hz
+    for place, name in (*(("from", one) for one in fit.campaigns), ("validate_on", fit.validate_on)):
+        read = experiment.campaigns.get(name or "")
+        period_s = None if read is None else sampling_period_s(read, robot)
+        if period_s is not None and cut_hz is not None and cut_hz >= 0.5 / period_s:
+            message = (
+                f"{cut_hz:g} Hz is not below half the sampling rate of `{name}` ({place}), {0.5 / period_s:g} Hz: "
+                "state a lower one, or leave it out to have it chosen"
+            )
+            yield ("filters", "position_cut_hz"), message
 
 
 def _payloads(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,7 +16,7 @@ from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows, residuals
 from robid.fit.rigid.residual_tests import check_whiteness, expected_correlation
 from robid.fit.rigid.rows import Regressor, Remembered
-from robid.signals.filters import central_differences
+from robid.signals.filters import central_differences, low_pass_reach
 
 _ABOVE_FLOOR = 20.0
 _SHARE = 0.99  # of the acceleration's power
@@ -23,6 +24,7 @@ _MARGIN = 1.5  # lowest cut-off over the excited band
 _RATIO = 1.5
 _HIGHEST = 0.2  # of the sampling rate
 _LAGS = 10
+_ROWS = 3.0  # at least, all joints together, over the parameters
 _WHITE = 0.2
 
 
@@ -79,15 +81,21 @@ def choose_cut_off(
         candidates_hz: Cut-offs to try; by default from 1.5 times the excited band in steps of one half.
         held: Whether each torque is a command held until the next sample.
 
+    Raises:
+        ValueError: If the record is too short for any of them.
+
     Source:
         METHODS sec. 7: residual whiteness against the excited band.
     """
     excited = excited_band(position, sampling_period_s)
     cuts = sorted(candidates_hz) or _ladder(float(excited.max()), sampling_period_s)
-    trials = tuple(
-        _try(position, torque, sampling_period_s, regressor, replace(options, position_cut_hz=cut, decimation=0), held)
-        for cut in cuts
-    )
+    every = [replace(options, position_cut_hz=cut, decimation=0) for cut in cuts]
+    wanted = fewest_rows(len(regressor.names), position.shape[1])
+    every = [tried for tried in every if row_count(len(position), tried, sampling_period_s) >= wanted]
+    if not every:
+        message = f"{len(position)} samples leave too few rows for {len(regressor.names)} parameters at any cut-off"
+        raise ValueError(message)
+    trials = tuple(_try(position, torque, sampling_period_s, regressor, tried, held) for tried in every)
     white = [trial for trial in trials if trial.correlation.max() <= _WHITE]
     best = white[0] if white else min(trials, key=lambda trial: float(trial.correlation.max()))
     return CutOffChoice(best.cut_hz, bool(white), excited, trials)
@@ -106,6 +114,17 @@ def excited_band(position: FloatArray, sampling_period_s: float) -> FloatArray:
     floor = np.median(as_position[len(as_position) // 2 :], axis=0)
     within = np.cumsum(np.where(as_position > _ABOVE_FLOOR * floor, power, 0.0), axis=0)
     return np.asarray(hertz[np.argmax(within >= _SHARE * within[-1], axis=0)])
+
+
+def row_count(n_sample: int, options: PreprocessingOptions, sampling_period_s: float) -> int:
+    """Returns how many rows of a joint the filters leave of a record."""
+    inner = n_sample - 2 * low_pass_reach(sampling_period_s, options.cut_hz, options.position_order) - 2
+    return len(options.decimator(sampling_period_s).kept(inner))
+
+
+def fewest_rows(n_param: int, n_joint: int) -> int:
+    """Returns how many rows of a joint a fit needs at least."""
+    return math.ceil(_ROWS * n_param / n_joint)
 
 
 def _ladder(excited_hz: float, sampling_period_s: float) -> list[float]:

@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.rigid.conclusion import conclude
-from robid.fit.rigid.cutoff import CutOffChoice, choose_cut_off, excited_band
+from robid.fit.rigid.cutoff import CutOffChoice, choose_cut_off, excited_band, fewest_rows, row_count
 from robid.fit.rigid.huber import sweep_bend
 from robid.fit.rigid.instruments import instrumental_variables
 from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, weighted_least_squares
@@ -21,8 +21,9 @@ from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows
 from robid.fit.rigid.result import Found, first_moments, make_solution
 from robid.fit.rigid.rows import Remembered, RowSource
-from robid.fit.rigid.shots import Shot
+from robid.fit.rigid.shots import Shot, refuse_unusable
 from robid.fit.rigid.solution import RigidSolution
+from robid.fit.rigid.travel import travel_of
 from robid.fit.rigid.uncertainty import Influence
 from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
@@ -32,7 +33,6 @@ from robid.robot.regressor.tree import PAYLOAD
 Simulate: TypeAlias = Callable[[RigidModel, FloatArray], Sequence[FloatArray]]
 """Motor angles (n_sample, n_joint) of each shot by a model with given parameters (n_base,), without noise."""
 
-_STILL = 1e-9  # of a turn
 _DEPENDENT = 1e-7  # share of a column that is rounding in filtered rows
 
 
@@ -56,13 +56,20 @@ def fit_rigid(
     Source:
         Janot et al. (2009); METHODS sec. 7.
     """
-    _refuse_still(robot, shots)
+    refuse_unusable(robot, shots)
     model = build_rigid_model(robot, options.model)
     base = find_base_parameters(model, options.base)
-    used, choice = _filters(shots, model.only(base.columns.tolist()), options)
-    problem = _Problem(shots, model.only(base.columns.tolist()), used)
-    problem, base = _without_dependent(problem, base)
-    found = make_solution(model, base, problem.model, _estimate(problem, options, simulate), choice, options)
+    try:
+        used, choice = _filters(shots, model.only(base.columns.tolist()), options)
+        problem = _Problem(shots, model.only(base.columns.tolist()), used)
+        _refuse_few(problem)
+        problem, base = _without_dependent(problem, base)
+        estimated = _estimate(problem, options, simulate)
+    except ValueError as error:
+        remedy = "look at the record's channels; record longer, with all joints in motion"
+        raise DataError(str(error), where="record", remedy=remedy) from error
+    travel = travel_of(robot, shots)
+    found = make_solution(model, base, problem.model, estimated, choice, travel, options)
     return replace(found, torque_unit=shots[0].torque_unit)
 
 
@@ -126,14 +133,6 @@ def _estimate(problem: _Problem, options: RigidFitOptions, simulate: Simulate | 
     )
 
 
-def _refuse_still(robot: Robot, shots: Sequence[Shot]) -> None:
-    moved = np.max([np.ptp(shot.position, axis=0) for shot in shots], axis=0)
-    still = [joint.name for joint, turn in zip(robot.joints, moved.tolist(), strict=True) if turn <= 2 * np.pi * _STILL]
-    if still:
-        message = f"the motors of {', '.join(still)} never move: nothing of them can be identified"
-        raise DataError(message, where="record", remedy="move all joints at the same time")
-
-
 def _filters(
     shots: Sequence[Shot], model: RigidModel, options: RigidFitOptions
 ) -> tuple[PreprocessingOptions, CutOffChoice]:
@@ -144,8 +143,23 @@ def _filters(
     if stated.position_cut_hz is not None:
         band = excited_band(first.position, first.sampling_period_s)
         return stated, CutOffChoice(stated.position_cut_hz, False, band, ())
-    choice = choose_cut_off(first.position, first.torque, first.sampling_period_s, model, stated, held=first.held)
+    try:
+        choice = choose_cut_off(first.position, first.torque, first.sampling_period_s, model, stated, held=first.held)
+    except ValueError as error:
+        message = "the first record is too short, or its motion too poor, to choose a cut-off from it"
+        raise DataError(message, where="record", remedy="state `filters.position_cut_hz`, or record longer") from error
     return replace(stated, position_cut_hz=choice.cut_hz), choice
+
+
+def _refuse_few(problem: _Problem) -> None:
+    """Refuses records that leave hardly more rows than there are parameters."""
+    n_param, n_joint = len(problem.model.names), problem.shots[0].position.shape[1]
+    rows = sum(row_count(len(shot.position), problem.filters, shot.sampling_period_s) for shot in problem.shots)
+    if rows < fewest_rows(n_param, n_joint):
+        samples = sum(len(shot.position) for shot in problem.shots)
+        message = f"the filters leave {rows} rows of {samples} samples, too few for {n_param} parameters"
+        remedy = "record longer, or state a higher `filters.position_cut_hz`"
+        raise DataError(message, where="record", remedy=remedy)
 
 
 def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Problem, BaseParameters]:

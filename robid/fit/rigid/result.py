@@ -15,8 +15,18 @@ from robid.fit.rigid.consistency import make_consistent, pseudo_inertia
 from robid.fit.rigid.cutoff import CutOffChoice
 from robid.fit.rigid.huber import HuberRegression, huber_weights
 from robid.fit.rigid.least_squares import Regression
+from robid.fit.rigid.nominal import against_nominal
 from robid.fit.rigid.options import EstimatorName, PreprocessingOptions, RigidFitOptions
-from robid.fit.rigid.solution import Base, Checks, Estimators, Filtered, RigidSolution, RowResiduals, StandardSet
+from robid.fit.rigid.solution import (
+    Base,
+    Checks,
+    Estimators,
+    Filtered,
+    RigidSolution,
+    RowResiduals,
+    StandardSet,
+    Travel,
+)
 from robid.fit.rigid.verdict import Verdict, scale_of
 from robid.robot.regressor.base import BaseParameters
 from robid.robot.regressor.model import RigidModel
@@ -71,6 +81,7 @@ def make_solution(
     reduced: RigidModel,
     found: Found,
     choice: CutOffChoice,
+    travel: Travel,
     options: RigidFitOptions,
 ) -> RigidSolution:
     """Puts together what a rigid fit found.
@@ -81,6 +92,7 @@ def make_solution(
         reduced: The model with the columns of these alone.
         found: What the estimators found.
         choice: How the cut-off was chosen.
+        travel: Where the arm was.
         options: Options of the fit.
     """
     name = options.estimator if options.estimator in found.by_name else "weighted"
@@ -119,6 +131,8 @@ def make_solution(
             residual=found.conclusion.residual,
             weight=huber_weights(found.conclusion.residual / found.conclusion.huber.scale, options.huber.bend),
         ),
+        against_nominal=against_nominal(model, base, estimate, reduction),
+        travel=travel,
         standard=standard,
         chosen=name,
     )

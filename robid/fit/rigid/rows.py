@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 
-_BUDGET_BYTES = 384 << 20
+_BUDGET_BYTES = 256 << 20
 
 
 class Regressor(Protocol):

@@ -14,6 +14,7 @@ from robid.signals.quantities import Channel, Side, describe
 from robid.signals.record import Record
 from robid.simulate.controller import angle_reference
 
+_STILL = 1e-9  # of a turn
 _DRIVES, _POSITIONS = ("torque", "current", "force"), ("angle", "position")
 
 
@@ -90,6 +91,31 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
         Shot(each[late_samples:], drive[:end], period_s, held, told, late_samples, loaded, unit)
         for each, drive, told in zip(positions, torques, commands, strict=True)
     )
+
+
+def refuse_unusable(robot: Robot, shots: Sequence[Shot]) -> None:
+    """Refuses motors that never move, and torques that never change.
+
+    Raises:
+        DataError: If there are such.
+    """
+    names = [joint.name for joint in robot.joints]
+    still = _constant(names, [shot.position for shot in shots], 2 * np.pi * _STILL)
+    if still:
+        message = f"the motors of {', '.join(still)} never move: nothing of them can be identified"
+        raise DataError(message, where="record", remedy="move all joints at the same time")
+    dead = _constant(names, [shot.torque for shot in shots], 0.0)
+    if dead:
+        message = f"the torques of {', '.join(dead)} never change although their motors move"
+        raise DataError(
+            message, where="record", remedy="check that these channels were connected and are the right ones"
+        )
+
+
+def _constant(names: Sequence[str], signals: Sequence[FloatArray], rounding: float) -> list[str]:
+    """Names of the joints whose signals (n_sample, n_joint) stay the same in every shot."""
+    change = np.max([np.ptp(signal, axis=0) for signal in signals], axis=0)
+    return [name for name, size in zip(names, change.tolist(), strict=True) if size <= rounding]
 
 
 def _chosen(

@@ -150,6 +150,46 @@ class RowResiduals:
 
 
 @dataclass(frozen=True)
+class NominalTorques:
+    """Torques of the estimated links beside those of the robot file's, without motors, friction and offsets.
+
+    Attributes:
+        share (n_joint,): Norm of the estimated ones over that of the measured torque.
+        ratio (n_joint,): Norm of the estimated ones over that of the robot file's; NaN where either has none.
+        likeness (n_joint,): Their correlation: 1 where they differ by a factor alone.
+        whole_ratio (n_joint,): The same as `ratio`, of links and motors together.
+    """
+
+    share: FloatArray
+    ratio: FloatArray
+    likeness: FloatArray
+    whole_ratio: FloatArray
+
+
+@dataclass(frozen=True)
+class Travel:
+    """Where the arm was during the fit's record, and where it may be.
+
+    Attributes:
+        shot (n_moment,): Shot of each of the moments that were kept.
+        time_s (n_moment,): Their time since the shot began [s].
+        position (n_moment, n_joint): Arm positions then [rad, or m].
+        lowest (n_joint,): Lowest position of the whole record [rad, or m].
+        highest (n_joint,): Highest one.
+        lower_limit (n_joint,): The robot file's limits [rad, or m].
+        upper_limit (n_joint,): The same above.
+    """
+
+    shot: IntArray
+    time_s: FloatArray
+    position: FloatArray
+    lowest: FloatArray
+    highest: FloatArray
+    lower_limit: FloatArray
+    upper_limit: FloatArray
+
+
+@dataclass(frozen=True)
 class StandardSet:
     """Standard parameters of real bodies, nearest to the robot file's, with the estimated base parameters.
 
@@ -185,6 +225,8 @@ class RigidSolution:
         checks: The verdict on least squares.
         filtered: How the record was filtered.
         residuals: Torques and residuals row by row.
+        against_nominal: Torques of the links beside those of the robot file's.
+        travel: Where the arm was.
         standard: The standard parameters of real bodies that are handed on; None where none were found.
         chosen: Name of the estimator whose result it is.
         torque_unit: What stands for N m: A where torques are currents.
@@ -196,6 +238,8 @@ class RigidSolution:
     checks: Checks
     filtered: Filtered
     residuals: RowResiduals
+    against_nominal: NominalTorques
+    travel: Travel
     standard: StandardSet | None
     chosen: str
     torque_unit: str = "N m"

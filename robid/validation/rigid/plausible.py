@@ -6,17 +6,29 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.fit.estimate import Estimate
-from robid.fit.rigid.solution import RigidSolution
+from robid.fit.rigid.solution import RigidSolution, Travel
 from robid.validation.doubt import Doubt, two_digits
 
 _FRICTION = ("viscous", "coulomb", "load_friction", "coupling_viscous", "coupling_coulomb")
 _INERTIAL = ("inertia", "first_moment", "mass", "motor_inertia", "coupling_inertia")
-_FAR = 5.0  # times the robot file's
-_FEWEST = 3
+TOTAL_ERROR_LIMIT = 0.15
+"""Share of the torques that a model may leave, on its own motion and on another."""
+
+_FAR, _TOO_FAR = 2.0, 5.0  # times the robot file's
+_ALIKE, _UNLIKE = 0.8, 0.5  # correlation with the robot file's
+_VISIBLE = 0.1  # of a motor's torque
+_MISTAKES = {
+    1e3: "torques in mN m were read as N m",
+    1e-3: "torques in N m were read as mN m",
+    180 / np.pi: "positions in rad were read as deg",
+    np.pi / 180: "positions in deg were read as rad",
+}
+_ROUGHLY = 2.5
+_BEYOND, _FAR_BEYOND = 0.05, 1.0  # of a joint's range
 _MOVED = 3.0  # deviations
 _POOR_CONDITION = 200.0
-_SIGNIFICANT = 3.0
 _BIASED = 0.1
 
 
@@ -24,7 +36,9 @@ def parameter_doubts(solution: RigidSolution) -> tuple[Doubt, ...]:
     """Returns what of a rigid fit cannot be or is hardly known, decisive doubts first."""
     found = [
         *_estimators(solution),
-        *_sizes(solution.estimate),
+        *_places(solution.travel),
+        *_sizes(solution),
+        *_unexplained(solution),
         *_negative(solution.estimate),
         *_excitation(solution),
         *_bodies(solution),
@@ -60,16 +74,59 @@ def _varies(solution: RigidSolution) -> bool:
     return bool((solution.checks.huber_variation[solution.estimate.identified] > _BIASED).any())
 
 
-def _sizes(estimate: Estimate) -> Iterator[Doubt]:
-    """Inertias that are all far from the robot file's, by about the same factor: units, or a gear ratio."""
-    inertial = np.isin(np.array(estimate.kinds), _INERTIAL) & (estimate.nominal != 0)
-    known = inertial & (np.abs(estimate.value) > _SIGNIFICANT * np.sqrt(np.diag(estimate.covariance)))
-    if known.sum() < _FEWEST:
-        return
-    ratio = float(np.exp(np.median(np.log(np.abs(estimate.value[known] / estimate.nominal[known])))))
-    if not 1 / _FAR < ratio < _FAR:
-        told = f"inertias and first moments come out {two_digits(ratio)} times the robot file's in the median"
-        yield Doubt("units", told, decisive=True, strength=abs(float(np.log(ratio))))
+def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
+    """Torques of links that are nothing like the robot file's: units, or a gear ratio."""
+    if solution.torque_unit == "A":
+        return  # ratios to a torque constant that nobody knows
+    found = solution.against_nominal
+    visible = np.nan_to_num(np.maximum(found.share, found.share / found.ratio)) > _VISIBLE
+    size = np.where(visible, np.abs(np.log(found.ratio)), 0.0)
+    worst = int(np.argmax(size))
+    if size[worst] > np.log(_FAR):
+        ratio = float(found.ratio[worst])
+        told = (
+            f"the links that motor {worst + 1} moves come out {two_digits(ratio)} times the robot file's"
+            f"{_as_if(found.whole_ratio)}"
+        )
+        yield Doubt("units", told, bool(size[worst] > np.log(_TOO_FAR)), float(size[worst] / np.log(_FAR)))
+    unlike = int(np.argmin(np.where(visible, found.likeness, 1.0)))
+    likeness = float(found.likeness[unlike])
+    if visible[unlike] and likeness < _ALIKE:
+        told = (
+            f"what the links do to motor {unlike + 1} along this motion is not what the robot file's would do "
+            f"(correlation {likeness:.2g})"
+        )
+        yield Doubt("units", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)
+
+
+def _as_if(ratio: FloatArray) -> str:
+    """The mistake of units that gives about this ratio of torques, in words."""
+    usual = float(np.exp(np.nanmedian(np.log(ratio))))
+    for known, mistake in _MISTAKES.items():
+        if 1 / _ROUGHLY < usual / known < _ROUGHLY:
+            return f", as if {mistake}"
+    return ""
+
+
+def _places(travel: Travel) -> Iterator[Doubt]:
+    """Positions beyond the joints' limits: units, a gear ratio, or a zero."""
+    reach = travel.upper_limit - travel.lower_limit
+    beyond = np.maximum(travel.lower_limit - travel.lowest, travel.highest - travel.upper_limit)
+    share = np.where(np.isfinite(reach), beyond / reach, 0.0)
+    worst = int(np.argmax(share))
+    if share[worst] > _BEYOND:
+        told = (
+            f"joint {worst + 1} would have moved from {travel.lowest[worst]:.3g} to {travel.highest[worst]:.3g}, but "
+            f"its limits are {travel.lower_limit[worst]:.3g} and {travel.upper_limit[worst]:.3g} (rad, or m)"
+        )
+        yield Doubt("units", told, bool(share[worst] > _FAR_BEYOND), float(share[worst] / _BEYOND))
+
+
+def _unexplained(solution: RigidSolution) -> Iterator[Doubt]:
+    error = solution.residuals.total_error
+    if error > TOTAL_ERROR_LIMIT:
+        told = f"the fit leaves {error:.0%} of its own torques, limit {TOTAL_ERROR_LIMIT:.0%}"
+        yield Doubt("model", told, decisive=True, strength=error / TOTAL_ERROR_LIMIT)
 
 
 def _negative(estimate: Estimate) -> Iterator[Doubt]:
@@ -82,7 +139,6 @@ def _negative(estimate: Estimate) -> Iterator[Doubt]:
             continue
         inertial = kind in _INERTIAL
         told = f"{name} comes out negative ({value:.3g})"
-        # An inertia of its own may be negative as a combination; the first one about a motor's axis may not.
         decisive = kind in ("motor_inertia", "coulomb", "viscous")
         yield Doubt("torque_sign" if decisive else ("masses" if inertial else "friction"), told, decisive, 1.5)
 

@@ -78,6 +78,8 @@ def predict(
     for rows in Reading(motions, model, decimator):
         measured.append(np.where(rows.used, rows.torque, np.nan))
         predicted.append(np.where(rows.used, rows.columns @ parameters, np.nan))
+    if not measured:
+        raise ValueError("The filters leave no rows of the record: it is shorter than they reach.")
     whole = np.concatenate(measured)
     time_s = np.arange(len(whole)) * decimator.factor * shots[0].sampling_period_s
     return Prediction(time_s, whole, np.concatenate(predicted))

@@ -12,19 +12,19 @@ from robid.errors import DataError
 from robid.fit.rigid.options import RigidFitOptions
 from robid.fit.rigid.shots import Shot
 from robid.fit.rigid.solution import RigidSolution
+from robid.fit.rigid.travel import repeats
 from robid.robot.description import Robot
 from robid.robot.regressor.model import build_rigid_model
 from robid.validation.doubt import Doubt
 from robid.validation.outcome import Outcome
 from robid.validation.recovery import recover
 from robid.validation.rigid.grading import grade_rigid
+from robid.validation.rigid.plausible import TOTAL_ERROR_LIMIT
 from robid.validation.rigid.prediction import Prediction, predict
 
-TOTAL_ERROR_LIMIT = 0.15
 MOTOR_ERROR_LIMIT = 0.3
 _WORSE = 2.0  # times what the fit left
 _MATTERS = 0.05  # of the torque
-_SAME = 0.02  # of a joint's range of motion
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,6 @@ def validate_rigid(
     options: RigidFitOptions,
     doubts: Sequence[Doubt] = (),
     truth: Mapping[str, float] | None = None,
-    seen: Sequence[Shot] = (),
 ) -> RigidValidation:
     """Validates a rigid model on another motion.
 
@@ -69,7 +68,6 @@ def validate_rigid(
         options: Options of the fit.
         doubts: Doubts about the fit, for the grade.
         truth: True values by parameter name, of a simulated robot.
-        seen: What the fit was fitted to, where it is at hand.
 
     Raises:
         DataError: If a shot is too short for the fit's filters.
@@ -85,7 +83,7 @@ def validate_rigid(
     own = np.sqrt(np.nanmean(solution.residuals.residual**2, axis=0))
     ratio = prediction.deviation / np.maximum(own, 1e-300)
     failures = _failures(robot, prediction)
-    same = any(is_same_motion(one, other) for one in shots for other in seen)
+    same = any(repeats(solution.travel, robot, shot) for shot in shots)
     every = [*doubts, *_seen_already(same), *_worse(robot, prediction, ratio)]
     return RigidValidation(
         outcome=Outcome(
@@ -100,13 +98,6 @@ def validate_rigid(
         error_ratio=ratio,
         same_motion=same,
     )
-
-
-def is_same_motion(one: Shot, other: Shot) -> bool:
-    """Whether two shots move alike: all positions within 2 % of the range of motion."""
-    count = min(len(one.position), len(other.position))
-    reach = np.maximum(np.ptp(other.position, axis=0), 1e-12)
-    return bool((np.abs(one.position[:count] - other.position[:count]) / reach).max() < _SAME)
 
 
 def _seen_already(same: bool) -> tuple[Doubt, ...]:

@@ -1,0 +1,129 @@
+"""Logs of rigid fits, good and bad, through the command line: one message, its exit code, and its remedy once."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from rigid_logs import PERIOD_S, fourier_motion, shot_along, write_log
+from robid.families.files import load_experiment
+
+EXPERIMENT = """schema_version: 1
+name: small
+robot: arm.yaml
+campaigns:
+  motion: {source: {acquire: &log {file: motion.csv, format: csv, sampling_period_s: 2.0e-3, one_shot: true,
+    time: {variable: t},
+    inputs: [{name: turn, variable: u1, hold: band_limited}, {name: lift, variable: u2, hold: band_limited}],
+    outputs: [{name: turn, variable: q1}, {name: lift, variable: q2}]}}}
+  other: {source: {acquire: {<<: *log, file: other.csv}}}
+fits:
+  arm: {family: rigid, from: motion, validate_on: other, filters: {position_cut_hz: 10}}
+execution: {backend: serial}
+"""
+
+
+@pytest.fixture
+def logs(shop):
+    """A folder with the logs of two motions and the experiment that reads them."""
+    (shop.folder / "small.yaml").write_text(EXPERIMENT)
+    shop.robot = load_experiment(shop.folder / "small.yaml").robot.to_robot()
+    shop.shots = {}
+    for seed, name in enumerate(("motion", "other")):
+        shop.shots[name] = shot_along(shop.robot, fourier_motion(shop.robot, 5000, seed), seed=seed)
+        write_log(shop.folder / f"{name}.csv", shop.shots[name])
+    return shop
+
+
+def _rewrite(logs, name="motion", time_s=None, **factors):
+    shot = logs.shots[name]
+    changed = {key: np.asarray(factor) * getattr(shot, key) for key, factor in factors.items()}
+    write_log(logs.folder / f"{name}.csv", type(shot)(**{**shot.__dict__, **changed}), time_s)
+
+
+def test_a_sound_log_is_to_be_trusted(logs):
+    answer = logs.robid("run", "small.yaml", "--strict")
+    assert answer.code == 0, answer.err
+    assert "warning" not in answer.err
+
+
+def test_a_validation_on_the_same_motion_says_that_it_cannot_generalise(logs):
+    shutil.copy(logs.folder / "motion.csv", logs.folder / "other.csv")
+    answer = logs.robid("run", "small.yaml", "--strict")
+    assert answer.code == 5, answer.err
+    assert "the validation repeats the motion of the fit: it says nothing of other motions" in answer.flat
+    write_log(logs.folder / "other.csv", logs.shots["other"])
+    assert logs.robid("run", "small.yaml", "--strict").code == 0
+
+
+@pytest.mark.parametrize(
+    ("factors", "told", "old", "new"),
+    [
+        ({"position": 180 / np.pi}, "would have moved from", "variable: q1", "variable: q1, unit: deg"),
+        ({"torque": 1e3}, "as if torques in mN m were read as N m", "variable: u1", "variable: u1, unit: mN m"),
+    ],
+)
+def test_units_that_are_off_are_not_to_be_used_until_they_are_stated(logs, factors, told, old, new):
+    for name in ("motion", "other"):
+        _rewrite(logs, name, **factors)
+    answer = logs.robid("run", "small.yaml")
+    assert answer.code == 5, answer.err
+    assert told in answer.flat, answer.flat
+    assert "Look first for units or gear ratios of the log that are off" in answer.flat
+    assert "Traceback" not in answer.err
+    for index in ("1", "2"):
+        logs.change(old.replace("1", index), new.replace("1", index))
+    assert logs.robid("run", "small.yaml").code == 0
+
+
+@pytest.mark.parametrize(
+    ("break_time", "told"),
+    [
+        (lambda t: t + 0.05 * (t > 4), "1 gap, about 25 missing samples"),
+        (lambda t: t + 3e-4 * np.sin(1e4 * t), "deviate from 0.002 s by up to"),
+    ],
+)
+def test_gaps_and_jitter_are_refused(logs, break_time, told):
+    _rewrite(logs, time_s=break_time(PERIOD_S * np.arange(5000)))
+    logs.refuse(4, told)
+    write_log(logs.folder / "motion.csv", logs.shots["motion"])
+    assert logs.robid("run", "small.yaml").code == 0
+
+
+def test_a_cut_off_above_half_the_sampling_rate_is_a_mistake_of_the_settings(logs):
+    logs.change("position_cut_hz: 10", "position_cut_hz: 250")
+    told = "fits.arm.filters.position_cut_hz: 250 Hz is not below half the sampling rate of `motion` (from), 250 Hz"
+    logs.refuse(2, told, "`other` (validate_on)")
+    logs.change("filters: {position_cut_hz: 250}", "filters: {}")
+    assert logs.robid("run", "small.yaml").code == 0
+
+
+def test_a_current_needs_its_torque_constant(logs):
+    logs.change("variable: u1,", "variable: u1, unit: A,")
+    logs.refuse(2, "a current needs `torque_constant_nm_a`")
+    logs.change("unit: A,", "unit: A, torque_constant_nm_a: 1,")
+    assert logs.robid("run", "small.yaml").code == 0
+
+
+def test_a_motor_that_never_moves_and_a_short_record_are_refused(logs):
+    write_log(
+        logs.folder / "motion.csv",
+        type(logs.shots["motion"])(
+            **{**logs.shots["motion"].__dict__, "position": logs.shots["motion"].position * [1, 0]}
+        ),
+    )
+    _fails(logs, "the motors of lift never move", "move all joints at the same time")
+    short = {key: getattr(logs.shots["motion"], key)[:600] for key in ("position", "torque")}
+    write_log(logs.folder / "motion.csv", type(logs.shots["motion"])(**{**logs.shots["motion"].__dict__, **short}))
+    _fails(logs, "the filters leave 0 rows of 600 samples", "state a higher `filters.position_cut_hz`")
+    logs.change("position_cut_hz: 10", "position_cut_hz: 40")
+    assert "Traceback" not in logs.robid("run", "small.yaml").err
+    assert (logs.runs / "fits" / "arm" / "model.h5").exists()
+
+
+def _fails(logs, *texts):
+    answer = logs.robid("run", "small.yaml")
+    assert answer.code == 4, answer.err
+    assert "Traceback" not in answer.err
+    for text in ("remedy: ", *texts):
+        assert text in answer.flat

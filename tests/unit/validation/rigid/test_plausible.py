@@ -1,0 +1,173 @@
+"""Mistakes that a rigid fit names: units, gears, poor motions, motions seen before; and none where all is well."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigid_logs import PERIOD_S, fourier_motion, shot_along, with_masses
+from rigid_robots import random_chain
+from robid.errors import DataError
+from robid.fit.rigid.fitting import fit_rigid
+from robid.fit.rigid.nominal import against_nominal
+from robid.fit.rigid.options import PreprocessingOptions, RigidFitOptions
+from robid.fit.rigid.travel import repeats, travel_of
+from robid.robot.regressor.model import build_rigid_model
+from robid.validation.rigid.grading import assess_rigid
+from robid.validation.rigid.validating import validate_rigid
+
+OPTIONS = RigidFitOptions(filters=PreprocessingOptions(position_cut_hz=10.0), physical=False)
+N_SAMPLE = 5000
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return replace(random_chain(4, 3, slides=0.0), gravity_m_s2=np.array([0.0, 0.0, -9.81]))
+
+
+@pytest.fixture(scope="module")
+def shot(robot):
+    return shot_along(robot, fourier_motion(robot, N_SAMPLE))
+
+
+def _with_gear(robot, joint, factor):
+    joints = list(robot.joints)
+    motor = joints[joint].motor
+    joints[joint] = replace(joints[joint], motor=replace(motor, gear_ratio=factor * motor.gear_ratio))
+    return replace(robot, joints=tuple(joints))
+
+
+def _doubts(robot, shots, options=OPTIONS):
+    return assess_rigid(fit_rigid(robot, shots, options)).doubts
+
+
+def _units(robot, shots):
+    return [doubt for doubt in _doubts(robot, shots) if doubt.cause == "units"]
+
+
+@pytest.mark.parametrize("factors", [(1, 1, 1), (1.3, 0.7, 1.3), (0.7, 0.7, 0.7), (1.3, 1.3, 0.7)])
+def test_a_sound_log_raises_no_doubt_although_masses_of_the_robot_file_are_off(robot, shot, factors):
+    assert _doubts(with_masses(robot, factors), [shot]) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"position": 180 / np.pi}, "joint 1 would have moved from -51.6 to 41.6"),
+        ({"position": np.pi / 180}, "as if positions in rad were read as deg"),
+        ({"torque": 1e3}, "as if torques in mN m were read as N m"),
+        ({"torque": 1e-3}, "as if torques in N m were read as mN m"),
+    ],
+)
+def test_units_that_are_off_are_named_and_nothing_is_to_be_used(robot, shot, change, told):
+    (key, factor), *_ = change.items()
+    found = _units(robot, [replace(shot, **{key: factor * getattr(shot, key)})])
+    assert found[0].decisive
+    assert any(told in doubt.message for doubt in found)
+
+
+@pytest.mark.parametrize(
+    ("joint", "factor", "decisive"),
+    [(0, 10, True), (1, 10, True), (0, 0.1, True), (2, 0.1, True), (0, -1, True), (0, 2, False), (1, 0.5, False)],
+)
+def test_a_gear_ratio_that_is_off_is_named(robot, shot, joint, factor, decisive):
+    found = _units(_with_gear(robot, joint, factor), [shot])
+    assert found
+    assert found[0].decisive == decisive
+
+
+def test_currents_say_nothing_of_sizes(robot, shot):
+    found = _units(robot, [replace(shot, torque=1e3 * shot.torque, torque_unit="A")])
+    assert found == []
+
+
+def test_a_motion_that_excites_too_little_names_what_suffers(robot):
+    poor = shot_along(robot, fourier_motion(robot, N_SAMPLE, share=0.01))
+    solution = fit_rigid(robot, [poor], OPTIONS)
+    doubt = next(one for one in assess_rigid(solution).doubts if one.cause == "excitation")
+    lost = [
+        name for name, known in zip(solution.estimate.names, solution.estimate.identifiable, strict=True) if not known
+    ]
+    assert lost
+    assert "joint_0.ZZ, joint_0.MX" in doubt.message
+    assert any("not told from zero: joint_0.ZZ" in told for told in solution.estimate.undetermined)
+
+
+def test_motors_that_stand_still_and_torques_that_never_change_are_refused(robot, shot):
+    still = replace(shot, position=shot.position * [1, 0, 1])
+    with pytest.raises(DataError, match="the motors of joint_1 never move"):
+        fit_rigid(robot, [still], OPTIONS)
+    fit_rigid(robot, [still, shot], OPTIONS)  # the remedy: it moves in another shot
+    with pytest.raises(DataError, match="the torques of joint_2 never change although"):
+        fit_rigid(robot, [replace(shot, torque=shot.torque * [1, 1, 0])], OPTIONS)
+
+
+@pytest.mark.parametrize("n_sample", [60, 404, 700, 1200])
+def test_a_record_shorter_than_its_filters_needs_a_higher_cut_off(robot, n_sample):
+    short = shot_along(robot, fourier_motion(robot, n_sample))
+    with pytest.raises(DataError, match="too few for 28 parameters") as caught:
+        fit_rigid(robot, [short], OPTIONS)
+    assert "a higher `filters.position_cut_hz`" in caught.value.remedy
+    if n_sample > 1000:
+        higher = replace(OPTIONS, filters=PreprocessingOptions(position_cut_hz=40.0))
+        assert fit_rigid(robot, [short], higher).estimate.status == "converged"
+
+
+def test_a_cut_off_is_chosen_among_those_that_leave_rows(robot):
+    free = replace(OPTIONS, filters=PreprocessingOptions())
+    with pytest.raises(DataError, match="too short, or its motion too poor, to choose a cut-off"):
+        fit_rigid(robot, [shot_along(robot, fourier_motion(robot, 60))], free)
+    found = fit_rigid(robot, [shot_along(robot, fourier_motion(robot, 1500))], free)
+    assert found.filtered.cut_hz > 2
+
+
+def test_torques_of_links_are_compared_as_the_regressor_has_them(robot, shot):
+    from robid.fit.rigid.reduction import reduce_rows
+    from robid.fit.rigid.rows import rows_of
+    from robid.robot.regressor.base import find_base_parameters
+
+    robot = with_masses(robot, (2.0, 2.0, 2.0))  # of links and rotors, the links are as in the shot times two
+    model = build_rigid_model(robot)
+    base = find_base_parameters(model)
+    reduced = model.only(base.columns.tolist())
+    position = shot.position[::20]
+    generator = np.random.default_rng(0)
+    velocity, acceleration = generator.standard_normal((2, *position.shape)) * 50
+    columns = reduced.columns(position, velocity, acceleration)
+    solution = fit_rigid(robot, [shot], OPTIONS)
+    rotors = base.combination @ np.where(np.array(model.kinds) == "motor_inertia", model.nominal, 0.0)
+    estimate = replace(solution.estimate, value=base.values(model.nominal) * 3 - 2 * rotors)
+    torque = columns @ estimate.value
+    found = against_nominal(model, base, estimate, reduce_rows(rows_of(columns, torque)))
+    np.testing.assert_allclose(found.ratio, 3, rtol=1e-8)
+    np.testing.assert_allclose(found.likeness, 1, rtol=1e-8)
+    assert np.all((found.share > 0) & (found.share < 1.5))
+
+
+def test_a_motion_is_known_again_however_late_and_no_other_is(robot, shot):
+    travel = travel_of(robot, [shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=3)), shot])
+    assert repeats(travel, robot, shot)
+    assert repeats(travel, robot, replace(shot, position=shot.position[700:]))
+    assert repeats(travel, robot, replace(shot, position=shot.position[:1500]))
+    waited = np.concatenate([np.repeat(shot.position[:1], 900, axis=0), shot.position[:-900]])
+    assert repeats(travel, robot, replace(shot, position=waited))
+    assert not repeats(travel, robot, shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=5)))
+    assert not repeats(travel, robot, replace(shot, position=np.repeat(shot.position[:1], N_SAMPLE, axis=0)))
+
+
+def test_a_validation_that_repeats_the_fits_motion_cannot_generalise(robot, shot):
+    solution = fit_rigid(robot, [shot], OPTIONS)
+    again = shot_along(robot, fourier_motion(robot, N_SAMPLE), seed=1)
+    same = validate_rigid(robot, solution, [again], OPTIONS)
+    assert same.same_motion
+    assert "on the motion of its fit" in same.outcome.verdict
+    assert any("says nothing of other motions" in doubt.message for doubt in same.outcome.grade.doubts)
+    other = validate_rigid(robot, solution, [shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=8))], OPTIONS)
+    assert not other.same_motion
+    assert other.outcome.ok
+    assert other.outcome.grade.doubts == ()
+    with pytest.raises(DataError, match="leave no rows"):
+        validate_rigid(
+            robot, solution, [replace(shot, position=shot.position[:500], torque=shot.torque[:500])], OPTIONS
+        )
+    assert solution.travel.time_s[-1] + PERIOD_S == PERIOD_S * N_SAMPLE
