@@ -44,6 +44,7 @@ def make_consistent(
     bodies: IntArray,
     nonnegative: Sequence[int] = (),
     options: ConsistencyOptions | None = None,
+    scale: FloatArray | None = None,
 ) -> Consistent:
     """Finds the real bodies nearest to the nominal ones that have the estimated base parameters.
 
@@ -58,6 +59,7 @@ def make_consistent(
         bodies (n_body, 10): Indices of XX, XY, XZ, YY, YZ, ZZ about the frame's origin, MX, MY, MZ and M of each body.
         nonnegative: Indices of the others that cannot be negative, such as motor inertias and friction.
         options: Margins.
+        scale (n_std,): What changes are measured by; `parameter_scale` by default.
 
     Raises:
         ValueError: If shapes differ.
@@ -68,7 +70,7 @@ def make_consistent(
     check_shape("combination", combination, "n_base n_std", n_base=len(base), n_std=len(nominal))
     check_shape("bodies", bodies, "n_body n_moment", n_moment=10)
     chosen = options or ConsistencyOptions()
-    scale = parameter_scale(nominal, bodies)
+    scale = parameter_scale(nominal, bodies) if scale is None else scale
     cone = _real_bodies(nominal, scale, bodies, nonnegative, chosen.margin)
     deviation = np.sqrt(np.diag(covariance))
     short = combination * scale

@@ -9,7 +9,7 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
 from robid.families.family import family_of
 from robid.settings.experiment import heaviest
-from robid.stages.chain.fit import data_inputs, payloads, read_grade
+from robid.stages.chain.fit import data_inputs, payloads, read_grade, taken_inputs
 from robid.stages.stage import Job, Plan, Stage
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings |= payloads(loaded, fit)
     settings |= {f"campaigns.{campaign}.payload_kg": loaded.experiment.campaigns[campaign].payload_kg}
     inputs = {"model": f"fits/{owner}/model.h5", **data_inputs(family.reads, (campaign,)), **truth_input(loaded, fit)}
+    inputs |= taken_inputs(fit)
     return Plan((f"fits/{owner}/validation.h5",), settings, inputs)
 
 
