@@ -40,7 +40,9 @@ class RigidSource:
     payload_kg: float
 
     def robot(self, payload: float) -> Robot:
-        """Returns the robot file's robot with what the fit found, and with a payload [kg].
+        """Returns the robot file's robot with what the fit found, and with a payload as campaigns state it [kg].
+
+        A payload that the fit found by itself has the mass that it found, and for another one its share of that.
 
         Raises:
             DataError: If the payload is another one than the fit's, which cannot be told from the last link.
@@ -89,8 +91,9 @@ class RigidSource:
         if found.payload_is_in_link:
             self._check_joined(found, payload)
             return found.robot
-        body = found.robot.payload if self.payload_kg > 0 else file.to_robot(payload).payload
-        return replace(found.robot, payload=_scaled(body, payload))
+        if self.payload_kg == 0:
+            return replace(found.robot, payload=file.to_robot(payload).payload)
+        return replace(found.robot, payload=_scaled(found.robot.payload, payload / self.payload_kg))
 
     def _check_joined(self, found: StandardRobot, payload: float) -> None:
         hangs = any(spring.place == "payload" for spring in found.robot.springs)
@@ -135,7 +138,6 @@ def _sizes(standard: Standard) -> FloatArray:
     return np.array([sizes[name] for name in standard.names])
 
 
-def _scaled(body: Inertial, mass_kg: float) -> Inertial:
+def _scaled(body: Inertial, factor: float) -> Inertial:
     """A body of another mass and the same shape."""
-    factor = mass_kg / body.mass_kg if body.mass_kg > 0 else 0.0
     return Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
