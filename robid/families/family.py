@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from robid.frf.frf import Frf
     from robid.report.content import FitReport
     from robid.settings.experiment import Experiment
-    from robid.settings.fits import FitSettings, Read
+    from robid.settings.fits import FitSettings, HandedOn, Read
     from robid.settings.load import LoadedExperiment
     from robid.settings.robot import RobotFile
     from robid.settings.yaml import FieldPath
@@ -44,6 +44,7 @@ class Data:
             family reads none.
         records: Record of each campaign, where the family reads them.
         configurations: Index of each configuration of the response in its campaigns, those of further ones counted on.
+        taken: Models of the fits that it takes something of, by what it takes.
     """
 
     loaded: LoadedExperiment
@@ -51,6 +52,7 @@ class Data:
     frf: Frf | None
     records: tuple[Record, ...] = ()
     configurations: tuple[int, ...] = ()
+    taken: Mapping[HandedOn, Artifact] = field(default_factory=dict)
 
     @property
     def settings(self) -> FitSettings:

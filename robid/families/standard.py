@@ -44,6 +44,13 @@ class Standard:
         """The values by name."""
         return dict(zip(self.names, self.value.tolist(), strict=True))
 
+    def mean(self, joint: str, kind: str) -> tuple[float, float]:
+        """Returns a joint's friction, the mean of both directions where they differ, and its deviation."""
+        wanted = (f"{joint}.{kind}", f"{joint}.{kind}_forward", f"{joint}.{kind}_backward")
+        own = np.isin(np.array(self.names), wanted)
+        share = own / max(1, own.sum())
+        return float(share @ self.value), float(np.sqrt(share @ self.covariance @ share))
+
 
 def standard_from_artifact(model: Artifact, fit: str) -> Standard:
     """Reads the standard parameters from the model of a rigid fit.
@@ -82,20 +89,10 @@ def standard_robot(loaded: LoadedExperiment, fit: str, standard: Standard) -> St
 
 
 def _with_std(robot: Robot, standard: Standard) -> Robot:
-    """The robot with the relative deviations of its rotor inertias and friction."""
-    std = dict(zip(standard.names, np.sqrt(np.diag(standard.covariance)).tolist(), strict=True))
+    """The robot with the relative deviations of its Coulomb friction."""
     joints = []
     for joint in robot.joints:
-        motor, law = joint.motor, joint.motor.friction
-        own = [std[name] for name in friction_names(standard, joint.name, "coulomb")]
-        if own and law.coulomb_nm > 0:
-            relative = float(np.linalg.norm(own)) / len(own) / law.coulomb_nm
-            motor = replace(motor, friction=replace(law, relative_std=relative))
-        joints.append(replace(joint, motor=motor))
+        law, (level, std) = joint.motor.friction, standard.mean(joint.name, "coulomb")
+        friction = replace(law, relative_std=std / level) if level > 0 else law
+        joints.append(replace(joint, motor=replace(joint.motor, friction=friction)))
     return replace(robot, joints=tuple(joints))
-
-
-def friction_names(standard: Standard, joint: str, kind: str) -> list[str]:
-    """Names of a joint's viscous or Coulomb parameters: one, one for each direction, or none."""
-    wanted = (f"{joint}.{kind}", f"{joint}.{kind}_forward", f"{joint}.{kind}_backward")
-    return [name for name in wanted if name in standard.names]

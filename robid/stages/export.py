@@ -13,7 +13,7 @@ from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
 from robid.families.family import Export, ExportTask, family_of
 from robid.settings.load import LoadedExperiment
-from robid.stages.chain.fit import data_inputs
+from robid.stages.chain.fit import data_inputs, taken_inputs
 from robid.stages.fit import read_data
 from robid.stages.replacing import check_replaceable
 from robid.stages.stage import Plan
@@ -38,7 +38,8 @@ class ExportOptions:
 
 def export_plan(loaded: LoadedExperiment, fit: str) -> Plan:
     """Returns what an export reads; what it writes depends on its options."""
-    inputs = data_inputs(family_of(loaded, fit).reads, loaded.experiment.fits[fit].campaigns)
+    settings = loaded.experiment.fits[fit]
+    inputs = {**data_inputs(family_of(loaded, fit).reads, settings.campaigns), **taken_inputs(settings)}
     return Plan((), {}, {"model": f"fits/{fit}/model.h5", **inputs})
 
 

@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from robid.artifacts.artifact import Artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.model import MODEL
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.families.family import Data, Work, family_of
 from robid.frf.frf import Frf
 from robid.frf.joined import join
+from robid.settings.fits import FitSettings, HandedOn
 from robid.settings.load import LoadedExperiment
 from robid.signals.record import Record
 from robid.stages.chain.fit import STAGE, data_inputs
@@ -26,7 +29,13 @@ def read_data(loaded: LoadedExperiment, name: str, inputs: Mapping[str, Path]) -
         for kind in ("frf", "record")
     )
     frfs = [frf_from_artifact(read_artifact(path, FRF)) for path in responses]
-    return data_of(loaded, name, frfs, tuple(record_from_artifact(read_artifact(path, RECORD)) for path in records))
+    data = data_of(loaded, name, frfs, tuple(record_from_artifact(read_artifact(path, RECORD)) for path in records))
+    return replace(data, taken=read_taken(fit, inputs))
+
+
+def read_taken(fit: FitSettings, inputs: Mapping[str, Path]) -> dict[HandedOn, Artifact]:
+    """Reads the models of the fits that a fit takes something of, by what it takes."""
+    return {what: read_artifact(inputs[what], MODEL) for what in fit.takes}
 
 
 def data_of(loaded: LoadedExperiment, name: str, frfs: Sequence[Frf], records: tuple[Record, ...] = ()) -> Data:

@@ -11,6 +11,7 @@ from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
 from robid.families.family import Data, family_of
 from robid.stages.chain.validate import STAGE
+from robid.stages.fit import read_taken
 from robid.stages.stage import Job
 
 
@@ -20,7 +21,9 @@ def run(job: Job) -> str:
     frf = frf_from_artifact(read_artifact(inputs["frf"], FRF)) if "frf" in inputs else None
     records = (record_from_artifact(read_artifact(inputs["record"], RECORD)),) if "record" in inputs else ()
     true = read_truth(inputs["truth"], inputs["true_record"]) if "truth" in inputs else None
-    found = family.validate(Data(job.loaded, job.owner, frf, records), read_artifact(inputs["model"], MODEL), true)
+    taken = read_taken(job.loaded.experiment.fits[job.owner], inputs)
+    data = Data(job.loaded, job.owner, frf, records, taken=taken)
+    found = family.validate(data, read_artifact(inputs["model"], MODEL), true)
     made = replace(found, provenance=job.provenance(STAGE.name))
     write_artifact(job.output, made)
     return family.verdict(made)

@@ -3,6 +3,7 @@
 import shutil
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -12,7 +13,13 @@ from robid.artifacts.model import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.errors import DataError
+from robid.families.elastic.fitting import nominal_robot
+from robid.families.files import load_experiment
 from robid.families.friction import friction_from_artifact
+from robid.families.standard import standard_from_artifact
+from robid.fit.elastic.fitting import fit_elastic
+from robid.stages.chain import fit as fit_stage
+from robid.stages.fit import read_data
 
 HERE = Path(__file__).parent
 FRICTION = "friction: {coulomb_nm: 0.5, static_nm: 0.6, presliding_rad: 0.02, viscous_nms_rad: "
@@ -150,3 +157,100 @@ def test_currents_and_torques_do_not_mix():
     artifact = Artifact(MODEL, {}, {"rigid/torque_unit": "A"}, Provenance(stage="fit"))
     with pytest.raises(DataError, match="knows friction in A, but it is subtracted from torques in N m"):
         friction_from_artifact(artifact, "rigid", ("waist",))
+
+
+@pytest.fixture(scope="module")
+def fed_run(tmp_path_factory, workshop):
+    """A rigid fit, an elastic one with its masses, and one with the robot file's."""
+    with pytest.MonkeyPatch.context() as patch:
+        shop = workshop(tmp_path_factory.mktemp("fed"), patch)
+        shutil.copy(HERE / "feed.yaml", shop.folder / "small.yaml")
+        assert shop.robid("run", "small.yaml").code in (0, 5)  # the elastic fit with wrong masses is not to be used
+    return shop.folder / "runs"
+
+
+@pytest.fixture
+def fed(shop, fed_run):
+    shutil.copy(HERE / "feed.yaml", shop.folder / "small.yaml")
+    shutil.copytree(fed_run, shop.folder / "runs")
+    shop.runs = shop.folder / "runs" / "feed"
+    return shop
+
+
+def fitted(shop, name):
+    return estimate_from_artifact(read_artifact(shop.runs / "fits" / name / "model.h5", MODEL))
+
+
+def test_an_elastic_fit_with_the_masses_of_a_rigid_one_finds_the_springs(fed):
+    true = read_truth(fed.runs / "estimation" / "truth.json", fed.runs / "estimation" / "record.h5").robot
+    plain, own = fitted(fed, "plain"), fitted(fed, "fed")
+    for spring in true.springs:
+        name = f"{spring.name}.stiffness"
+        index = own.names.index(name)
+        assert own.lower[index] <= spring.stiffness <= own.upper[index]
+        assert abs(own.value[index] / spring.stiffness - 1) < 0.01
+        assert abs(plain.found[name] / spring.stiffness - 1) > 0.05
+    assert "what the rigid fit leaves open" in own.interval_rule
+    assert "rigid" not in plain.interval_rule
+
+
+def test_what_the_rigid_fit_leaves_open_is_in_the_intervals(fed):
+    """Without it the same fit would be surer of every spring."""
+    loaded = load_experiment(fed.folder / "small.yaml")
+    inputs = {key: fed.runs / path for key, path in fit_stage.data_inputs(("frf",), ("estimation",)).items()}
+    data = read_data(loaded, "fed", {**inputs, "standard": fed.runs / "fits" / "rigid" / "model.h5"})
+    options = loaded.experiment.fits["fed"].options()
+    sure = fit_elastic(nominal_robot(data), data.response, options, 1e-3).estimate
+    own = fitted(fed, "fed")
+    assert sure.names == own.names
+    np.testing.assert_allclose(sure.value, own.value, rtol=1e-6)
+    grown = np.sqrt(np.diag(own.covariance) / np.diag(sure.covariance))
+    assert grown.min() > 1 - 1e-9
+    assert grown[own.names.index("gear_lift.stiffness")] > 1.2
+
+
+def test_an_export_has_the_rigid_fits_masses(fed):
+    answer = fed.robid("export", "small.yaml", "--fit", "fed", "--format", "mjcf")
+    assert answer.code == 0, answer.err
+    model = mujoco.MjModel.from_xml_path(str(fed.runs / "fits" / "fed" / "export" / "model.xml"))
+    rigid = read_artifact(fed.runs / "fits" / "rigid" / "model.h5", MODEL)
+    standard = standard_from_artifact(rigid, "rigid").values
+    assert model.body("turn").mass[0] == pytest.approx(standard["turn.M"])
+    # The payload is part of the rigid fit's last link.
+    assert model.body("lift").mass[0] == pytest.approx(standard["lift.M"])
+
+
+def test_the_graph_knows_whose_masses_they_are(fed):
+    assert {status for status, _ in fed.states().values()} == {"fresh"}
+    fed.change("position_cut_hz: 15", "position_cut_hz: 14")
+    states = fed.states()
+    for output in ("fits/fed/model.h5", "fits/fed/validation.h5"):
+        assert states[output][0] == "stale"
+    assert "fits/rigid/model.h5" in states["fits/fed/model.h5"][1]
+    assert states["fits/plain/model.h5"][0] == "fresh"
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("rigit", "there is no fit `rigit`; did you mean `rigid`?"),
+        ("plain", "fit `plain` of family `elastic` hands on no masses and inertias: name one of family `rigid`"),
+        ("fed", "fit `fed` of family `elastic` hands on no masses"),
+    ],
+)
+def test_masses_of_another_fit_are_refused_with_their_place(fed, name, told):
+    fed.change("rigid: rigid", f"rigid: {name}")
+    assert "small.yaml:" in fed.refuse(2, "fits.fed.rigid: ", told).flat
+
+
+def test_a_fit_without_real_bodies_says_so(fed):
+    fed.change("model: {friction: viscous}", "model: {friction: viscous}, physical: false")
+    fed.refuse(2, "hands on no masses and inertias", "physical: true")
+
+
+def test_a_standard_set_that_is_not_there_is_refused():
+    with pytest.raises(DataError, match="no standard parameters of real bodies"):
+        standard_from_artifact(Artifact(MODEL, {}, {}, Provenance(stage="fit")), "rigid")
+    unit = {"rigid/torque_unit": "A", "rigid/standard/status": "estimated"}
+    with pytest.raises(DataError, match="its masses are ratios to the torque constant"):
+        standard_from_artifact(Artifact(MODEL, {}, unit, Provenance(stage="fit")), "rigid")

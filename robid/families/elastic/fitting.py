@@ -14,11 +14,13 @@ from robid.families.elastic.files import model_of, solution_from_artifact, valid
 from robid.families.elastic.settings import elastic_fit
 from robid.families.elastic.truth import true_values
 from robid.families.family import Data, Work
+from robid.families.rigid_source import RigidSource, rigid_source
 from robid.fit.elastic.bootstrap import bootstrap_tasks
+from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.solution import ElasticSolution
 from robid.robot.description import Robot
-from robid.settings.experiment import Campaign
+from robid.settings.experiment import Campaign, payload_kg
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
 from robid.simulate.truth import TrueRobot
@@ -39,7 +41,8 @@ def fit(data: Data, work: Work) -> Artifact:
         return work.map(function, tasks, lambda _index, _result: work.progress.advance())
 
     robot, delay = _robot(data, campaign), delay_s(data.loaded, campaign)
-    solution = fit_elastic(robot, data.response, settings.options(), delay, told)
+    doubtful = _doubtful(data, campaign)
+    solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful)
     fitted = robot, solution, data.response, settings.options(), delay
     return model_of(solution, assess_fit(*fitted), tabulate_resonances(*fitted))
 
@@ -110,7 +113,29 @@ def _campaign(data: Data) -> Campaign:
 
 
 def _robot(data: Data, campaign: Campaign) -> Robot:
-    return data.loaded.robot.to_robot(campaign.payload_kg)
+    """The robot that a fit starts from: the robot file's, its masses those of a rigid fit where it names one."""
+    source = _source(data)
+    file = data.loaded.robot
+    return file.to_robot(campaign.payload_kg) if source is None else source.robot(payload_kg(campaign, file))
+
+
+def nominal_robot(data: Data) -> Robot:
+    """Returns the robot that a fit starts from, with the payload of its campaign."""
+    return _robot(data, _campaign(data))
+
+
+def _source(data: Data) -> RigidSource | None:
+    name = elastic_fit(data.loaded.experiment, data.name).rigid
+    return None if name is None else rigid_source(data.loaded, name, data.taken["standard"])
+
+
+def _doubtful(data: Data, campaign: Campaign) -> tuple[DoubtfulRobot, ...]:
+    """Robots that show how far the rigid fit's masses and inertias may be off."""
+    source = _source(data)
+    if source is None:
+        return ()
+    found = source.doubtful(payload_kg(campaign, data.loaded.robot))
+    return tuple(DoubtfulRobot(robot, deviations) for robot, deviations in found)
 
 
 def _counted(number: int, noun: str) -> str:

@@ -36,6 +36,7 @@ class FittedExport:
     Attributes:
         loaded: The experiment.
         name: Name of the fit.
+        nominal: The robot that it started from.
         date: When it was made.
         solution: What it found.
         frf: The response that it was fitted to, in its configurations.
@@ -44,6 +45,7 @@ class FittedExport:
 
     loaded: LoadedExperiment
     name: str
+    nominal: Robot
     date: str
     solution: ElasticSolution
     frf: Frf
@@ -52,8 +54,7 @@ class FittedExport:
     @property
     def robot(self) -> Robot:
         """Returns the robot with the estimates in place."""
-        campaign = self.loaded.experiment.campaigns[self.loaded.experiment.fits[self.name].campaign]
-        return fitted_robot(self.loaded.robot.to_robot(campaign.payload_kg), self.solution.estimate)
+        return fitted_robot(self.nominal, self.solution.estimate)
 
     @property
     def delay_s(self) -> float:

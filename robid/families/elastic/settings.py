@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal, TypeAlias
 
 import pydantic.dataclasses
@@ -10,10 +10,10 @@ from pydantic import Field
 
 from robid.fit.elastic.names import name_problems
 from robid.fit.elastic.options import ElasticOptions
-from robid.settings.base import STRICT
+from robid.settings.base import STRICT, Name
 from robid.settings.checks.limits import TORQUE, missing_limits
 from robid.settings.experiment import Experiment
-from robid.settings.fits import FitSettings, part
+from robid.settings.fits import FitSettings, HandedOn, part
 from robid.settings.load import LoadedExperiment
 from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import suggest
@@ -29,6 +29,16 @@ class ElasticFit(FitSettings, ElasticOptions):
     """A fit of springs and dampers to frequency responses."""
 
     family: Literal["elastic"] = Field(description="Family of the model.")
+    rigid: Name | None = Field(
+        default=None,
+        description="Name of a fit of family `rigid` whose masses, inertias and viscous friction take the place of the"
+        " robot file's; what it leaves open widens the intervals.",
+    )
+
+    @property
+    def takes(self) -> Mapping[HandedOn, str]:
+        """Names of the fits that it takes something of, by what it takes."""
+        return {} if self.rigid is None else {"standard": self.rigid}
 
     def options(self) -> ElasticOptions:
         """Returns the options of the algorithm."""

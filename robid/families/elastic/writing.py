@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from robid.errors import SettingsError
 from robid.families.elastic.files import solution_from_artifact
+from robid.families.elastic.fitting import nominal_robot
 from robid.families.elastic.mechanics import FittedExport, arrays, mjcf, parameter_records, state_spaces
 from robid.families.encode import PARAMETER_COLUMNS, Content, encode_csv, encode_json, encode_mat, encode_npz
 from robid.families.family import ExportTask
@@ -15,7 +16,8 @@ _ENCODERS: Mapping[str, Callable[[Content], bytes]] = {".mat": encode_mat, ".jso
 
 def _found(task: ExportTask) -> FittedExport:
     date, solution = task.model.provenance.finished_utc, solution_from_artifact(task.model)
-    return FittedExport(task.data.loaded, task.data.name, date, solution, task.data.response, task.data.configurations)
+    data = task.data
+    return FittedExport(data.loaded, data.name, nominal_robot(data), date, solution, data.response, data.configurations)
 
 
 def _rows(task: ExportTask) -> list[int]:

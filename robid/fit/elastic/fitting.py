@@ -12,6 +12,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.bootstrap import Map
 from robid.fit.elastic.checks import check_data, check_influence, check_inputs
+from robid.fit.elastic.considered import DoubtfulRobot, considered_covariance
 from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.model_error import element_level
 from robid.fit.elastic.optimizers import optimise
@@ -43,7 +44,12 @@ def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any
 
 
 def fit_elastic(
-    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, parallel_map: Map = serial_map
+    robot: Robot,
+    frf: Frf,
+    options: ElasticOptions,
+    delay_s: float,
+    parallel_map: Map = serial_map,
+    doubtful: Sequence[DoubtfulRobot] = (),
 ) -> ElasticSolution:
     """Fits the elastic model to frequency responses of one or many configurations.
 
@@ -53,6 +59,7 @@ def fit_elastic(
         options: Estimator, weights, free parameters, starts.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
         parallel_map: Ordered map that runs the starts.
+        doubtful: Robots that show along independent directions how far the rigid parameters may be off.
 
     Returns:
         The best minimum with its uncertainty; how it ended is in `status` and `advice`.
@@ -85,7 +92,10 @@ def fit_elastic(
 
     best = min(ends, key=lambda end: end.cost)
     reached = _update(_Reached(problem, dropped, best), start, options, set_up_at)
-    solution = make_solution(reached.problem, options, reached.best, ends, predicted, reached.dropped, parallel_map)
+    others = doubtful if reached.rests else ()
+    beyond = considered_covariance(reached.problem, reached.best.parameters, options, delay_s, others)
+    endings = ends, predicted, reached.dropped
+    solution = make_solution(reached.problem, options, reached.best, *endings, parallel_map, beyond)
     if reached.rests:
         return solution
     advice = "; ".join(filter(None, (_NO_REST, solution.estimate.advice)))

@@ -55,6 +55,7 @@ def find_spread(
     excess: float,
     error: ModelError | None,
     confidence: float,
+    beyond: FloatArray | None = None,
 ) -> Spread:
     """Finds how far a fit's parameters may be off.
 
@@ -65,11 +66,14 @@ def find_spread(
         excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance.
         error: The residuals against their expectation; None without a covariance.
         confidence: Level of the intervals.
+        beyond (n_param, n_param): Covariance by what the rigid parameters leave open, if they come from a fit.
     """
     covariance = structured_covariance(problem, found) * max(1.0, excess)
     covariance += load_doubt(problem, internal, found.inverse, found.weighted)
     assumed = "noise and assumed model error" if problem.model_error.any() else "noise"
     rule = assumed if excess <= 1 else f"{assumed}, widened by the misfit"
+    if beyond is not None and beyond.any():
+        covariance, rule = covariance + beyond, f"{rule}, and what the rigid fit leaves open"
     spread = Spread(covariance, np.full(len(covariance), np.inf), rule)
     if not many_above(error):
         return spread

@@ -39,6 +39,7 @@ def make_solution(
     predicted: FloatArray,
     dropped: int,
     parallel_map: Map,
+    beyond: FloatArray,
 ) -> ElasticSolution:
     """Puts together what a fit found.
 
@@ -50,13 +51,14 @@ def make_solution(
         predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
         dropped: Response elements that the logarithm dropped.
         parallel_map: Ordered map that runs the bootstrap.
+        beyond (n_param, n_param): Covariance by what the rigid parameters leave open, zero where they are the file's.
     """
     parameters, internal = problem.parameters, best.parameters
     modelled = problem.model_response(internal)
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
     error = estimate_model_error(problem, internal, found)
-    spread = find_spread(problem, internal, found, excess, error, options.confidence)
+    spread = find_spread(problem, internal, found, excess, error, options.confidence, beyond)
     costs = np.array([end.cost for end in ends])
     return ElasticSolution(
         estimate=_estimate(

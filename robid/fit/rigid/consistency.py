@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -44,6 +44,7 @@ def make_consistent(
     bodies: IntArray,
     nonnegative: Sequence[int] = (),
     options: ConsistencyOptions | None = None,
+    scale: FloatArray | None = None,
 ) -> Consistent:
     """Finds the real bodies nearest to the nominal ones that have the estimated base parameters.
 
@@ -58,6 +59,7 @@ def make_consistent(
         bodies (n_body, 10): Indices of XX, XY, XZ, YY, YZ, ZZ about the frame's origin, MX, MY, MZ and M of each body.
         nonnegative: Indices of the others that cannot be negative, such as motor inertias and friction.
         options: Margins.
+        scale (n_std,): What changes are measured by; `parameter_scale` by default.
 
     Raises:
         ValueError: If shapes differ.
@@ -68,22 +70,24 @@ def make_consistent(
     check_shape("combination", combination, "n_base n_std", n_base=len(base), n_std=len(nominal))
     check_shape("bodies", bodies, "n_body n_moment", n_moment=10)
     chosen = options or ConsistencyOptions()
-    scale = parameter_scale(nominal, bodies)
-    cone = _real_bodies(nominal, scale, bodies, nonnegative, chosen.margin)
+    scale = parameter_scale(nominal, bodies) if scale is None else scale
     deviation = np.sqrt(np.diag(covariance))
     short = combination * scale
-    gain = scale[:, None] * np.linalg.pinv(short)
-    missing = base - combination @ nominal
-    exact = (short / deviation[:, None], missing / deviation)
-    change = _solve(np.eye(len(nominal)), np.zeros(len(nominal)), cone, exact)
+    inverse = np.linalg.pinv(short)
+    # Without bounds the nearest ones; what these change of them is small, and all that is solved for.
+    nearest = inverse @ (base - combination @ nominal)
+    cone = _real_bodies(nominal + scale * nearest, nominal, scale, bodies, nonnegative, chosen.margin)
+    rows = short / deviation[:, None]
+    change = _solve(cone, rows)
     status: Literal["estimated", "moved", "failed"] = "estimated"
     if change is None:
-        white = _whitening(covariance / np.outer(deviation, deviation))
-        rows = np.vstack([white @ exact[0], chosen.pull * np.eye(len(nominal))])
-        right = np.append(white @ exact[1], np.zeros(len(nominal)))
-        change, status = _solve(rows.T @ rows, -rows.T @ right, cone, None), "moved"
+        white = _whitening(covariance / np.outer(deviation, deviation)) @ rows
+        axes = _unit_axes(np.vstack([white, chosen.pull * np.eye(len(nominal))]))
+        found = _solve(replace(cone, rows=cone.rows @ axes), None)
+        change, status = None if found is None else axes @ found, "moved"
     if change is None:
-        change, status = np.zeros(len(nominal)), "failed"
+        change, status = -nearest, "failed"
+    gain, change = scale[:, None] * inverse, nearest + change
     standard = nominal + scale * change
     reached = combination @ standard
     return Consistent(standard, reached, (reached - base) / deviation, gain, status)
@@ -129,11 +133,17 @@ class _Cone:
 
 
 def _real_bodies(
-    nominal: FloatArray, scale: FloatArray, bodies: IntArray, nonnegative: Sequence[int], margin: float
+    start: FloatArray,
+    nominal: FloatArray,
+    scale: FloatArray,
+    bodies: IntArray,
+    nonnegative: Sequence[int],
+    margin: float,
 ) -> _Cone:
+    """What changes of the start make of it: numbers and pseudo-inertias, these over the nominal body's size."""
     numbers = list(nonnegative)
     rows: list[FloatArray] = [np.eye(len(nominal))[numbers]]
-    offset: list[FloatArray] = [nominal[numbers] / scale[numbers]]
+    offset: list[FloatArray] = [start[numbers] / scale[numbers]]
     for body in bodies:
         mass, radius = _size(nominal[body])
         unit = np.diag([1 / radius] * 3 + [1.0]) / np.sqrt(mass)
@@ -141,7 +151,7 @@ def _real_bodies(
         own = np.zeros((10, len(nominal)))
         own[:, body] = parts
         rows.append(own)
-        offset.append(_triangle(unit @ pseudo_inertia(nominal[body]) @ unit - margin * np.eye(4)))
+        offset.append(_triangle(unit @ pseudo_inertia(start[body]) @ unit - margin * np.eye(4)))
     return _Cone(np.vstack(rows), np.concatenate(offset), len(numbers), len(bodies))
 
 
@@ -150,23 +160,28 @@ def _triangle(matrix: FloatArray) -> FloatArray:
     return np.array([matrix[row, column] * (1.0 if row == column else _ROOT2) for row, column in _UPPER])
 
 
-def _solve(
-    square: FloatArray, linear: FloatArray, cone: _Cone, exact: tuple[FloatArray, FloatArray] | None
-) -> FloatArray | None:
-    """Minimises `x' square x / 2 + linear' x` over the cone, with equations if any; None if it cannot."""
+def _unit_axes(rows: FloatArray) -> FloatArray:
+    """Changes (n, n) that are independent and each as far as 1 by the sum of the squares of these rows."""
+    _, size, axes = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(axes.T / size)
+
+
+def _solve(cone: _Cone, still: FloatArray | None) -> FloatArray | None:
+    """Finds the smallest change within the cone that leaves some combinations still; None if it cannot."""
     import clarabel
-    from scipy.sparse import csc_matrix
+    from scipy.sparse import csc_matrix, identity
 
     cones = [clarabel.NonnegativeConeT(cone.n_number)] if cone.n_number else []
     cones += [clarabel.PSDTriangleConeT(4)] * cone.n_matrix
     rows, offset = -cone.rows, cone.offset
-    if exact is not None:
-        cones.insert(0, clarabel.ZeroConeT(len(exact[1])))
-        rows, offset = np.vstack([exact[0], rows]), np.append(exact[1], offset)
+    if still is not None:
+        cones.insert(0, clarabel.ZeroConeT(len(still)))
+        rows, offset = np.vstack([still, rows]), np.append(np.zeros(len(still)), offset)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    upper = csc_matrix(np.triu(square))
-    answer = clarabel.DefaultSolver(upper, linear, csc_matrix(rows), offset, cones, settings).solve()
+    n_change = rows.shape[1]
+    square, linear = identity(n_change, format="csc"), np.zeros(n_change)
+    answer = clarabel.DefaultSolver(square, linear, csc_matrix(rows), offset, cones, settings).solve()
     if str(answer.status) not in {"Solved", "AlmostSolved"}:
         return None
     return np.asarray(answer.x)

@@ -11,7 +11,7 @@ from scipy.stats import t
 from robid.arrays import FloatArray, IntArray
 from robid.fit.estimate import Estimate
 from robid.fit.rigid.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion
-from robid.fit.rigid.consistency import make_consistent, pseudo_inertia
+from robid.fit.rigid.consistency import make_consistent, parameter_scale, pseudo_inertia
 from robid.fit.rigid.cutoff import CutOffChoice
 from robid.fit.rigid.huber import HuberRegression, huber_weights
 from robid.fit.rigid.least_squares import Regression
@@ -253,7 +253,8 @@ def _standard(
     # A short record's covariance over time has fewer directions than parameters: distances are the rows' own.
     size = np.sqrt(np.diag(estimate.covariance)) / chosen.standard_deviation
     near = chosen.covariance * np.outer(size, size)
-    made = make_consistent(estimate.value, near, base.combination, nominal, bodies, held, options.consistency)
+    found = estimate.value, near, base.combination, nominal, bodies
+    made = make_consistent(*found, held, options.consistency, _scale(model, bodies))
     return StandardSet(
         names=tuple(model.names),
         units=tuple(model.units),
@@ -264,3 +265,16 @@ def _standard(
         real=real,
         status=made.status,
     )
+
+
+def _scale(model: RigidModel, bodies: IntArray) -> FloatArray:
+    """What changes (n_std,) of the standard parameters are measured by.
+
+    What a motor and a link show together goes to the link: data sheets know rotors well.
+    """
+    nominal = model.nominal
+    scale = parameter_scale(nominal, bodies)
+    known = {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in model.robot.joints}
+    rotors = [index for index, kind in enumerate(model.kinds) if kind == "motor_inertia"]
+    scale[rotors] = [known[model.names[index]] * nominal[index] for index in rotors]
+    return scale

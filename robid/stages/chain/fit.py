@@ -25,7 +25,13 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     fit, family = loaded.experiment.fits[owner], family_of(loaded, owner)
     plain = {key: value for key, value in loaded.plain["fits"][owner].items() if key != "validate_on"}
     settings = {f"fits.{owner}": plain, **family.decides(loaded, fit.campaign), **payloads(loaded, fit)}
-    return Plan((f"fits/{owner}/model.h5",), settings, data_inputs(family.reads, fit.campaigns))
+    inputs = {**data_inputs(family.reads, fit.campaigns), **taken_inputs(fit)}
+    return Plan((f"fits/{owner}/model.h5",), settings, inputs)
+
+
+def taken_inputs(fit: FitSettings) -> dict[str, str]:
+    """Returns where the models of the fits lie that a fit takes something of, by what it takes."""
+    return {what: f"fits/{name}/model.h5" for what, name in fit.takes.items()}
 
 
 def payloads(loaded: LoadedExperiment, fit: FitSettings) -> dict[str, float | None]:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
 from robid.families.family import family_of
-from robid.settings.experiment import heaviest
-from robid.stages.chain.fit import data_inputs, payloads, read_grade
+from robid.stages.chain.fit import data_inputs, payloads, read_grade, taken_inputs
 from robid.stages.stage import Job, Plan, Stage
 
 if TYPE_CHECKING:
@@ -29,11 +28,14 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings |= payloads(loaded, fit)
     settings |= {f"campaigns.{campaign}.payload_kg": loaded.experiment.campaigns[campaign].payload_kg}
     inputs = {"model": f"fits/{owner}/model.h5", **data_inputs(family.reads, (campaign,)), **truth_input(loaded, fit)}
+    inputs |= taken_inputs(fit)
     return Plan((f"fits/{owner}/validation.h5",), settings, inputs)
 
 
 def truth_input(loaded: LoadedExperiment, fit: FitSettings) -> dict[str, str]:
     """Returns where the truth of a fit's campaign and its record lie; a measured robot has none."""
+    from robid.settings.experiment import heaviest
+
     campaign = heaviest(loaded.experiment, fit, loaded.robot)
     source = loaded.experiment.campaigns[campaign].source
     simulated = source is not None and source.simulate is not None

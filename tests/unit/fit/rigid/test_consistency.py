@@ -98,3 +98,31 @@ def test_shapes_are_checked():
         make_consistent(base[:3], covariance, combination, NOMINAL, BODIES)
     with pytest.raises(ValueError, match="bodies"):
         make_consistent(base, covariance, combination, NOMINAL, BODIES[:, :9])
+
+
+def test_what_nothing_shows_stays_as_it_was_beside_friction_of_any_size():
+    """Friction that the robot file does not state is many times its scale away; bodies do not feel that."""
+    nominal = NOMINAL.copy()
+    nominal[FRICTION] = 0.0
+    combination = np.zeros((3, 22))
+    combination[range(3), [9, FRICTION, 5]] = 1.0
+    base, covariance = combination @ nominal * [1.1, 0.0, 1.1] + [0.0, 204.0, 0.0], np.diag([1e-3, 0.4, 1e-4]) ** 2
+    found = make_consistent(base, covariance, combination, nominal, BODIES, (MOTOR, FRICTION))
+    assert found.status == "estimated"
+    np.testing.assert_allclose(found.base, base, rtol=1e-9)
+    silent = np.setdiff1d(np.arange(22), [9, FRICTION, 5])
+    np.testing.assert_allclose(found.standard[silent], nominal[silent], rtol=0, atol=1e-6)
+
+
+def test_a_body_that_nothing_shows_stays_where_another_one_has_to_move():
+    base, covariance, combination = _impossible()
+    rows = [0, 3, 4, 5, 6]
+    # The second body is left out; the first one's mass is too small for its first moment and inertia.
+    moved = [row for row in rows if not combination[row, 10:20].any()]
+    found = make_consistent(
+        base[moved], covariance[np.ix_(moved, moved)], combination[moved], NOMINAL, BODIES, (MOTOR,)
+    )
+    assert found.status == "moved"
+    # The solver stops at 1e-8 of squares.
+    np.testing.assert_allclose(found.standard[10:20], NOMINAL[10:20], rtol=0, atol=2e-3)
+    assert found.standard[MOTOR] == pytest.approx(NOMINAL[MOTOR], rel=1e-3)
