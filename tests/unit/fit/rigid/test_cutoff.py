@@ -36,6 +36,8 @@ def test_a_low_white_cut_off_is_chosen_and_the_noisy_ones_are_not_white(recordin
 
 def test_candidates_can_be_given(recording):
     options = PreprocessingOptions(20.0, drop_deviations=6.0)
-    given = choose_cut_off(recording.position[0], recording.torque[0], 240e-6, Device(), options, (300.0, 200.0), held=True)
+    given = choose_cut_off(
+        recording.position[0], recording.torque[0], 240e-6, Device(), options, (300.0, 200.0), held=True
+    )
     assert [trial.cut_hz for trial in given.trials] == [200.0, 300.0]
     assert not given.white
