@@ -28,6 +28,8 @@ def test_the_coefficients_are_as_uncertain_as_the_fit_says():
     assert level == pytest.approx(0.025)
     assert shape == pytest.approx(STATED.relative_std)
     assert (lag, sine, cosine) == STATED.coefficient_std[2:]
+    # Coulomb and breakaway levels, Stribeck speed, presliding.
+    assert one().values_std[:4] == pytest.approx((0.05, 0.075, 0.15, 0.002))
 
 
 def test_a_level_below_zero_and_a_file_without_friction_make_laws():

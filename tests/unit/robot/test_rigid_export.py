@@ -98,10 +98,14 @@ def test_frames_links_and_limits_are_read_back(writer, tmp_path):
         assert foreign.torque[joint.name] == pytest.approx(20.0 * abs(joint.motor.gear_ratio))
 
 
-@pytest.mark.parametrize("pitch", [90.0, -90.0, 89.99])
-def test_a_frame_that_looks_straight_up_keeps_its_turn(pitch, tmp_path):
+EXACTLY_UP = np.array([[0.0, 0.6, 0.8], [0.0, 0.8, -0.6], [-1.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    "turn", [EXACTLY_UP, *(roll_pitch_yaw((20.0, pitch, -70.0)) for pitch in (90.0, -90.0, 89.99))]
+)
+def test_a_frame_that_looks_straight_up_keeps_its_turn(turn, tmp_path):
     robot = random_chain(3)
-    turn = roll_pitch_yaw((20.0, pitch, -70.0))
     robot = replace(robot, joints=(replace(robot.joints[0], rotation=turn), *robot.joints[1:]))
     path = tmp_path / "robot.urdf"
     path.write_text(to_urdf(robot, ""))
