@@ -90,6 +90,17 @@ def test_gaps_and_jitter_are_refused(logs, break_time, told):
     assert logs.robid("run", "small.yaml").code == 0
 
 
+def test_a_motion_that_excites_too_little_names_what_suffers(logs):
+    write_log(logs.folder / "motion.csv", shot_along(logs.robot, fourier_motion(logs.robot, 5000, share=0.005)))
+    answer = logs.robid("run", "small.yaml", "--strict")
+    assert answer.code == 5, answer.err
+    assert "Traceback" not in answer.err
+    assert "the motion has a condition number of" in answer.flat
+    assert "suffer" in answer.flat
+    write_log(logs.folder / "motion.csv", logs.shots["motion"])
+    assert logs.robid("run", "small.yaml", "--strict").code == 0
+
+
 def test_a_cut_off_above_half_the_sampling_rate_is_a_mistake_of_the_settings(logs):
     logs.change("position_cut_hz: 10", "position_cut_hz: 250")
     told = "fits.arm.filters.position_cut_hz: 250 Hz is not below half the sampling rate of `motion` (from), 250 Hz"

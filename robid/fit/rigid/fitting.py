@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -81,6 +82,11 @@ class _Problem:
     model: RigidModel
     filters: PreprocessingOptions
 
+    @cached_property
+    def measured(self) -> RowSource:
+        """The rows without instruments, made once."""
+        return self.rows()
+
     def rows(self, instruments: Sequence[FloatArray] | None = None) -> RowSource:
         """The rows, with the instruments' positions where there are any."""
         given = [None] * len(self.shots) if instruments is None else instruments
@@ -107,7 +113,7 @@ class _Problem:
 
 def _estimate(problem: _Problem, options: RigidFitOptions, simulate: Simulate | None) -> Found:
     """Runs all estimators on the same rows and judges them."""
-    rows = problem.rows()
+    rows = problem.measured
     reduction = reduce_rows(rows)
     plain = ordinary_least_squares(reduction)
     instruments: tuple[Regression, Influence] | None = None
@@ -164,7 +170,7 @@ def _refuse_few(problem: _Problem) -> None:
 
 def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Problem, BaseParameters]:
     """Regroups base parameters that this motion cannot tell apart."""
-    reduction = reduce_rows(problem.rows())
+    reduction = reduce_rows(problem.measured)
     factor = reduction.weighted(np.ones(len(reduction.n_row)))[:-1, :-1]
     again = select_base(factor, problem.model, _DEPENDENT)
     if len(again.columns) == len(problem.model.names):

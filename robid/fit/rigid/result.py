@@ -97,7 +97,7 @@ def make_solution(
     """
     name = options.estimator if options.estimator in found.by_name else "weighted"
     estimate = _estimate(model, base, reduced, found, name, options)
-    standard = _standard(model, base, estimate, found.by_name[name], options) if options.physical else None
+    standard = _standard(model, base, estimate, options) if options.physical else None
     decimation = found.filters.decimator(found.sampling_period_s).factor
     reduction = found.conclusion.reduction
     triangle = reduction.weighted(np.ones(len(reduction.n_row)))[:-1, :-1]
@@ -242,7 +242,7 @@ def _checks(verdict: Verdict) -> Checks:
 
 
 def _standard(
-    model: RigidModel, base: BaseParameters, estimate: Estimate, chosen: Regression, options: RigidFitOptions
+    model: RigidModel, base: BaseParameters, estimate: Estimate, options: RigidFitOptions
 ) -> StandardSet | None:
     """The real bodies nearest to the robot file's with the estimated base parameters."""
     bodies, nominal = body_columns(model.names), model.nominal
@@ -250,10 +250,7 @@ def _standard(
     if not len(bodies) or not real.all():
         return None
     held = [index for index, kind in enumerate(model.kinds) if kind in _NOT_NEGATIVE]
-    # A short record's covariance over time has fewer directions than parameters: distances are the rows' own.
-    size = np.sqrt(np.diag(estimate.covariance)) / chosen.standard_deviation
-    near = chosen.covariance * np.outer(size, size)
-    found = estimate.value, near, base.combination, nominal, bodies
+    found = estimate.value, estimate.covariance, base.combination, nominal, bodies
     made = make_consistent(*found, held, options.consistency, _scale(model, bodies))
     return StandardSet(
         names=tuple(model.names),

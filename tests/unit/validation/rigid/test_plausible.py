@@ -121,6 +121,15 @@ def test_a_cut_off_is_chosen_among_those_that_leave_rows(robot):
     assert found.filtered.cut_hz > 2
 
 
+def test_real_bodies_are_found_for_a_record_with_fewer_independent_moments_than_parameters(robot):
+    short = shot_along(robot, fourier_motion(robot, 2500), noise=0.3)
+    solution = fit_rigid(robot, [short], replace(OPTIONS, physical=True))
+    assert solution.estimate.degrees_of_freedom[0] < len(solution.estimate.names)
+    assert solution.standard is not None
+    assert solution.standard.status == "moved"
+    assert np.all(np.isfinite(solution.standard.moved))
+
+
 def test_torques_of_links_are_compared_as_the_regressor_has_them(robot, shot):
     from robid.fit.rigid.reduction import reduce_rows
     from robid.fit.rigid.rows import rows_of
