@@ -13,6 +13,7 @@ from robid.robot.regressor.model import RigidModel
 from robid.simulate.controller import Cascade
 from robid.simulate.options import Controller
 
+_LOST_RAD_S = 1e6
 _SETTLED = 1.0  # steps in which friction may reverse a motor at most
 
 
@@ -70,6 +71,7 @@ def simulate_rigid_loop(
 
     Returns:
         True motor angles (n_run, n_sample, n_joint) [rad], and motor torques that are held from each sample on [N m].
+        From where a run is lost, as with parameters that no body has, all are NaN.
     """
     period = controller.sampling_period_s
     still = build_dynamics(model, parameters, loaded=loaded)
@@ -81,14 +83,17 @@ def simulate_rigid_loop(
     hold = dynamics.inertia_and_bias(angle, np.zeros_like(speed))[1]
     cascade = Cascade(controller, robot.motor_inertia_kgm2, limit, angle - period * speed, hold)
     pending = [hold.copy() for _ in range(controller.delay_samples)]
-    angles, torques = np.empty_like(command), np.empty_like(command)
+    angles, torques = np.full_like(command, np.nan), np.full_like(command, np.nan)
     ahead = np.zeros_like(command) if feed_forward is None else feed_forward
     for sample in range(command.shape[1]):
         seen = angle if measure is None else measure(angle)
         pending.append(cascade.command(seen, command[:, sample], ahead[:, sample]))
         angles[:, sample], torques[:, sample] = angle, pending.pop(0)
-        for _ in range(substeps):
-            angle, speed = _step(dynamics, angle, speed, torques[:, sample], period / substeps)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(substeps):
+                angle, speed = _step(dynamics, angle, speed, torques[:, sample], period / substeps)
+        if not np.all(np.abs(speed) < _LOST_RAD_S):
+            break
     return angles, torques
 
 

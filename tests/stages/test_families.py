@@ -46,7 +46,7 @@ CASES = {
     ),
     "rigid": Case(
         FAMILIES["rigid"],
-        "{family: rigid, from: estimation, validate_on: validation, filters: {position_cut_hz: 60}}",
+        "{family: rigid, from: estimation, validate_on: validation, instruments: none, filters: {position_cut_hz: 60}}",
         ("position_cut_hz: 60", "position_cut_hz: 50"),
         "Is least squares to be trusted?",
         ("estimation/frf.h5", "validation/frf.h5"),

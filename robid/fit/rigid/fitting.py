@@ -65,7 +65,7 @@ def fit_rigid(
         problem = _Problem(shots, model.only(base.columns.tolist()), used)
         _refuse_few(problem)
         problem, base = _without_dependent(problem, base)
-        estimated = _estimate(problem, options, simulate)
+        estimated = _estimate(problem, base.values(model.nominal), options, simulate)
     except ValueError as error:
         remedy = "look at the record's channels; record longer, with all joints in motion"
         raise DataError(str(error), where="record", remedy=remedy) from error
@@ -111,7 +111,7 @@ class _Problem:
             raise DataError(str(error), where="record", remedy=remedy) from error
 
 
-def _estimate(problem: _Problem, options: RigidFitOptions, simulate: Simulate | None) -> Found:
+def _estimate(problem: _Problem, nominal: FloatArray, options: RigidFitOptions, simulate: Simulate | None) -> Found:
     """Runs all estimators on the same rows and judges them."""
     rows = problem.measured
     reduction = reduce_rows(rows)
@@ -119,9 +119,10 @@ def _estimate(problem: _Problem, options: RigidFitOptions, simulate: Simulate | 
     instruments: tuple[Regression, Influence] | None = None
     if simulate is not None:
         found, influence, rows = instrumental_variables(
-            lambda values: problem.rows(simulate(problem.model, values)),
+            lambda values: _instrumented(problem, simulate(problem.model, values)),
             weighted_least_squares(reduction),
             options.convergence,
+            nominal,
         )
         instruments = found, influence
     period = problem.shots[0].sampling_period_s
@@ -137,6 +138,10 @@ def _estimate(problem: _Problem, options: RigidFitOptions, simulate: Simulate | 
         filters=problem.filters,
         sampling_period_s=period,
     )
+
+
+def _instrumented(problem: _Problem, positions: Sequence[FloatArray]) -> RowSource | None:
+    return problem.rows(positions) if all(np.isfinite(each).all() for each in positions) else None
 
 
 def _filters(

@@ -9,31 +9,38 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.errors import DataError
 from robid.fit.rigid.least_squares import Regression
 from robid.fit.rigid.options import InstrumentOptions
 from robid.fit.rigid.reduction import residuals
 from robid.fit.rigid.rows import RowSource
 from robid.fit.rigid.uncertainty import Influence
 
+_WAY = (0.0, 0.5, 0.8, 1.0)
+
 
 def instrumental_variables(
-    instrumented: Callable[[FloatArray], RowSource],
+    instrumented: Callable[[FloatArray], RowSource | None],
     start: Regression,
     options: InstrumentOptions | None = None,
+    known: FloatArray | None = None,
 ) -> tuple[Regression, Influence, RowSource]:
     """Estimates with the simulated model as instrument, simulated again until the parameters stay.
 
     Args:
         instrumented: Simulates parameters (n_param,) and returns the rows with these instruments; where rows are
-            dropped, the instrument's speed decides.
+            dropped, the instrument's speed decides. None where the simulation is lost.
         start: Where to start: its parameters and its joints' weights.
         options: When to stop.
+        known (n_param,): Parameters that can be simulated, such as the robot file's: least squares on badly filtered
+            rows may be no robot at all, and the simulation then begins on the way to these.
 
     Returns:
         The estimate, its linearisation, and the rows of its last simulation.
 
     Raises:
-        ValueError: If the rows have no instruments or these do not determine the parameters.
+        ValueError: If the rows have no instruments, or these do not determine the parameters.
+        DataError: If nothing can be simulated.
 
     Source:
         Janot, Vandanjon and Gautier (2014), "A generic instrumental variable approach for industrial robot
@@ -45,13 +52,25 @@ def instrumental_variables(
     iterations = 0
     while status != "converged" and iterations < chosen.iteration_limit:
         iterations += 1
-        rows = instrumented(parameters)
+        rows = _simulated(instrumented, parameters, parameters if known is None else known)
         found, influence = solve_instruments(rows, weights)
         step = np.abs(found.parameters - parameters)
         parameters = found.parameters
         if np.all(step <= chosen.tolerance * found.standard_deviation):
             status = "converged"
     return replace(found, iterations=iterations, status=status), influence, rows
+
+
+def _simulated(
+    instrumented: Callable[[FloatArray], RowSource | None], parameters: FloatArray, known: FloatArray
+) -> RowSource:
+    """Rows with instruments of some parameters, or as near to them as can be simulated on the way to known ones."""
+    for share in _WAY:
+        rows = instrumented(parameters + share * (known - parameters))
+        if rows is not None:
+            return rows
+    message = "the model cannot be simulated in its loop, not even with the robot file's values"
+    raise DataError(message, where="record", remedy="state `instruments: none`, or correct the robot file")
 
 
 def solve_instruments(rows: RowSource, weights: FloatArray) -> tuple[Regression, Influence]:

@@ -35,3 +35,13 @@ def test_a_payload_is_there_only_where_it_was(commands, loaded):
     other = simulate_rigid(apart, apart.nominal, robot, file.controller, commands, loaded=not loaded)
     assert np.abs(found - other).max() > 1e-3
     assert np.abs(found - commands).max() < 0.5 * np.abs(commands).max(), "the loop follows its commands"
+
+
+def test_a_run_that_is_lost_ends_without_a_warning(commands):
+    file = load_robot(CARRIER)
+    robot = file.to_robot()
+    model = build_rigid_model(robot, VISCOUS)
+    heavy = [name.endswith((".ZZ", ".motor_inertia")) for name in model.names]
+    found = simulate_rigid(model, np.where(heavy, -model.nominal, model.nominal), robot, file.controller, commands)
+    assert np.isnan(found[:, -1]).all()
+    assert np.isfinite(found[:, 0]).all()

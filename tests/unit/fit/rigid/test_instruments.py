@@ -1,9 +1,12 @@
 """Instrumental variables where least squares is biased: noise in the columns themselves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rigid_models import random_rows
+from robid.errors import DataError
 from robid.fit.rigid.instruments import instrumental_variables, solve_instruments
 from robid.fit.rigid.least_squares import ordinary_least_squares
 from robid.fit.rigid.options import InstrumentOptions
@@ -82,3 +85,24 @@ def test_rows_without_instruments_or_with_idle_ones_are_refused():
     idle = np.repeat(one.instruments[..., :1], 3, axis=2)
     with pytest.raises(ValueError, match="do not determine"):
         solve_instruments((Rows(one.columns, one.torque, one.used, idle),), np.ones(1))
+
+
+def test_a_start_that_is_no_robot_is_left_on_the_way_to_known_values():
+    """Least squares on badly filtered rows may have a negative inertia, whose simulation is lost."""
+    asked = []
+
+    def instrumented(parameters):
+        asked.append(parameters)
+        return _noisy_rows() if parameters[2] > 1 else None
+
+    plain = ordinary_least_squares(reduce_rows(_noisy_rows()))
+    lost = replace(plain, parameters=np.array([0.0, 0.0, -4.0]))
+    known = np.array([1.0, 1.0, 2.0])
+    found = instrumental_variables(instrumented, lost, InstrumentOptions(), known)[0]
+    assert np.all(np.abs(found.parameters - TRUTH) < 4 * found.standard_deviation)
+    np.testing.assert_allclose(
+        asked[:4], [lost.parameters + share * (known - lost.parameters) for share in (0, 0.5, 0.8, 1)]
+    )
+    with pytest.raises(DataError, match="cannot be simulated") as caught:
+        instrumental_variables(lambda _: None, plain, InstrumentOptions(), known)
+    assert "instruments: none" in caught.value.remedy
