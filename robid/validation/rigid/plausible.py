@@ -18,6 +18,7 @@ TOTAL_ERROR_LIMIT = 0.15
 
 _FAR, _TOO_FAR = 2.0, 5.0  # times the robot file's
 _ALIKE, _UNLIKE = 0.8, 0.5  # correlation with the robot file's
+_TO_BLAME = 100.0
 _VISIBLE = 0.1  # of a motor's torque
 _MISTAKES = {
     1e3: "torques in mN m were read as N m",
@@ -140,7 +141,9 @@ def _negative(estimate: Estimate) -> Iterator[Doubt]:
         inertial = kind in _INERTIAL
         told = f"{name} comes out negative ({value:.3g})"
         decisive = kind in ("motor_inertia", "coulomb", "viscous")
-        yield Doubt("torque_sign" if decisive else ("masses" if inertial else "friction"), told, decisive, 1.5)
+        cause = "torque_sign" if decisive else ("masses" if inertial else "friction")
+        # What a wrong sign leaves unexplained is its doing, so it is to blame first.
+        yield Doubt(cause, told, decisive, _TO_BLAME if decisive else 1.5)
 
 
 def _excitation(solution: RigidSolution) -> Iterator[Doubt]:

@@ -180,3 +180,10 @@ def test_a_validation_that_repeats_the_fits_motion_cannot_generalise(robot, shot
             robot, solution, [replace(shot, position=shot.position[:500], torque=shot.torque[:500])], OPTIONS
         )
     assert solution.travel.time_s[-1] + PERIOD_S == PERIOD_S * N_SAMPLE
+
+
+@pytest.mark.parametrize("joint", [0, 2])
+def test_a_torque_with_the_wrong_sign_is_to_blame_first(robot, shot, joint):
+    sign = np.where(np.arange(3) == joint, -1.0, 1.0)
+    first = _doubts(robot, [replace(shot, torque=sign * shot.torque)])[0]
+    assert (first.cause, first.decisive) == ("torque_sign", True)
