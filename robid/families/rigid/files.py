@@ -70,6 +70,7 @@ _VALIDATION = {
     "rigid/prediction/measured": Column(_TORQUE, ("row", "joint"), "Measured torque", compact=True),
     "rigid/prediction/predicted": Column(_TORQUE, ("row", "joint"), "The model's", compact=True),
     "rigid/relative_error": Column("1", _JOINT, "Norm of the error over that of the torque"),
+    "rigid/forward_error": Column("1", _JOINT, "Error of simulated positions over the motion"),
     "rigid/error_ratio": Column("1", _JOINT, "Error over what the fit left"),
 }
 

@@ -31,7 +31,8 @@ def fit(data: Data, work: Work) -> Artifact:
     work.progress.expect(1, "fits")
     robot = robot_of(data)
     shots = shots_in(data, settings.campaigns, robot)
-    solution = fit_rigid(robot, shots, settings.options(), _loop(data, robot, shots))
+    loop = None if settings.instruments == "none" else _loop(data, robot, shots)
+    solution = fit_rigid(robot, shots, settings.options(), loop)
     work.progress.advance()
     return model_of(solution, assess_rigid(solution))
 
@@ -41,13 +42,15 @@ def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
     settings = rigid_fit(data.loaded.experiment, data.name)
     campaign = settings.validate_on or settings.campaign
     robot = robot_of(data)
+    shots = shots_in(data, (campaign,), robot)
     validation = validate_rigid(
         robot,
         solution_from_artifact(model),
-        shots_in(data, (campaign,), robot),
+        shots,
         settings.options(),
         grade_from_artifact(model).doubts,
         None if true is None else values_in(data.loaded, data.name, true),
+        _loop(data, robot, shots),
     )
     return validation_of(validation)
 
@@ -80,13 +83,13 @@ def shots_in(data: Data, campaigns: Sequence[str], robot: Robot) -> tuple[Shot, 
 
 
 def _loop(data: Data, robot: Robot, shots: Sequence[Shot]) -> Simulate | None:
-    """Simulates the loop of the shots, where controller and commands are known and it is wanted."""
-    controller, settings = data.loaded.robot.controller, rigid_fit(data.loaded.experiment, data.name)
+    """Simulates the loop of the shots, where controller and commands are known."""
+    controller = data.loaded.robot.controller
     commands = [shot.command for shot in shots if shot.command is not None]
     alike: dict[tuple[int, bool], list[int]] = {}
     for index, command in enumerate(commands):
         alike.setdefault((len(command.angle), shots[index].loaded), []).append(index)
-    if settings.instruments == "none" or controller is None or len(commands) < len(shots):
+    if controller is None or len(commands) < len(shots):
         return None
 
     def simulate(model: RigidModel, values: FloatArray) -> Sequence[FloatArray]:

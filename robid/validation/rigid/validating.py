@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.fit.rigid.fitting import Simulate
 from robid.fit.rigid.options import RigidFitOptions
 from robid.fit.rigid.shots import Shot
 from robid.fit.rigid.solution import RigidSolution
@@ -38,6 +39,9 @@ class RigidValidation:
         total_error: The same of all joints together.
         error_ratio (n_joint,): Root mean square of the error over what the fit's own residual was.
         same_motion: Whether the fit has seen this motion already.
+        forward_error (n_joint,): Root mean square of simulated less measured positions over that of the measured ones
+            about their mean, the model in the robot's loop under the recorded commands; None where the loop or the
+            commands are unknown, NaN where the simulation is lost.
     """
 
     outcome: Outcome
@@ -46,6 +50,7 @@ class RigidValidation:
     total_error: float
     error_ratio: FloatArray
     same_motion: bool
+    forward_error: FloatArray | None = None
 
 
 def validate_rigid(
@@ -55,6 +60,7 @@ def validate_rigid(
     options: RigidFitOptions,
     doubts: Sequence[Doubt] = (),
     truth: Mapping[str, float] | None = None,
+    simulate: Simulate | None = None,
 ) -> RigidValidation:
     """Validates a rigid model on another motion.
 
@@ -68,6 +74,7 @@ def validate_rigid(
         options: Options of the fit.
         doubts: Doubts about the fit, for the grade.
         truth: True values by parameter name, of a simulated robot.
+        simulate: Simulates the loop of each shot, where it is known.
 
     Raises:
         DataError: If a shot is too short for the fit's filters.
@@ -97,7 +104,15 @@ def validate_rigid(
         total_error=prediction.total_error,
         error_ratio=ratio,
         same_motion=same,
+        forward_error=None if simulate is None else _forward(simulate(model, solution.estimate.value), shots),
     )
+
+
+def _forward(simulated: Sequence[FloatArray], shots: Sequence[Shot]) -> FloatArray:
+    """Relative error (n_joint,) of simulated positions over all shots."""
+    error = np.concatenate([one - shot.position for one, shot in zip(simulated, shots, strict=True)])
+    moved = np.concatenate([shot.position - shot.position.mean(axis=0) for shot in shots])
+    return np.asarray(np.sqrt(np.mean(error**2, axis=0) / np.mean(moved**2, axis=0)))
 
 
 def _seen_already(same: bool) -> tuple[Doubt, ...]:

@@ -111,4 +111,6 @@ def _summary(
             "validation.relative_error": validation.total_error,
             "validation.worst_error_ratio": float(validation.error_ratio.max()),
         }
+    if validation is not None and validation.forward_error is not None:
+        found["validation.worst_forward_error"] = float(validation.forward_error.max())
     return found

@@ -165,17 +165,19 @@ def _residuals(solution: RigidSolution, joints: Sequence[str], unit: str) -> Sec
 
 
 def _prediction(validation: RigidValidation, joints: Sequence[str], unit: str) -> Section:
+    forward = validation.forward_error
+    simulated = [MISSING] * len(joints) if forward is None else [percent(each) for each in forward.tolist()]
+    figures = validation.relative_error.tolist(), validation.error_ratio.tolist(), simulated
     rows = tuple(
-        (name, percent(float(error)), significant(float(ratio), 3))
-        for name, error, ratio in zip(
-            joints, validation.relative_error.tolist(), validation.error_ratio.tolist(), strict=True
-        )
+        (name, percent(error), significant(ratio, 3), off)
+        for name, error, ratio, off in zip(joints, *figures, strict=True)
     )
-    heads = ("Motor", "Error over torque", "Error over the fit's own")
-    table = Table(heads, rows, styles=("name", "number", "number"))
-    figures = tuple(torques(validation.prediction, joint, name, unit) for joint, name in enumerate(joints))
+    heads = ("Motor", "Error over torque", "Error over the fit's own", "Simulated position off")
+    caption = "Positions are simulated in the robot's loop under the recorded commands, where these are known."
+    table = Table(heads, rows, caption=caption, styles=("name", *_numbers(3)))
+    curves = tuple(torques(validation.prediction, joint, name, unit) for joint, name in enumerate(joints))
     lead = f"The model {validation.outcome.verdict}."
-    return Section("Predicted torques", lead, (table, *figures), "prediction")
+    return Section("Predicted torques", lead, (table, *curves), "prediction")
 
 
 def _numbers(count: int) -> tuple[ColumnStyle, ...]:

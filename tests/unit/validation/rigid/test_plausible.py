@@ -187,3 +187,14 @@ def test_a_torque_with_the_wrong_sign_is_to_blame_first(robot, shot, joint):
     sign = np.where(np.arange(3) == joint, -1.0, 1.0)
     first = _doubts(robot, [replace(shot, torque=sign * shot.torque)])[0]
     assert (first.cause, first.decisive) == ("torque_sign", True)
+
+
+def test_simulated_positions_are_held_against_the_measured_ones(robot, shot):
+    solution = fit_rigid(robot, [shot], OPTIONS)
+    off = np.array([0.0, 0.01, 0.2])
+    swing = shot.position - shot.position.mean(axis=0)
+    found = validate_rigid(
+        robot, solution, [shot], OPTIONS, simulate=lambda _model, _values: [shot.position + off * swing]
+    )
+    np.testing.assert_allclose(found.forward_error, off, rtol=1e-9, atol=1e-12)
+    assert validate_rigid(robot, solution, [shot], OPTIONS).forward_error is None
