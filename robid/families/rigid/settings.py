@@ -59,6 +59,10 @@ def rigid_fit(experiment: Experiment, name: str) -> RigidFit:
 def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with a rigid fit for a robot."""
     fit = rigid_fit(experiment, name)
+    if fit.estimator == "instruments" and fit.instruments == "none":
+        yield ("estimator",), "is `instruments`, but `instruments` is `none`: let it be `auto`"
+    if fit.estimator == "instruments" and robot.controller is None:
+        yield ("estimator",), "instrumental variables need the robot file's `controller`, which is missing"
     if fit.model.friction == "load" and fit.estimator == "instruments":
         message = "friction that grows with the measured torque has no instrument: take another `estimator`"
         yield ("estimator",), message

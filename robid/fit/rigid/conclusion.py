@@ -78,7 +78,7 @@ def conclude(
         huber_influence(reduction, robust, chosen.huber.bend),
         *([] if instruments is None else [instruments[1]]),
     ]
-    long_run = long_run_covariance(source, influences, len(residual))
+    long_run = long_run_covariance(source, influences, len(residual), float(reduction.n_row.mean()))
     expected = expected_correlation(source, reduction, fitted, decimator.autocorrelation(chosen.verdict.lags))
     found = None if instruments is None else instruments[0]
     verdict = judge(fitted, robust, found, long_run, residual, expected, names, vectors=vectors, options=chosen.verdict)

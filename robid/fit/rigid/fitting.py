@@ -20,6 +20,7 @@ from robid.fit.rigid.options import ConclusionOptions, PreprocessingOptions, Rig
 from robid.fit.rigid.preprocessing import Motion, prepare
 from robid.fit.rigid.reading import Reading
 from robid.fit.rigid.reduction import reduce_rows
+from robid.fit.rigid.residual_tests import FEWEST_TESTED
 from robid.fit.rigid.result import Found, first_moments, make_solution
 from robid.fit.rigid.rows import Remembered, RowSource
 from robid.fit.rigid.shots import Shot, refuse_unusable
@@ -58,12 +59,15 @@ def fit_rigid(
         Janot et al. (2009); METHODS sec. 7.
     """
     refuse_unusable(robot, shots)
+    if options.estimator == "instruments" and simulate is None:
+        message = "instrumental variables need the robot's loop: its `controller` and recorded motor commands"
+        raise DataError(message, where="record", remedy="take another `estimator`, or state the `controller`")
     model = build_rigid_model(robot, options.model)
     base = find_base_parameters(model, options.base)
     try:
         used, choice = _filters(shots, model.only(base.columns.tolist()), options)
         problem = _Problem(shots, model.only(base.columns.tolist()), used)
-        _refuse_few(problem)
+        _refuse_few(robot, problem)
         problem, base = _without_dependent(problem, base)
         estimated = _estimate(problem, base.values(model.nominal), options, simulate)
     except ValueError as error:
@@ -162,14 +166,21 @@ def _filters(
     return replace(stated, position_cut_hz=choice.cut_hz), choice
 
 
-def _refuse_few(problem: _Problem) -> None:
-    """Refuses records that leave hardly more rows than there are parameters."""
+def _refuse_few(robot: Robot, problem: _Problem) -> None:
+    """Refuses records that leave hardly more rows than there are parameters, or none of a joint."""
     n_param, n_joint = len(problem.model.names), problem.shots[0].position.shape[1]
     rows = sum(row_count(len(shot.position), problem.filters, shot.sampling_period_s) for shot in problem.shots)
     if rows < fewest_rows(n_param, n_joint):
         samples = sum(len(shot.position) for shot in problem.shots)
         message = f"the filters leave {rows} rows of {samples} samples, too few for {n_param} parameters"
-        remedy = "record longer, or state a higher `filters.position_cut_hz`"
+        remedy = "record longer, or state a higher `filters.position_cut_hz` or a smaller `filters.decimation`"
+        raise DataError(message, where="record", remedy=remedy)
+    used = np.sum([each.used.sum(axis=0) for each in problem.measured], axis=0)
+    slow = [joint.name for joint, count in zip(robot.joints, used.tolist(), strict=True) if count < FEWEST_TESTED]
+    if slow or used.sum() < fewest_rows(n_param, n_joint):
+        names = ", ".join(slow) or "all motors together"
+        message = f"the rows of {names} that are fast enough are too few for {n_param} parameters"
+        remedy = "lower `filters.drop_below_rad_s` and `filters.drop_deviations`, or move faster or longer"
         raise DataError(message, where="record", remedy=remedy)
 
 

@@ -12,7 +12,8 @@ from robid.fit.rigid.least_squares import Regression, solve_factor
 from robid.fit.rigid.reduction import Reduction
 from robid.fit.rigid.rows import RowSource
 
-_FEWEST = 20
+FEWEST_TESTED = 20
+"""Rows of a joint below which nothing is tested."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def check_normality(residual: FloatArray) -> Normality:
         D'Agostino and Pearson (1973), skewness and kurtosis.
     """
     kept = residual[np.isfinite(residual)]
-    if len(kept) < _FEWEST:
+    if len(kept) < FEWEST_TESTED:
         return Normality(np.nan, np.nan, np.nan, np.nan)
     statistic = float(skewtest(kept).statistic ** 2 + kurtosistest(kept).statistic ** 2)
     outside = float(np.mean(np.abs(kept - kept.mean()) > 3 * kept.std()))
@@ -75,7 +76,7 @@ def check_whiteness(residual: FloatArray, own: FloatArray) -> Whiteness:
     centred = np.nan_to_num(residual - np.nanmean(residual))
     used = np.isfinite(residual).astype(float)
     pairs = np.array([used[lag:] @ used[: len(used) - lag] for lag in range(n_lag + 1)])
-    if pairs.min() < _FEWEST:
+    if pairs.min() < FEWEST_TESTED:
         return Whiteness(np.full(n_lag, np.nan), np.nan, np.nan)
     sums = np.array([centred[lag:] @ centred[: len(centred) - lag] for lag in range(n_lag + 1)])
     beyond = (sums / pairs / (sums[0] / pairs[0]) - own)[1:]

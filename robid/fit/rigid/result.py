@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
+from scipy.stats import norm, t
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.fit.estimate import Estimate
 from robid.fit.rigid.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion
 from robid.fit.rigid.consistency import make_consistent, parameter_scale, pseudo_inertia
@@ -118,6 +118,7 @@ def make_solution(
         filtered=Filtered(
             cut_hz=choice.cut_hz,
             decimation=decimation,
+            sampling_period_s=found.sampling_period_s,
             excited_hz=choice.excited_hz,
             trial_hz=np.array([trial.cut_hz for trial in choice.trials]),
             trial_correlation=np.array([trial.correlation for trial in choice.trials]).reshape(
@@ -173,6 +174,7 @@ def _estimate(
     stated = np.where(nominal == 0, size, np.abs(nominal))
     limit = options.identifiable_relative_std
     identifiable = std / stated <= limit
+    quantile = norm.ppf(0.5 + 0.5 * options.confidence)
     status = chosen.status
     return Estimate(
         names=tuple(reduced.names),
@@ -192,14 +194,14 @@ def _estimate(
         relative_half_width=reach / size,
         identifiable=identifiable,
         identifiable_relative_std=limit,
-        undetermined=_poorly_known(reduced.names, std / size, limit),
+        undetermined=_poorly_known(reduced.names, identifiable & (reach / size <= quantile * limit), limit),
         status=status,
         advice="" if status == "converged" else f"{name} least squares has not converged: raise its iteration limit",
     )
 
 
-def _poorly_known(names: Sequence[str], relative_std: FloatArray, limit: float) -> tuple[str, ...]:
-    poor = [name for name, share in zip(names, relative_std.tolist(), strict=True) if share > limit]
+def _poorly_known(names: Sequence[str], known: BoolArray, limit: float) -> tuple[str, ...]:
+    poor = [name for name, is_known in zip(names, known.tolist(), strict=True) if not is_known]
     if not poor:
         return ()
     return (f"Known to no better than {limit:.0%}, or not told from zero: {', '.join(poor)}",)
@@ -238,6 +240,7 @@ def _checks(verdict: Verdict) -> Checks:
         coloured=verdict.whiteness_alarm,
         huber_differs=verdict.huber.alarm,
         instruments_differ=against is not None and against.alarm,
+        untested=verdict.untested,
     )
 
 

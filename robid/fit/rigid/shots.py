@@ -94,11 +94,17 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
 
 
 def refuse_unusable(robot: Robot, shots: Sequence[Shot]) -> None:
-    """Refuses motors that never move, and torques that never change.
+    """Refuses motors that never move, torques that never change, and records that are not sampled or scaled alike.
 
     Raises:
         DataError: If there are such.
     """
+    rates = sorted({round(1 / shot.sampling_period_s, 6) for shot in shots})
+    units = sorted({shot.torque_unit for shot in shots})
+    if len(rates) > 1 or len(units) > 1:
+        what = f"sampled at {rates[0]:g} and {rates[-1]:g} Hz" if len(rates) > 1 else f"in {' and in '.join(units)}"
+        message = f"the records of one fit are {what}"
+        raise DataError(message, where="record", remedy="fit them one by one, or log them alike")
     names = [joint.name for joint in robot.joints]
     still = _constant(names, [shot.position for shot in shots], 2 * np.pi * _STILL)
     if still:

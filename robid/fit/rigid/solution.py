@@ -81,6 +81,7 @@ class Checks:
         coloured: Whether residuals are far from white.
         huber_differs: Whether Huber's estimate differs by more than chance and by more than matters.
         instruments_differ: The same of the instrumental variables.
+        untested: Whether a joint has too few rows for the tests of its residuals.
     """
 
     trust: bool
@@ -99,6 +100,7 @@ class Checks:
     coloured: bool
     huber_differs: bool
     instruments_differ: bool
+    untested: bool
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,7 @@ class Filtered:
     Attributes:
         cut_hz: Cut-off of the positions' low pass [Hz].
         decimation: Samples per row.
+        sampling_period_s: Period of the samples [s].
         excited_hz (n_joint,): Frequency below which 99 % of each joint's acceleration lies [Hz].
         trial_hz (n_trial,): Cut-offs that were tried; none where one was stated.
         trial_correlation (n_trial, n_joint): Correlation of the residuals that each left.
@@ -116,6 +119,7 @@ class Filtered:
 
     cut_hz: float
     decimation: int
+    sampling_period_s: float
     excited_hz: FloatArray
     trial_hz: FloatArray
     trial_correlation: FloatArray

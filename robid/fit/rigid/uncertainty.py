@@ -87,7 +87,9 @@ class LongRun:
         return np.asarray(student.ppf(0.5 + level / 2, self.freedom) * np.sqrt(np.diag(self.of(index))))
 
 
-def long_run_covariance(source: RowSource, influences: Sequence[Influence], n_row: int) -> LongRun:
+def long_run_covariance(
+    source: RowSource, influences: Sequence[Influence], n_row: int, n_used: float | None = None
+) -> LongRun:
     """Estimates the covariance of estimators whose residuals are correlated in time, in one pass.
 
     The long-run variance of the influences is the mean of the squares of their first cosine transforms, whose
@@ -97,11 +99,13 @@ def long_run_covariance(source: RowSource, influences: Sequence[Influence], n_ro
         source: The rows.
         influences: The estimators.
         n_row: Kept samples of a pass.
+        n_used: How many of them count for a joint in the mean; all by default.
 
     Source:
         Lazarus, Lewis, Stock and Watson (2018), "HAR inference", the equal-weighted cosine estimator.
     """
-    freedom = int(np.clip(0.4 * n_row ** (2 / 3), 1, _LARGEST_FREEDOM))
+    counted = n_row if n_used is None else n_used
+    freedom = int(np.clip(0.4 * counted ** (2 / 3), 1, _LARGEST_FREEDOM))
     n_param = len(influences[0].parameters)
     transformed = np.zeros((freedom, len(influences) * n_param))
     frequency = np.pi * np.arange(1, freedom + 1) / n_row
@@ -112,5 +116,5 @@ def long_run_covariance(source: RowSource, influences: Sequence[Influence], n_ro
         transformed += np.cos(np.outer(frequency, moment)) @ moves
         first += len(moves)
     # Each parameter taken from the residuals takes its share of their variance away.
-    factor = 2 / freedom * n_row / max(n_row - n_param, 1)
+    factor = 2 / freedom * counted / max(counted - n_param, 1)
     return LongRun(factor * transformed.T @ transformed, freedom, n_param)

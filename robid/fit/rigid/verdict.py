@@ -15,6 +15,8 @@ from robid.fit.rigid.options import VerdictOptions
 from robid.fit.rigid.residual_tests import Normality, Whiteness, check_normality, check_whiteness
 from robid.fit.rigid.uncertainty import LongRun
 
+_UNTESTED = "Do not trust: too few rows are left to test the residuals; record longer, or drop fewer rows."
+
 
 @dataclass(frozen=True)
 class Variation:
@@ -44,6 +46,7 @@ class Verdict:
         whiteness: Correlation of each joint's residuals.
         normality_alarm: Whether a joint's residuals are far from a Gaussian.
         whiteness_alarm: Whether a joint's residuals are far from white.
+        untested: Whether a joint has too few rows for these tests.
     """
 
     trust: bool
@@ -54,6 +57,7 @@ class Verdict:
     whiteness: tuple[Whiteness, ...]
     normality_alarm: bool
     whiteness_alarm: bool
+    untested: bool = False
 
 
 def judge(
@@ -101,9 +105,13 @@ def judge(
     )
     coloured = any(joint.p_value < single and joint.largest > chosen.correlation for joint in whiteness)
     against = compared[1] if instruments is not None else None
+    chances = [joint.p_value for joint in normality] + [joint.p_value for joint in whiteness]
+    untested = bool(np.isnan(chances).any())
     sentence = _sentence(compared[0], against, odd, coloured, names)
-    trust = not (odd or coloured or any(variation.alarm for variation in compared))
-    return Verdict(trust, sentence, compared[0], against, normality, whiteness, odd, coloured)
+    trust = not (untested or odd or coloured or any(variation.alarm for variation in compared))
+    if untested and not (odd or coloured or any(variation.alarm for variation in compared)):
+        sentence = _UNTESTED
+    return Verdict(trust, sentence, compared[0], against, normality, whiteness, odd, coloured, untested)
 
 
 def scale_of(parameters: FloatArray, deviation: FloatArray, vectors: Sequence[Sequence[int]]) -> FloatArray:

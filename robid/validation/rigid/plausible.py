@@ -59,6 +59,12 @@ def _estimators(solution: RigidSolution) -> Iterator[Doubt]:
         # The instruments agree: what moves Huber's estimate is no noise of the positions.
         told = f"{solution.estimate.names[int(np.argmax(checks.huber_variation))]} depends on large residuals"
         yield Doubt("model", told, decisive=False, strength=1.5)
+    if checks.untested:
+        told = "too few rows are left to test the residuals of all motors"
+        yield Doubt("excitation", told, decisive=False, strength=2.0)
+    for name, status in zip(solution.estimators.names, solution.estimators.status, strict=True):
+        if status != "converged" and name != solution.chosen:
+            yield Doubt("model", f"the {name} estimate beside it has not converged", decisive=False, strength=1.5)
     if checks.coloured:
         worst = int(np.argmax(np.abs(checks.correlation).max(axis=1)))
         size = float(np.abs(checks.correlation[worst]).max())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.fit.rigid.options import PreprocessingOptions
 from robid.fit.rigid.preprocessing import prepare
 from robid.fit.rigid.reading import Reading
@@ -30,10 +30,16 @@ class Prediction:
     predicted: FloatArray
 
     @property
+    def n_row(self) -> IntArray:
+        """Rows of each joint (n_joint,) that count."""
+        return np.asarray(np.isfinite(self.measured).sum(axis=0))
+
+    @property
     def relative_error(self) -> FloatArray:
-        """Norm of the error over that of the measured torque (n_joint,)."""
+        """Norm of the error over that of the measured torque (n_joint,); NaN of a joint without rows."""
         error = np.nansum((self.measured - self.predicted) ** 2, axis=0)
-        return np.asarray(np.sqrt(error / np.nansum(self.measured**2, axis=0)))
+        size = np.nansum(self.measured**2, axis=0)
+        return np.asarray(np.sqrt(np.divide(error, size, out=np.full_like(error, np.nan), where=size > 0)))
 
     @property
     def total_error(self) -> float:
@@ -43,8 +49,10 @@ class Prediction:
 
     @property
     def deviation(self) -> FloatArray:
-        """Root mean square of the error (n_joint,) [N m]."""
-        return np.asarray(np.sqrt(np.nanmean((self.measured - self.predicted) ** 2, axis=0)))
+        """Root mean square of the error (n_joint,); NaN of a joint without rows [N m]."""
+        error = np.nansum((self.measured - self.predicted) ** 2, axis=0)
+        count = self.n_row
+        return np.asarray(np.sqrt(np.divide(error, count, out=np.full_like(error, np.nan), where=count > 0)))
 
 
 def predict(

@@ -11,6 +11,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.rigid.fitting import Simulate
 from robid.fit.rigid.options import RigidFitOptions
+from robid.fit.rigid.residual_tests import FEWEST_TESTED
 from robid.fit.rigid.shots import Shot
 from robid.fit.rigid.solution import RigidSolution
 from robid.fit.rigid.travel import repeats
@@ -26,6 +27,7 @@ from robid.validation.rigid.prediction import Prediction, predict
 MOTOR_ERROR_LIMIT = 0.3
 _WORSE = 2.0  # times what the fit left
 _MATTERS = 0.05  # of the torque
+_SAME_RATE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -87,11 +89,16 @@ def validate_rigid(
         prediction = predict(model, solution.estimate.value, shots, filters)
     except ValueError as error:
         raise DataError(str(error), where="validation", remedy="validate on a longer record") from error
+    if not prediction.n_row.any():
+        message = "no row of the validation is left: all motors are slower than the fit's rows"
+        remedy = "validate on a faster motion, or lower `filters.drop_below_rad_s` and `filters.drop_deviations`"
+        raise DataError(message, where="validation", remedy=remedy)
+    _refuse_other(solution, shots)
     own = np.sqrt(np.nanmean(solution.residuals.residual**2, axis=0))
     ratio = prediction.deviation / np.maximum(own, 1e-300)
     failures = _failures(robot, prediction)
     same = any(repeats(solution.travel, robot, shot) for shot in shots)
-    every = [*doubts, *_seen_already(same), *_worse(robot, prediction, ratio)]
+    every = [*doubts, *_seen_already(same), *_worse(robot, prediction, ratio), *_untested(robot, prediction)]
     return RigidValidation(
         outcome=Outcome(
             ok=not failures,
@@ -123,7 +130,7 @@ def _seen_already(same: bool) -> tuple[Doubt, ...]:
 
 
 def _failures(robot: Robot, prediction: Prediction) -> tuple[str, ...]:
-    error = prediction.relative_error
+    error = np.nan_to_num(prediction.relative_error)
     worst, found = int(np.argmax(error)), []
     if error[worst] > MOTOR_ERROR_LIMIT:
         name = robot.joints[worst].name
@@ -135,12 +142,39 @@ def _failures(robot: Robot, prediction: Prediction) -> tuple[str, ...]:
 
 def _worse(robot: Robot, prediction: Prediction, ratio: FloatArray) -> tuple[Doubt, ...]:
     """A motor whose torque is predicted much worse than on the fit's own motion."""
-    telling = np.where(prediction.relative_error > _MATTERS, ratio, 0.0)
+    telling = np.nan_to_num(np.where(prediction.relative_error > _MATTERS, ratio, 0.0))
     worst = int(np.argmax(telling))
     if telling[worst] <= _WORSE:
         return ()
     told = f"the torque of {robot.joints[worst].name} is off by {telling[worst]:.2g} times what the fit left"
     return (Doubt("model", told, decisive=False, strength=float(telling[worst]) / _WORSE),)
+
+
+def _untested(robot: Robot, prediction: Prediction) -> tuple[Doubt, ...]:
+    few = [
+        joint.name
+        for joint, count in zip(robot.joints, prediction.n_row.tolist(), strict=True)
+        if count < FEWEST_TESTED
+    ]
+    if not few:
+        return ()
+    told = f"the validation leaves fewer than {FEWEST_TESTED} rows of {', '.join(few)}, too few to tell anything"
+    return (Doubt("excitation", told, decisive=False, strength=2.0),)
+
+
+def _refuse_other(solution: RigidSolution, shots: Sequence[Shot]) -> None:
+    """Refuses records that are sampled otherwise, or in other units, than those of the fit."""
+    period = solution.filtered.sampling_period_s
+    other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
+    if other:
+        message = (
+            f"the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every {period:g} s"
+        )
+        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
+    units = {shot.torque_unit for shot in shots} - {solution.torque_unit}
+    if units:
+        message = f"the validation's torques are in {units.pop()}, the fit's in {solution.torque_unit}"
+        raise DataError(message, where="validation", remedy="validate on a record of the same quantity")
 
 
 def _verdict(prediction: Prediction, ratio: FloatArray, failures: tuple[str, ...], *, same: bool) -> str:
@@ -149,5 +183,5 @@ def _verdict(prediction: Prediction, ratio: FloatArray, failures: tuple[str, ...
         return f"does not hold on {motion}: {'; '.join(failures)}"
     return (
         f"holds on {motion}: torques are off by {prediction.total_error:.2g} of their size, and by at most "
-        f"{ratio.max():.2g} times what the fit left"
+        f"{np.nanmax(ratio):.2g} times what the fit left"
     )

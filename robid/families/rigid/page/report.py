@@ -30,7 +30,7 @@ def report(shown: Shown) -> FitReport:
     joints = tuple(joint.name for joint in shown.data.loaded.robot.joints)
     return FitReport(
         headline=_headline(shown.data.name, solution, estimates, validation, grade),
-        verdict=_verdict(solution, validation, grade),
+        verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
         grade=grade.value,
         sections=sections(solution, estimates, joints, validation),
         parameters=estimates.rows,
@@ -74,11 +74,11 @@ def _headline(
     )
 
 
-def _verdict(solution: RigidSolution, validation: RigidValidation | None, grade: Grade) -> str:
+def _verdict(solution: RigidSolution, validation: RigidValidation | None, grade: Grade, *, named: bool) -> str:
     known = int(solution.estimate.identified.sum())
     found = [grade.sentence, f"{known} of {len(solution.estimate.names)} base parameters are identified."]
     if validation is None:
-        found.append("Not validated: no campaign was named to hold it against.")
+        found.append("Not validated: no campaign was named to hold it against." if not named else "Not validated.")
     elif validation.outcome.ok:
         found.append(f"The model {validation.outcome.verdict}.")
     return " ".join(found)

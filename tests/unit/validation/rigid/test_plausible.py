@@ -198,3 +198,39 @@ def test_simulated_positions_are_held_against_the_measured_ones(robot, shot):
     )
     np.testing.assert_allclose(found.forward_error, off, rtol=1e-9, atol=1e-12)
     assert validate_rigid(robot, solution, [shot], OPTIONS).forward_error is None
+
+
+def test_a_validation_without_rows_of_a_motor_tells_nothing_of_it(robot, shot):
+    solution = fit_rigid(robot, [shot], OPTIONS)
+    other = shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=8))
+    slow = np.where(np.arange(3) == 1, 0.0, 1.0) * (other.position - other.position[0]) + other.position[0]
+    dropping = replace(OPTIONS, filters=replace(OPTIONS.filters, drop_below_rad_s=1e-3))
+    found = validate_rigid(robot, solution, [replace(other, position=slow)], dropping)
+    assert np.isnan(found.relative_error[1])
+    assert found.outcome.grade.value < 2
+    assert any("too few to tell" in doubt.message for doubt in found.outcome.grade.doubts)
+    with pytest.raises(DataError, match="no row of the validation") as caught:
+        validate_rigid(robot, solution, [replace(other, position=0 * other.position)], dropping)
+    assert "drop_below_rad_s" in caught.value.remedy
+
+
+def test_records_of_other_rates_or_units_are_refused(robot, shot):
+    solution = fit_rigid(robot, [shot], OPTIONS)
+    for change, told in (({"sampling_period_s": 2 * PERIOD_S}, "sampled"), ({"torque_unit": "A"}, "in A")):
+        other = replace(shot, **change)
+        with pytest.raises(DataError, match=told):
+            validate_rigid(robot, solution, [other], OPTIONS)
+        with pytest.raises(DataError, match=told):
+            fit_rigid(robot, [shot, other], OPTIONS)
+
+
+def test_rows_that_are_all_dropped_are_refused_with_what_drops_them(robot, shot):
+    dropping = replace(OPTIONS, filters=replace(OPTIONS.filters, drop_below_rad_s=1e6))
+    with pytest.raises(DataError, match="fast enough") as caught:
+        fit_rigid(robot, [shot], dropping)
+    assert "drop_below_rad_s" in caught.value.remedy
+
+
+def test_instruments_that_cannot_be_had_are_no_other_estimator(robot, shot):
+    with pytest.raises(DataError, match="need the robot's loop"):
+        fit_rigid(robot, [shot], replace(OPTIONS, estimator="instruments"))
