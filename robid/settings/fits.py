@@ -20,6 +20,7 @@ Read: TypeAlias = Literal["record", "frf"]
 HandedOn: TypeAlias = Literal["friction", "standard"]
 """What other nodes may take of a fit: motor friction, or the standard parameters of a rigid robot."""
 _Options = TypeVar("_Options")
+_Fit = TypeVar("_Fit", bound="FitSettings")
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -86,6 +87,19 @@ class SettingsOfFamily(Protocol):
 
 
 Families: TypeAlias = Mapping[str, SettingsOfFamily]
+
+
+def fit_of(experiment: Experiment, name: str, kind: type[_Fit]) -> _Fit:
+    """Returns a fit of an experiment as its family's own type.
+
+    Raises:
+        TypeError: If it is of another family.
+    """
+    fit = experiment.fits[name]
+    if not isinstance(fit, kind):
+        message = f"fit {name} is of family {fit.family}"
+        raise TypeError(message)
+    return fit
 
 
 def part(settings: object, kind: type[_Options]) -> _Options:

@@ -13,7 +13,7 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.settings.base import STRICT, Name
 from robid.settings.checks.limits import TORQUE, missing_limits
 from robid.settings.experiment import Experiment
-from robid.settings.fits import FitSettings, HandedOn, part
+from robid.settings.fits import FitSettings, HandedOn, fit_of, part
 from robid.settings.load import LoadedExperiment
 from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import suggest
@@ -51,11 +51,7 @@ def elastic_fit(experiment: Experiment, name: str) -> ElasticFit:
     Raises:
         TypeError: If it is of another family.
     """
-    fit = experiment.fits[name]
-    if not isinstance(fit, ElasticFit):
-        message = f"fit {name} is of family {fit.family}"
-        raise TypeError(message)
-    return fit
+    return fit_of(experiment, name, ElasticFit)
 
 
 def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:

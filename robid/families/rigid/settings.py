@@ -12,7 +12,7 @@ from robid.fit.rigid.options import RigidFitOptions
 from robid.settings.base import STRICT
 from robid.settings.checks.experiment import sampling_period_s
 from robid.settings.experiment import Campaign, Experiment, heaviest, payload_kg
-from robid.settings.fits import FitSettings, HandedOn, part
+from robid.settings.fits import FitSettings, HandedOn, fit_of, part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import robot_settings
@@ -49,11 +49,7 @@ def rigid_fit(experiment: Experiment, name: str) -> RigidFit:
     Raises:
         TypeError: If it is of another family.
     """
-    fit = experiment.fits[name]
-    if not isinstance(fit, RigidFit):
-        message = f"fit {name} is of family {fit.family}"
-        raise TypeError(message)
-    return fit
+    return fit_of(experiment, name, RigidFit)
 
 
 def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:

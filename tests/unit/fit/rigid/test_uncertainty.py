@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from block_bootstrap import bootstrap_blocks
 from rigid_models import random_rows
-from robid.fit.rigid.bootstrap import bootstrap_blocks
 from robid.fit.rigid.huber import huber
 from robid.fit.rigid.least_squares import ordinary_least_squares, weighted_least_squares
 from robid.fit.rigid.options import HuberOptions
