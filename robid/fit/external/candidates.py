@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from robid.fit.external.data import Shot
 
 _ADDED = (0.3, 1.0, 3.0)  # times the outputs' own frequency, a pole that a zero cancels is added
+_TOLERANCE = 0.1  # standard deviations of the poles that no criterion notices
 _FAR = 10.0  # per sample, a pole is added that nearly answers at once
 
 
@@ -96,7 +97,7 @@ class Candidates:
         starts = [*alike, *self._extended(problem)]
         noise = min((each for each in self._found.values()), key=lambda each: each.bic, default=None)
         first = None if noise is None else noise.noise
-        found, weights = search(problem, starts, first, linear=not alike)
+        found, weights = search(problem, starts, first, linear=not alike, tried=1 if alike else 2, tolerance=_TOLERANCE)
         model = model_of(problem, found.point, default_names(problem))
         return self._judge(problem, model, weights, found.status)
 

@@ -198,6 +198,7 @@ def search(
     *,
     linear: bool = True,
     tried: int = 2,
+    tolerance: float = 1e-3,
 ) -> tuple[Descent, FloatArray]:
     """Searches poles and weights.
 
@@ -207,6 +208,7 @@ def search(
         noise (n_shot, n_out): Weights' standard deviations to start with.
         linear: Whether starts are also found from the data.
         tried: From how many of the best starts the search sets out.
+        tolerance: Move of the poles, in standard deviations of theirs, that ends the search.
 
     Returns:
         The fit and the noise (n_shot, n_out) that weights it.
@@ -226,7 +228,7 @@ def search(
     tries = [_descend(problem, each.basis.denominator, noise, 0.1, 15) for each in usable[:tried]]
     best = min(tries, key=lambda descent: descent.point.cost)
     for _ in range(_WEIGHT_PASSES):
-        best = _descend(problem, best.point.basis.denominator, noise, reflected=best.reflected)
+        best = _descend(problem, best.point.basis.denominator, noise, tolerance, reflected=best.reflected)
         before, noise = noise, residual_noise(problem.experiments, best.point, noise)
         if np.abs(np.log(noise / before)).max() < _WEIGHT_TOLERANCE:
             break
@@ -237,7 +239,7 @@ def _descend(
     problem: Problem,
     denominator: FloatArray,
     noise: FloatArray,
-    tolerance: float = 1e-3,
+    tolerance: float,
     max_iterations: int = 60,
     *,
     reflected: bool = False,
