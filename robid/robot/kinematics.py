@@ -89,7 +89,7 @@ class ToolArm:
         shape = positions.shape[:-1]
         point: FloatArray = np.zeros((*shape, 3))
         turn: FloatArray = np.broadcast_to(np.eye(3), (*shape, 3, 3))
-        axes = []
+        axes: list[tuple[FloatArray, FloatArray]] = []
         for joint, moved in zip(self.joints, np.moveaxis(positions, -1, 0), strict=True):
             point, turn = point + turn @ joint.position_m, turn @ joint.rotation
             axes.append((turn[..., 2], point))

@@ -93,9 +93,8 @@ class _MotorLoop:
         model = build_model(replace(robot, sensors=(*robot.sensors, tool_sensor(arm))))
         rest = solve_statics(model, configuration[None])
         linear = linearize(model, rest)
-        moves = channel_matrix(arm, names, configuration)
         self._told = robot.motor_per_arm @ command_matrix(arm, names, configuration)
-        rows = moves @ robot.arm_per_motor @ model.motor_rows
+        rows: FloatArray = channel_matrix(arm, names, configuration) @ robot.arm_per_motor @ model.motor_rows
         if measured == "tool":
             rows = _true_rows(model, arm, names, configuration, rest.position[0])
         # First the motors, which the loop is closed by, then what is measured.

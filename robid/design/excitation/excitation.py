@@ -19,7 +19,7 @@ from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, 
 _PLAYED_SHARE = 1e-6
 """Size of a line, relative to the largest, below which it holds only rounding."""
 
-UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m"}
+UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m", "pose_reference": "m, or rad"}
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,9 @@ class Excitation:
     """What each motor is told to do, one period per realization and experiment.
 
     Attributes:
-        reference (n_real, n_exp, n_sample, n_motor): Injected signal [rad/s, rad or N m].
-        kind: `speed_reference`, `position_reference` or `torque`.
+        reference (n_real, n_exp, n_sample, n_motor): Injected signal [rad/s, rad or N m]; of a pose chirp the commands,
+            a channel of the pose in place of each motor [m, or rad].
+        kind: `speed_reference`, `position_reference`, `torque` or `pose_reference`.
         excited_lines (n_freq,): Excited DFT lines.
         detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
         sampling_period_s: Sampling period of the controller [s].
