@@ -20,9 +20,10 @@ from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
-from robid.settings.pose import commanded_channels, require_pose_interface, tool_arm
+from robid.settings.pose import require_pose_interface, tool_arm
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.settings.truth import true_robot_of
+from robid.signals.quantities import channel_names
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.pose_loop import PoseExperiment, simulate_poses, with_settled_pose_steps
@@ -177,7 +178,7 @@ def simulated_poses(
         controller=require_controller(loaded),
         interface=require_pose_interface(loaded.robot),
         options=options,
-        channels=commanded_channels(campaign, loaded.robot) or (),
+        channels=channel_names(content.excitation.channels),
         reference=content.excitation.reference,
         excited_lines=content.excitation.excited_lines,
         periods=campaign.periods,

@@ -15,6 +15,7 @@ from robid.design.excitation.shaping import sensitivity_amplitude
 from robid.errors import SettingsError
 from robid.signals.crest import reduce_crest, reduce_crest_with_motion
 from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
+from robid.signals.quantities import Channel
 
 _PLAYED_SHARE = 1e-6
 """Size of a line, relative to the largest, below which it holds only rounding."""
@@ -92,6 +93,7 @@ class Excitation:
         rms (n_motor,): RMS of each motor's signal, a slow motion left out [as reference].
         crest_factor (n_real, n_exp, n_motor): Peak over RMS, a slow motion left out.
         plan: Predicted motion against the limits, or None before `predict`.
+        channels: What each column of the reference is where it is no motor; empty for motors.
     """
 
     reference: FloatArray
@@ -103,6 +105,7 @@ class Excitation:
     rms: FloatArray
     crest_factor: FloatArray
     plan: ExcitationPlan | None = None
+    channels: tuple[Channel, ...] = ()
 
     @property
     def period_s(self) -> float:

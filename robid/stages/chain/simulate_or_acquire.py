@@ -34,8 +34,6 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
     settings[f"{section}.payload_kg"] = campaign.payload_kg
     settings[f"{section}.outputs"] = loaded.plain["campaigns"][owner]["outputs"]
-    if campaign.moves_poses:
-        settings[f"{section}.excitation.channels"] = loaded.plain["campaigns"][owner]["excitation"]["channels"]
     simulated = None if campaign.source is None else campaign.source.simulate
     if simulated is None or simulated.steps_per_sample is None:
         settings["steps_per_sample"] = dict(STEP_LIMITS)

@@ -13,6 +13,7 @@ from robid.design.excitation.pose.limits import admissible, check_poses, pose_li
 from robid.design.excitation.pose.motion import PoseMotion, PoseRobot, pose_motion
 from robid.design.excitation.signal_lines import check_signal, pose_chirp, signal_lines
 from robid.robot.reach import Reach
+from robid.signals.pose import pose_command_channels
 
 
 def design_pose_chirp(
@@ -69,6 +70,7 @@ def design_pose_chirp(
         rms=rms,
         crest_factor=np.broadcast_to(crest, (realizations, *crest.shape)).copy(),
         plan=_plan(robot, configurations, motions, duration_s * options.period_s),
+        channels=pose_command_channels(channels),
     )
 
 
