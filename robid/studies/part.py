@@ -1,4 +1,4 @@
-"""What a part of the study is: its tasks, and what it found."""
+"""What a part of a study is: its tasks, what it found, and what is asked of that."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.section import Section
-from robid.settings.load import LoadedExperiment
-from robid.settings.study import JanotStudy
 from robid.studies.study import Step
 from robid.studies.tasks import Content, Function, Task
 
@@ -33,7 +31,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class PartFound:
-    """What a part of the study found.
+    """What a part of a study found.
 
     Attributes:
         figures: Figures by their name in summary.json.
@@ -62,7 +60,7 @@ def _none_further(_run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the study.
+    """A part of a study of several.
 
     Attributes:
         name: Its name, and that of the folder of its tasks.
@@ -82,12 +80,3 @@ class Part:
     def step(self) -> Step:
         """Its tasks as a step of the study; they wait for no others."""
         return Step(self.name, lambda run, _: self.tasks(run), self.function)
-
-
-def study_of(loaded: LoadedExperiment) -> JanotStudy:
-    """Returns the study of an experiment that has one of this kind."""
-    study = loaded.experiment.study
-    if not isinstance(study, JanotStudy):
-        message = "the study is of another kind"
-        raise TypeError(message)
-    return study

@@ -1,8 +1,8 @@
-"""What the study of robust regression found: its parts joined, and whether all that is asked of them is reached."""
+"""A study of several parts: what they found is joined, and whether all that is asked of them is reached."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from robid.pipeline import Run
 from robid.report.content import Verdict
@@ -10,46 +10,53 @@ from robid.report.numbers import MISSING, significant
 from robid.report.section import Cell, Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.studies.conclusion import Conclusion
-from robid.studies.janot2009.part import Asked, PartFound, study_of
-from robid.studies.janot2009.parts import PARTS
-from robid.studies.paper import paper_figures
-from robid.studies.study import Earlier
+from robid.studies.part import Asked, Part, PartFound
+from robid.studies.study import Earlier, Procedure
 
 _DIGITS = 5  # published values are asked for within a hundredth
 
 
-def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
-    """Returns no outputs of the chain, once the paper's figures can be read."""
-    paper_figures(study_of(loaded).paper, loaded)
-    return ()
+def joined(parts: Sequence[Part], prepare: Callable[[LoadedExperiment], None], reached: str) -> Procedure:
+    """Returns the procedure of a study whose parts wait for no others and read nothing of its own chain.
+
+    Args:
+        parts: The parts, in the order of the page.
+        prepare: Refuses, before anything is computed, what cannot be read.
+        reached: What it means that all that is asked for is reached, in words.
+    """
+
+    def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
+        prepare(loaded)
+        return ()
+
+    def further(run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
+        return tuple(one for part in parts for one in part.further(run))
+
+    def conclude(run: Run, results: Earlier) -> Conclusion:
+        each = (part.conclude(run, list(done)) for part, done in zip(parts, results, strict=True))
+        return _join([one for one in each if one is not None], reached)
+
+    return Procedure(needs, tuple(part.step for part in parts), conclude, further)
 
 
-def further(run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
-    """Returns the other experiments of all parts."""
-    return tuple(one for part in PARTS for one in part.further(run))
-
-
-def conclude(run: Run, results: Earlier) -> Conclusion:
-    """Joins what the parts found."""
-    each = (part.conclude(run, list(done)) for part, done in zip(PARTS, results, strict=True))
-    found = [one for one in each if one is not None]
+def _join(found: Sequence[PartFound], reached: str) -> Conclusion:
     figures = {name: value for one in found for name, value in one.figures.items()}
     asked = {name: limits for one in found for name, limits in one.asked.items()}
     missed = [name for name, limits in asked.items() if not limits.is_reached(figures[name])]
     sections = tuple(section for one in found for section in one.sections)
     return Conclusion(
-        Verdict(_sentence(len(asked), missed), "warn" if missed or not asked else "ok"),
+        Verdict(_sentence(len(asked), missed, reached), "warn" if missed or not asked else "ok"),
         figures,
         (_asked_section(figures, asked), *sections),
-        _warnings(found),
+        tuple(warning for one in found for warning in one.warnings),
     )
 
 
-def _sentence(count: int, missed: Sequence[str]) -> str:
+def _sentence(count: int, missed: Sequence[str], reached: str) -> str:
     if not count:
         return "No part of the study could be done."
     if not missed:
-        return f"All {count} figures that are asked for are reached: the verdict on least squares is right."
+        return f"All {count} figures that are asked for are reached: {reached}."
     return f"{count - len(missed)} of {count} figures that are asked for are reached; missed: {', '.join(missed)}."
 
 
@@ -70,7 +77,3 @@ def _asked_section(figures: dict[str, float], asked: dict[str, Asked]) -> Sectio
 
 def _end(value: float) -> str:
     return MISSING if abs(value) == float("inf") else significant(value, _DIGITS)
-
-
-def _warnings(found: Sequence[PartFound]) -> tuple[str, ...]:
-    return tuple(warning for one in found for warning in one.warnings)
