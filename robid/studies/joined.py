@@ -17,7 +17,7 @@ _DIGITS = 5  # published values are asked for within a hundredth
 
 
 def joined(parts: Sequence[Part], prepare: Callable[[LoadedExperiment], None], reached: str) -> Procedure:
-    """Returns the procedure of a study whose parts wait for no others and read nothing of its own chain.
+    """Returns the procedure of a study of several parts that reads nothing of its own chain.
 
     Args:
         parts: The parts, in the order of the page.
@@ -36,7 +36,9 @@ def joined(parts: Sequence[Part], prepare: Callable[[LoadedExperiment], None], r
         each = (part.conclude(run, list(done)) for part, done in zip(parts, results, strict=True))
         return _join([one for one in each if one is not None], reached)
 
-    return Procedure(needs, tuple(part.step for part in parts), conclude, further)
+    names = [part.name for part in parts]
+    steps = tuple(part.step(names[:index]) for index, part in enumerate(parts))
+    return Procedure(needs, steps, conclude, further)
 
 
 def _join(found: Sequence[PartFound], reached: str) -> Conclusion:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.section import Section
-from robid.studies.study import Step
-from robid.studies.tasks import Content, Function, Task
+from robid.studies.study import Earlier, Step
+from robid.studies.tasks import Content, Function, Results, Task
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,7 @@ class Part:
         tasks: Its tasks.
         function: Does one of them.
         further: Other experiments that it reads, each with outputs of its chain.
+        following: Its tasks where these need what parts before it found, by their name; in the place of `tasks`.
     """
 
     name: str
@@ -75,8 +76,14 @@ class Part:
     tasks: Callable[[Run], list[Task]] = _no_tasks
     function: Function = _nothing
     further: Callable[[Run], tuple[tuple[Run, tuple[str, ...]], ...]] = _none_further
+    following: Callable[[Run, Mapping[str, Results]], list[Task]] | None = None
 
-    @property
-    def step(self) -> Step:
-        """Its tasks as a step of the study; they wait for no others."""
-        return Step(self.name, lambda run, _: self.tasks(run), self.function)
+    def step(self, before: Sequence[str]) -> Step:
+        """Returns its tasks as a step of the study, the parts before it named."""
+
+        def tasks(run: Run, earlier: Earlier) -> list[Task]:
+            if self.following is None:
+                return self.tasks(run)
+            return self.following(run, dict(zip(before, earlier, strict=True)))
+
+        return Step(self.name, tasks, self.function)
