@@ -15,6 +15,8 @@ from robid.signals.quantities import QUANTITIES, Channel
 from robid.signals.record import Record
 
 _SAME = 1e-6  # of a command's range
+_ROUNDING = 1e-6  # of the largest value, as samples are stored
+_OFF_GRID, _ON_GRID = 0.1, 0.95
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class Shot:
         sampling_period_s: Sampling period [s].
         name: Campaign, and what else tells it from others, for messages.
         offset: Whether a constant offset of each output is estimated along.
+        place: Campaign and configuration; shots of one place in which several commands move are read together.
+        quantum (n_out,): Step between values of a single repeat, 0 where they lie on no grid; None where unknown.
     """
 
     inputs: FloatArray
@@ -41,6 +45,8 @@ class Shot:
     sampling_period_s: float
     name: str
     offset: bool = True
+    place: str = ""
+    quantum: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -107,9 +113,23 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
             sampling_period_s=record.sampling_period_s,
             name=", ".join([name, *_words(place, record.inputs.shape[:3])]),
             offset=not absolute,
+            place=f"{name}, {place[0]}",
+            quantum=np.array([quantum_of(each) for each in answers[0].T]),
         )
         found.append(shot)
     return tuple(found)
+
+
+def quantum_of(values: FloatArray) -> float:
+    """Returns the step of the grid that values (n_sample,) lie on; 0 where they lie on none."""
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    steps = steps[steps > _ROUNDING * np.abs(levels).max(initial=0.0)]
+    if not steps.size:
+        return 0.0
+    quantum = float(np.median(steps[steps < 1.5 * steps.min()]))
+    off = np.abs(steps / quantum - np.round(steps / quantum))
+    return quantum if np.mean(off < _OFF_GRID) > _ON_GRID else 0.0
 
 
 def refuse_unlike(shots: Sequence[Shot]) -> None:

@@ -20,7 +20,7 @@ class CouplingOptions:
         ratio: Magnitude ratio, normalised by the resolutions, from which on this matters.
         resolution_m: Resolution of translations [m].
         resolution_rad: Resolution of rotations [rad].
-        segments: Segments of Welch's method at least.
+        segments: Segments of Welch's method, which overlap by half.
         level: Chance of a false alarm of one pair.
     """
 
@@ -35,7 +35,9 @@ class CouplingOptions:
     resolution_rad: float = field(
         default=float(np.deg2rad(0.001)), metadata={"description": "Resolution of rotations [rad].", "gt": 0}
     )
-    segments: int = field(default=8, metadata={"description": "Segments of Welch's method at least.", "ge": 2})
+    segments: int = field(
+        default=16, metadata={"description": "Segments of Welch's method, which overlap by half.", "ge": 2}
+    )
     level: float = field(
         default=0.01, metadata={"description": "Chance of a false alarm of one pair.", "gt": 0, "lt": 1}
     )
