@@ -15,6 +15,8 @@ from robid.signals.chirp import chirp
 
 _MILLIMETRE, _DEGREE = 1e-3, float(np.pi / 180)
 ROTATIONS = ("A", "B", "C")
+PRINTED = {"m": _MILLIMETRE, "rad": _DEGREE}
+"""Units that the paper prints, millimetres and degrees, in SI units."""
 
 
 @dataclass(frozen=True)

@@ -23,14 +23,16 @@ class Tried:
         zeros: Number of zeros.
         delay_samples: Delay.
         bic: Bayesian information criterion.
-        nrmse: On the validation.
+        whiteness_p: Chance of white residuals to look as correlated.
+        chosen: Whether it was taken.
     """
 
     poles: int
     zeros: int
     delay_samples: int
     bic: float
-    nrmse: float
+    whiteness_p: float
+    chosen: bool
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ class Identified:
         quality: On the validation.
         frequency_hz (n_freq,): Frequencies of the responses [Hz].
         response (n_freq,): Of the estimate, with delay.
-        response_std (n_freq,): Predicted deviation of the magnitude.
+        relative_std (n_freq,): Predicted relative deviation of the magnitude.
+        phase_std (n_freq,): Predicted deviation of the phase [rad].
         etfe_hz (n_etfe,): Frequencies of the empirical response [Hz].
         etfe (n_etfe,): Empirical response.
         etfe_radius (n_etfe,): Its confidence radius.
@@ -90,7 +93,8 @@ class Identified:
     quality: Quality
     frequency_hz: FloatArray
     response: ComplexArray
-    response_std: FloatArray
+    relative_std: FloatArray
+    phase_std: FloatArray
     etfe_hz: FloatArray
     etfe: ComplexArray
     etfe_radius: FloatArray
@@ -113,7 +117,8 @@ _TABLE = {
     "tried": Column("as named", ("structure",)),
     "frequency_hz": Column("Hz", _FREQUENCY),
     "response": Column("1", _FREQUENCY, "Of the estimate, with delay"),
-    "response_std": Column("1", _FREQUENCY),
+    "relative_std": Column("1", _FREQUENCY, "Of the magnitude"),
+    "phase_std": Column("rad", _FREQUENCY),
     "etfe_hz": Column("Hz", _ETFE),
     "etfe": Column("1", _ETFE, "Empirical response"),
     "etfe_radius": Column("1", _ETFE),

@@ -71,7 +71,10 @@ def root_values(polynomial: tuple[float, ...]) -> list[tuple[str, float, float]]
 
 
 def judge_roots(
-    found: list[RootValue], numerator: tuple[float, ...], denominator: tuple[float, ...], band_rad_s: tuple[float, float]
+    found: list[RootValue],
+    numerator: tuple[float, ...],
+    denominator: tuple[float, ...],
+    band_rad_s: tuple[float, float],
 ) -> list[RootError]:
     """Judges the poles and zeros inside a band that are said to be well known.
 

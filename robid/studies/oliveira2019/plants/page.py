@@ -9,7 +9,6 @@ import numpy as np
 
 from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
-from robid.report.section import Section
 from robid.settings.external_study import PlantsCase
 from robid.studies.oliveira2019.plants.bench import Bench, Plant, bench_of, plants_of
 from robid.studies.oliveira2019.plants.identified import Identified, from_content

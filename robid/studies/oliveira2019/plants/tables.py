@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robid.report.numbers import MISSING, MINUS, percent, significant
-from robid.report.section import Cell, Notes, Row, Section, Table
+from robid.report.numbers import MINUS, MISSING, percent, significant
+from robid.report.section import Notes, Row, Section, Table
 from robid.studies.oliveira2019.plants.bench import ROTATIONS, Bench, Plant
 from robid.studies.oliveira2019.plants.identified import Identified
 from robid.studies.oliveira2019.plants.judging import RootError, root_values
@@ -64,9 +64,7 @@ def _functions(plants: Sequence[Plant], found: Mapping[str, Identified]) -> Tabl
     return Table(tuple(heads), tuple(rows), title="Table 3: transfer functions", prose=True)
 
 
-def _roots(
-    plants: Sequence[Plant], found: Mapping[str, Identified], errors: Mapping[str, list[RootError]]
-) -> Table:
+def _roots(plants: Sequence[Plant], found: Mapping[str, Identified], errors: Mapping[str, list[RootError]]) -> Table:
     rows: list[Row] = []
     for plant in plants:
         group = f"Channel {plant.name}: true {_true_roots(plant)}"
