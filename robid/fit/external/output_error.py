@@ -172,7 +172,7 @@ def fit_block(
     problem = pose(shots, inputs, outputs, structure)
     starts = [] if start is None else [scaled(start.denominator, problem.scale)]
     found, noise = search(problem, starts)
-    return conclude(problem, found, noise, names or _default_names(problem))
+    return conclude(problem, found, noise, names or default_names(problem))
 
 
 def pose(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], structure: Structure) -> Problem:
@@ -373,6 +373,6 @@ def log_likelihood(experiments: Sequence[Experiment], squares: FloatArray) -> fl
     return total
 
 
-def _default_names(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def default_names(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
     n_out = len(problem.experiments[0].outputs)
     return tuple(f"u{index}" for index in range(problem.n_in)), tuple(f"y{index}" for index in range(n_out))
