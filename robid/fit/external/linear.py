@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.fit.external.reduction import Basis, Reduced
 
+_LEAST_STEP = 1e-6  # of the reference frequency
 _DEPENDENT = 1e-13  # of the largest singular value
 
 
@@ -74,6 +75,12 @@ class Point:
     residual: FloatArray
     slope: FloatArray
     n_rows: tuple[int, ...]
+
+
+def natural_steps(point: Point) -> FloatArray:
+    """Returns the steps (n_pole,) along the states' numerators that change poles by about their own size."""
+    parts = [[abs(stage.pole) / stage.gain] * (1 + stage.is_pair) for stage in point.basis.single.stages]
+    return np.maximum(np.cumprod(np.concatenate(parts)), _LEAST_STEP)
 
 
 def solve(

@@ -11,7 +11,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.fit.external.covariance import Spread, find_spread
+from robid.fit.external.checks import check_block
+from robid.fit.external.covariance import find_spread
 from robid.fit.external.descent import Descent, admit, descend
 from robid.fit.external.hold import Hold
 from robid.fit.external.linear import Numerators, Point, solve
@@ -168,6 +169,10 @@ def fit_block(
         structure: Numbers of poles and zeros, delay, and the rest of what is held fixed.
         start: A model to start from, beside the starts found from the data.
         names: Names of inputs and outputs.
+
+    Raises:
+        ValueError: If the structure is none.
+        DataError: If the shots cannot tell it.
     """
     problem = pose(shots, inputs, outputs, structure)
     starts = [] if start is None else [scaled(start.denominator, problem.scale)]
@@ -176,7 +181,13 @@ def fit_block(
 
 
 def pose(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], structure: Structure) -> Problem:
-    """Prepares the data of a block."""
+    """Prepares the data of a block.
+
+    Raises:
+        ValueError: If the structure is none.
+        DataError: If the shots cannot tell it.
+    """
+    check_block(shots, inputs, outputs, structure)
     experiments = prepare(shots, inputs, outputs, structure.delay_samples, structure.moving_average)
     period = shots[0].sampling_period_s
     return Problem(experiments, structure, len(inputs), _own_frequency(experiments) / period, period)
