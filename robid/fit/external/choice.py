@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.fit.external.candidates import Candidate, Candidates
 from robid.fit.external.covariance import WHITE
-from robid.fit.external.output_error import Structure
+from robid.fit.external.problem import Structure
 
 if TYPE_CHECKING:
     from robid.fit.external.data import Shot

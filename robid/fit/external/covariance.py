@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.external.hold import Hold
@@ -46,8 +46,9 @@ def find_spread(
 ) -> Spread:
     """Computes residuals and the coefficients' covariance.
 
-    Poles above the Nyquist frequency count as known to about their own size. For white residuals the covariance is `sigma^2 (J'J)^-1`; where any is coloured, its
-    smoothed spectrum takes the place of `sigma^2`, which keeps intervals honest when the model leaves something over.
+    Poles above the Nyquist frequency count as known to about their own size. For white residuals the covariance is
+    `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of `sigma^2`, which keeps
+    intervals honest when the model leaves something over.
 
     Args:
         experiments: The experiments.
@@ -62,7 +63,7 @@ def find_spread(
     """
     rows = [_time_rows(each, point, period, hold) for each in experiments]
     ends = np.cumsum([0, *(each.n_sample for each in experiments)]).tolist()
-    spans = [slice(first, last) for first, last in zip(ends[:-1], ends[1:], strict=True)]
+    spans = [slice(first, last) for first, last in pairwise(ends)]
     linear = [_linear_part(rows, point, sought, noise[:, output], output) for output in range(noise.shape[1])]
     projected, triangle = np.linalg.qr(np.concatenate([*(each.tilt for each in linear), _faith(point, period)]))
     residuals = [np.zeros((each.n_sample, noise.shape[1])) for each in experiments]

@@ -1,14 +1,15 @@
-"""What is to be known of poles and zeros: undetermined, cancelling, unstable or non-minimum-phase ones, in words."""
+"""What is to be known of a channel's poles and zeros, in words."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2, norm
 
 from robid.arrays import FloatArray
-from robid.fit.external.roots import Quantities, poles_of, root_moves, zeros_of
+from robid.fit.external.roots import Root, poles_of, zeros_of
 from robid.fit.external.transfer import TransferMatrix
 
 CANCELLING = 0.05
@@ -19,7 +20,7 @@ _WITHIN_REACH = 0.5  # of the magnitude: farther apart, an insignificant distanc
 
 @dataclass(frozen=True)
 class Findings:
-    """What is to be known of one channel.
+    """What is to be known of one channel's poles and zeros.
 
     Attributes:
         undetermined: Poles and zeros that the data do not determine, a sentence each.
@@ -27,7 +28,7 @@ class Findings:
         pairs: Pole and zero [rad/s] of each of them.
         non_minimum_phase: Zeros in the right half plane, a sentence each.
         non_minimum_phase_zeros: Those zeros [rad/s].
-        significant (n_non_minimum_phase,): Whether each is significantly there.
+        significant: Whether each of those is significantly there.
     """
 
     undetermined: tuple[str, ...]
@@ -60,90 +61,57 @@ def find_findings(
     poles, zeros = poles_of(model, root), zeros_of(model, root, output, input)
     nyquist = np.pi / model.sampling_period_s
     undetermined = [
-        sentence for each in (poles, zeros) for sentence in _undetermined(each, nyquist, largest_relative_std)
+        *_undetermined("pole", poles, nyquist, largest_relative_std),
+        *_undetermined("zero", zeros, nyquist, largest_relative_std),
     ]
-    cancelling, pairs = _cancelling(model, root, output, input, confidence)
-    right = _right_half_plane(zeros, confidence)
+    cancelling = _cancelling(poles, zeros, float(np.sqrt(chi2.ppf(confidence, 2))))
+    right = [each for each in zeros if each.place.real > 0]
+    significant = [each.place.real > norm.ppf(confidence) * each.real_std for each in right]
     return Findings(
         undetermined=tuple(undetermined),
-        cancelling=tuple(cancelling),
-        pairs=tuple(pairs),
-        non_minimum_phase=tuple(sentence for sentence, _, _ in right),
-        non_minimum_phase_zeros=tuple(place for _, place, _ in right),
-        significant=tuple(significant for _, _, significant in right),
+        cancelling=tuple(sentence for sentence, _ in cancelling),
+        pairs=tuple(pair for _, pair in cancelling),
+        non_minimum_phase=tuple(
+            f"the zero at {_written(each.place)} rad/s is not of minimum phase{'' if sure else ', not significantly'}"
+            for each, sure in zip(right, significant, strict=True)
+        ),
+        non_minimum_phase_zeros=tuple(each.place for each in right),
+        significant=tuple(significant),
     )
 
 
-def _undetermined(roots: Quantities, nyquist: float, largest: float) -> list[str]:
+def _undetermined(word: str, roots: Sequence[Root], nyquist: float, largest: float) -> list[str]:
     """Writes a sentence for each root beyond the sampling or with a large deviation."""
     found = []
-    for name, place, relative in zip(roots.names, roots.places.tolist(), roots.relative_std.tolist(), strict=True):
-        if name.endswith(".damping"):
-            continue
-        word = name.partition(".")[0]
-        if abs(place) > nyquist:
+    for each in roots:
+        named = f"the {word} at {_written(each.place)} rad/s"
+        if abs(each.place) > nyquist:
             found.append(
-                f"{word} at {_written(place)} rad/s lies above the Nyquist frequency of {nyquist:.4g} rad/s: its value"
-                " follows from the assumed structure, not from the samples"
+                f"{named} lies above the Nyquist frequency of {nyquist:.4g} rad/s: its value follows from the assumed"
+                " structure, not from the samples"
             )
-        elif not relative <= largest:
-            told = f"{100 * relative:.3g} %" if np.isfinite(relative) else "without limit"
-            found.append(f"{word} at {_written(place)} rad/s is not determined: its relative deviation is {told}")
+        elif not each.relative_std <= largest:
+            found.append(f"{named} is not determined: its relative deviation is {100 * each.relative_std:.3g} %")
     return found
 
 
 def _cancelling(
-    model: TransferMatrix, root: FloatArray, output: int, input_: int, confidence: float
-) -> tuple[list[str], list[tuple[complex, complex]]]:
+    poles: Sequence[Root], zeros: Sequence[Root], quantile: float
+) -> list[tuple[str, tuple[complex, complex]]]:
     """Names poles and zeros that lie as near to each other as nothing, or as the data can tell."""
-    sentences, pairs = [], []
-    numerator = model.numerator[output, input_]
-    n_pole, n_weight = len(model.denominator) - 1, len(numerator)
-    first = (output * len(model.inputs) + input_) * n_weight
-    below = np.concatenate([np.zeros((1, root.shape[1])), root[-n_pole:]])
-    left = [place for place in model.zeros(output, input_).tolist() if place.imag >= 0]
-    for pole in sorted((place for place in model.poles.tolist() if place.imag >= 0), key=abs):
-        if not left:
-            break
-        zero = min(left, key=lambda place: abs(place - pole))
-        size = max(abs(pole), abs(zero))
-        distance = pole - zero
-        moves = root_moves(model.denominator, below, pole) - root_moves(numerator, root[first : first + n_weight], zero)
-        near = abs(distance) <= CANCELLING * size
-        unclear = abs(distance) <= _WITHIN_REACH * size and not _differs(distance, moves, confidence)
-        if near or unclear:
-            left.remove(zero)
-            pairs.append((pole, zero))
-            why = f"{100 * abs(distance) / size:.2g} % apart" + (", not significantly" if unclear else "")
-            sentences.append(
-                f"the pole at {_written(pole)} rad/s and the zero at {_written(zero)} rad/s nearly cancel: {why}"
-            )
-    return sentences, pairs
-
-
-def _differs(distance: complex, moves: FloatArray, confidence: float) -> bool:
-    """Whether a distance is significantly different from zero, by what the covariance root moves it by (n_root,)."""
-    both = np.stack([moves.real, moves.imag]) if distance.imag or np.abs(moves.imag).any() else moves.real[None]
-    value = np.array([distance.real, distance.imag])[: len(both)]
-    if not np.isfinite(both).all():
-        return False
-    statistic = value @ np.linalg.pinv(both @ both.T) @ value
-    return bool(statistic > chi2.ppf(confidence, len(both)))
-
-
-def _right_half_plane(zeros: Quantities, confidence: float) -> list[tuple[str, complex, bool]]:
-    found = []
-    limit = norm.ppf(confidence)
-    deviations = zeros.standard_deviation.tolist()
-    for kind, place, value, deviation in zip(
-        zeros.kinds, zeros.places.tolist(), zeros.values.tolist(), deviations, strict=True
-    ):
-        if kind == "zero_frequency" or place.real <= 0:
+    found, left = [], list(zeros)
+    for pole in poles:
+        alike = [each for each in left if (each.place.imag == 0) == (pole.place.imag == 0)]
+        if not alike:
             continue
-        # A real zero is known by itself, a pair by its damping ratio, which is negative.
-        significant = bool(abs(value) > limit * deviation)
-        word = "significantly" if significant else "not significantly"
-        found.append((f"the zero at {_written(place)} rad/s is not of minimum phase, {word}", place, significant))
+        zero = alike[int(np.argmin([abs(each.place - pole.place) for each in alike]))]
+        apart = abs(zero.place - pole.place) / max(abs(zero.place), abs(pole.place))
+        unclear = apart <= _WITHIN_REACH and not pole.differs(zero, quantile)
+        if apart <= CANCELLING or unclear:
+            left.remove(zero)
+            why = f"{100 * apart:.2g} % apart{', not significantly' if unclear else ''}"
+            sentence = f"the pole at {_written(pole.place)} rad/s and the zero at {_written(zero.place)} rad/s"
+            found.append((f"{sentence} nearly cancel: {why}", (pole.place, zero.place)))
     return found
 
 

@@ -19,7 +19,6 @@ class ResponseDeviation:
     Attributes:
         magnitude: Of the magnitude over itself.
         phase_rad: Of the phase [rad].
-        largest: Root of the sum of both squares: of the response's distance from the true one over its magnitude.
     """
 
     magnitude: FloatArray
@@ -92,13 +91,17 @@ def output_deviation(
 
 
 def _derivatives(model: TransferMatrix, root: FloatArray) -> tuple[Cascade, FloatArray, float]:
-    """Returns the poles' cascade, each twice, the weights (n_out, n_in, n_state, n_root) of its states in what each
-    column of the covariance root moves an output by, and the reference frequency [rad/s]."""
+    """Returns what a covariance root's columns move outputs by.
+
+    Returns:
+        The cascade of the poles, each twice, the weights (n_out, n_in, n_state, n_root) of its states in those moves,
+        and the reference frequency [rad/s].
+    """
     single, _, scale = model.cascade()
     n_pole, (n_out, n_in, n_weight) = len(single.b), model.numerator.shape
     cascade = build_cascade(single.stages, 2)
     if root.shape[1] > root.shape[0]:
-        root = np.linalg.qr(root.T, mode="r").T
+        root = np.linalg.qr(root.T)[1].T
     above = scale ** (np.arange(n_weight - 1, -1.0, -1.0) - n_pole)
     below = scale ** -np.arange(n_pole + 1.0)
     denominator = model.denominator * below

@@ -11,7 +11,7 @@ from robid.errors import DataError
 
 if TYPE_CHECKING:
     from robid.fit.external.data import Shot
-    from robid.fit.external.output_error import Structure
+    from robid.fit.external.problem import Structure
 
 _SAMPLES_PER_PARAMETER = 5
 _STILL = 1e-12  # of the largest value, a motion that is none
