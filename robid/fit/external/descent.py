@@ -12,7 +12,9 @@ from robid.fit.external.linear import Point
 from robid.fit.levenberg import Status
 
 _FIRST_DAMPING = 1e-3
-_DAMPING_LIMIT = 1e10
+_DAMPING_LIMIT = 1e8
+_ROUNDED = 0.03  # standard deviations that rounding may keep from being found
+_LARGEST_STEP = 0.5  # of a pole, about
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ def descend(
     *,
     n_row: int,
     stable: bool,
-    tolerance: float = 1e-4,
+    tolerance: float = 1e-3,
     max_iterations: int = 60,
     floor: float = 0.0,
 ) -> Descent:
@@ -61,35 +63,50 @@ def descend(
     Source:
         Marquardt (1963), "An algorithm for least-squares estimation of nonlinear parameters".
     """
-    here, damping, growth, reflected = start, _FIRST_DAMPING, 2.0, False
+    here, damping, growth, reflected = start, 0.0, 2.0, False
     for iteration in range(1, max_iterations + 1):
-        left, values, turned, size = _factors(here.slope)
-        pull = left.T @ here.residual
-        reachable = float(pull @ pull)
+        model = _Model(here)
+        if damping == 0.0:
+            damping = _FIRST_DAMPING * model.values[0] ** 2
+        _, reachable = model.step(0.0)
         if reachable <= tolerance**2 * here.cost / n_row or here.cost <= floor:
             return Descent(here, iteration, "converged", reflected)
-        step = turned.T @ (pull * values / (values**2 + damping)) / size
-        predicted = reachable - float(np.sum((pull * damping / (values**2 + damping)) ** 2))
+        step, predicted = model.step(damping)
         trial, folded = admit(moved(here, step), limit, stable=stable)
         there = evaluate(trial)
         gain = (here.cost - there.cost) / predicted if there is not None else -1.0
         if there is not None and gain > 0:
-            damping, growth = max(damping * max(0.1, 1 - (2 * gain - 1) ** 3), 1e-14), 2.0
+            damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
             here, reflected = there, reflected or folded
         else:
             damping, growth = damping * growth, growth * 2
-            if damping > _DAMPING_LIMIT:
-                return Descent(here, iteration, "stalled", reflected)
+            if damping > _DAMPING_LIMIT * model.values[0] ** 2:
+                rounded = reachable <= _ROUNDED**2 * here.cost / n_row
+                return Descent(here, iteration, "converged" if rounded else "stalled", reflected)
     return Descent(here, max_iterations, "iteration_limit", reflected)
 
 
-def _factors(slope: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Singular value decomposition of the slopes with columns of norm one, and these norms."""
-    size = np.linalg.norm(slope, axis=0)
-    size[size == 0] = 1.0
-    left, values, turned = np.linalg.svd(slope / size, full_matrices=False)
-    kept = values > 1e-12 * values[0]
-    return left[:, kept], values[kept], turned[kept], size
+class _Model:
+    """Quadratic model of the cost, in steps that change poles by about their own size."""
+
+    def __init__(self, point: Point) -> None:
+        stages = point.basis.single.stages
+        # What a step by one along a state's numerator changes, over the product of the poles so far.
+        parts = [[abs(stage.pole) / stage.gain] * (1 + stage.is_pair) for stage in stages]
+        self._size = np.maximum(np.cumprod(np.concatenate(parts)), 1e-6)
+        left, self.values, self._turned = np.linalg.svd(point.slope * self._size, full_matrices=False)
+        self._pull = left.T @ point.residual
+
+    def step(self, damping: float) -> tuple[FloatArray, float]:
+        """Returns the step (n_pole,) with at least that damping that changes no pole by too much, and its decrease."""
+        while True:
+            curvature = np.maximum(self.values**2 + damping, np.finfo(float).tiny)
+            along = self._pull * self.values / curvature
+            step = self._turned.T @ along
+            if np.abs(step).max() <= _LARGEST_STEP:
+                decrease = float(np.sum(along * (2 * self._pull * self.values - along * self.values**2)))
+                return step * self._size, decrease
+            damping = max(4 * damping, 1e-16 * self.values[0] ** 2)
 
 
 def moved(point: Point, step: FloatArray) -> FloatArray:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.errors import DataError
 from robid.fit.external.covariance import Spread, find_spread
 from robid.fit.external.descent import Descent, admit, descend
 from robid.fit.external.hold import Hold
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 _FASTEST = 300.0  # per sample: a pole beyond answers at once
 _GUESSES = (0.4, 1.5, 5.0)  # times the outputs' own frequency
+_SOFT = 0.01  # of an output
 _WEIGHT_PASSES = 6
 _WEIGHT_TOLERANCE = 0.01
 
@@ -167,8 +170,9 @@ def fit_block(
         names: Names of inputs and outputs.
     """
     problem = pose(shots, inputs, outputs, structure)
-    found, noise = search(problem, start)
-    return conclude(problem, found, noise, names or _default_names(problem))
+    starts = [] if start is None else [scaled(start.denominator, problem.scale)]
+    found, noise = search(problem, starts)
+    return conclude(problem, found, noise, names or default_names(problem))
 
 
 def pose(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], structure: Structure) -> Problem:
@@ -187,21 +191,44 @@ def _own_frequency(experiments: Sequence[Experiment]) -> float:
     return float(np.clip(np.sqrt(np.mean(shares)), 1e-6, 1.0))
 
 
-def search(problem: Problem, start: TransferMatrix | None = None) -> tuple[Descent, FloatArray]:
-    """Searches poles and weights; returns the fit and the noise (n_shot, n_out) that weights it."""
-    noise = _first_noise(problem.experiments)
-    candidates = [] if start is None else [scaled(start.denominator, problem.scale)]
-    if not candidates:
-        candidates = _linear_starts(problem, noise)
-    points = [problem.evaluate(each, noise, slopes=False) for each in candidates]
+def search(
+    problem: Problem,
+    starts: Sequence[FloatArray] = (),
+    noise: FloatArray | None = None,
+    *,
+    linear: bool = True,
+    tried: int = 2,
+    tolerance: float = 1e-3,
+) -> tuple[Descent, FloatArray]:
+    """Searches poles and weights.
+
+    Args:
+        problem: Data and structure.
+        starts: Denominators (n_pole + 1,) to start from, in powers of s over the reference frequency.
+        noise (n_shot, n_out): Weights' standard deviations to start with.
+        linear: Whether starts are also found from the data.
+        tried: From how many of the best starts the search sets out.
+        tolerance: Move of the poles, in standard deviations of theirs, that ends the search.
+
+    Returns:
+        The fit and the noise (n_shot, n_out) that weights it.
+
+    Raises:
+        DataError: If no start can be simulated.
+    """
+    noise = _first_noise(problem.experiments) if noise is None else noise
+    # Commands tell poles at one level only: no shot may drown the others before the model is about right.
+    soft = np.maximum(noise, _SOFT * np.array([_size(each) for each in problem.experiments]))
+    candidates = [*starts, *(linear_starts(problem, soft) if linear else [])]
+    points = [problem.evaluate(each, soft, slopes=False) for each in candidates]
     usable = sorted((each for each in points if each is not None), key=lambda point: point.cost)
-    best: Descent | None = None
-    for point in usable[:2]:
-        found = _descend(problem, point.basis.denominator, noise, tolerance=0.1, max_iterations=15)
-        if best is None or found.point.cost < best.point.cost:
-            best = found
+    if not usable:
+        message = f"no model with {problem.structure.poles} poles can be simulated over the shots"
+        raise DataError(message, where="fit", remedy="ask for stable poles, or cut the shots")
+    tries = [_descend(problem, each.basis.denominator, noise, 0.1, 15) for each in usable[:tried]]
+    best = min(tries, key=lambda descent: descent.point.cost)
     for _ in range(_WEIGHT_PASSES):
-        best = _descend(problem, best.point.basis.denominator, noise)
+        best = _descend(problem, best.point.basis.denominator, noise, tolerance, reflected=best.reflected)
         before, noise = noise, residual_noise(problem.experiments, best.point, noise)
         if np.abs(np.log(noise / before)).max() < _WEIGHT_TOLERANCE:
             break
@@ -209,14 +236,20 @@ def search(problem: Problem, start: TransferMatrix | None = None) -> tuple[Desce
 
 
 def _descend(
-    problem: Problem, denominator: FloatArray, noise: FloatArray, *, tolerance: float = 1e-4, max_iterations: int = 60
+    problem: Problem,
+    denominator: FloatArray,
+    noise: FloatArray,
+    tolerance: float,
+    max_iterations: int = 60,
+    *,
+    reflected: bool = False,
 ) -> Descent:
     first = problem.evaluate(denominator, noise)
-    power = sum(
-        float(np.sum((each.outputs / scale[:, None]) ** 2))
-        for each, scale in zip(problem.experiments, noise, strict=True)
-    )
-    return descend(
+    if first is None:
+        raise FloatingPointError
+    signals = zip(problem.experiments, noise, strict=True)
+    power = sum(float(np.sum((each.outputs / scale[:, None]) ** 2)) for each, scale in signals)
+    found = descend(
         lambda trial: problem.evaluate(trial, noise),
         first,
         problem.limit,
@@ -226,24 +259,20 @@ def _descend(
         max_iterations=max_iterations,
         floor=1e-26 * power,
     )
+    return replace(found, reflected=found.reflected or reflected)
 
 
-def _linear_starts(problem: Problem, noise: FloatArray) -> list[FloatArray]:
-    found = []
+def linear_starts(problem: Problem, noise: FloatArray) -> list[FloatArray]:
+    """Returns denominators (n_pole + 1,) to start from: low-passes about the band, refined by linear least squares."""
+    structure, found = problem.structure, []
     for factor in _GUESSES:
-        first, _ = admit(guess(problem.structure.poles, factor), problem.limit, stable=problem.structure.stable)
-        passes = refine(
-            problem.experiments,
-            first,
-            problem.structure.zeros,
-            problem.n_in,
-            noise,
-            problem.period,
-            problem.structure.hold,
-            limit=problem.limit,
-            stable=problem.structure.stable,
-        )
-        found += [first, *passes[-2:]]
+        first, _ = admit(guess(structure.poles, factor), problem.limit, stable=structure.stable)
+        found.append(first)
+        if factor == _GUESSES[0]:
+            continue
+        options = {"limit": problem.limit, "stable": structure.stable}
+        signals = (problem.experiments, first, structure.zeros, problem.n_in, noise)
+        found += refine(*signals, problem.period, structure.hold, **options)[-2:]
     return found
 
 
@@ -270,7 +299,7 @@ def squares_of(experiments: Sequence[Experiment], point: Point, noise: FloatArra
     squares = np.zeros(noise.shape)
     for output, left in enumerate(np.split(point.residual, noise.shape[1])):
         ends = np.cumsum([0, *point.n_rows])
-        for shot, (first, last) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+        for shot, (first, last) in enumerate(pairwise(ends)):
             squares[shot, output] = np.sum(left[first:last] ** 2) * noise[shot, output] ** 2
     return squares
 
@@ -346,6 +375,6 @@ def log_likelihood(experiments: Sequence[Experiment], squares: FloatArray) -> fl
     return total
 
 
-def _default_names(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def default_names(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
     n_out = len(problem.experiments[0].outputs)
     return tuple(f"u{index}" for index in range(problem.n_in)), tuple(f"y{index}" for index in range(n_out))

@@ -65,7 +65,7 @@ class TransferMatrix:
 
     def sampled_response(self, omega: FloatArray) -> ComplexArray:
         """Computes the response (n_freq, n_out, n_in) from samples to samples: with hold, delay and average."""
-        cascade, weights, scale = self._cascade()
+        cascade, weights, scale = self.cascade()
         held = discretise(cascade, self.sampling_period_s * scale, self.hold)
         z = np.exp(1j * np.asarray(omega) * self.sampling_period_s)
         drive = held.now + held.slope * (z[:, None] - 1)
@@ -80,7 +80,7 @@ class TransferMatrix:
         Args:
             time (n_time,): Times [s].
         """
-        cascade, weights, scale = self._cascade()
+        cascade, weights, scale = self.cascade()
         size = len(cascade.b)
         augmented = np.zeros((size + 1, size + 1))
         augmented[:size, :size], augmented[:size, size] = cascade.A, cascade.b
@@ -95,13 +95,13 @@ class TransferMatrix:
             inputs (n_sample, n_in): Commands, zero before the first sample.
             start: From zero state, or in the steady state of a period.
         """
-        cascade, weights, scale = self._cascade()
+        cascade, weights, scale = self.cascade()
         period = self.sampling_period_s * scale
         commands = delayed(inputs, self.delay_samples, self.moving_average, start)
         states = propagate(discretise(cascade, period, self.hold), period, commands, start)
         return np.einsum("oik,ikt->to", weights, states)
 
-    def _cascade(self) -> tuple[Cascade, FloatArray, float]:
+    def cascade(self) -> tuple[Cascade, FloatArray, float]:
         """Returns the poles' cascade, its states' weights (n_out, n_in, n_pole) and its reference frequency [rad/s]."""
         scale = reference_frequency(self.denominator)
         cascade = build_cascade(find_stages(scaled(self.denominator, scale)))
