@@ -69,8 +69,18 @@ def agreements(
         amplitude = max(float(np.abs(shot.inputs[:, list(inputs)]).max()) for shot in there)
         for index, name in enumerate(names):
             left = float(error_std[index] / motion_std[index]) if motion_std[index] > 0 else np.inf
-            sizes = (float(each[index]) for each in (error_std, motion_std, noise_std))
-            found.append(Agreement(name, place, 1 - left, 1 - left**2, *sizes, amplitude))
+            found.append(
+                Agreement(
+                    output=name,
+                    place=place,
+                    nrmse=1 - left,
+                    r_squared=1 - left**2,
+                    error_std=float(error_std[index]),
+                    motion_std=float(motion_std[index]),
+                    noise_std=float(noise_std[index]),
+                    amplitude=amplitude,
+                )
+            )
     return tuple(found)
 
 

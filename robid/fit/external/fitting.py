@@ -108,5 +108,5 @@ def _fitted(
     hold: Hold = "zoh" if ports.hold == "zoh" else "foh"
     choice = choose_structure(used, block.inputs, block.outputs, options, held_back, hold=hold)
     names = tuple(ports.inputs[index] for index in block.inputs), tuple(ports.outputs[index] for index in block.outputs)
-    fit = fit_block(used, block.inputs, block.outputs, choice.structure, names=names)
+    fit = fit_block(used, block.inputs, block.outputs, choice.structure, choice.best.model, names=names)
     return FittedBlock(block, used, choice, fit)
