@@ -1,0 +1,1 @@
+"""The external family: transfer functions from commands to positions."""

@@ -1,0 +1,165 @@
+"""What a page draws of transfer functions: frequency responses, step responses, root loci."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.fit.external.solution import Responses, RootLoci, StepResponses
+from robid.fit.external.transfer import TransferMatrix
+
+_TIMES, _GAINS, _FREQUENCIES = 300, 160, 200
+_SETTLED = 0.02
+_TIME_CONSTANTS = 7.0
+_MARGIN = 1.25
+_NUDGE = 1e-6
+_BELOW = 0.3  # of the lowest excited frequency
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A block's model with the uncertainty of its coefficients.
+
+    Attributes:
+        model: Its transfer functions.
+        root (n_coefficient, n_root): A root of the covariance of its numerators, channel by channel, then of its
+            denominator without the first.
+    """
+
+    model: TransferMatrix
+    root: FloatArray
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """The coefficients (n_coefficient,) that are uncertain."""
+        return np.concatenate([self.model.numerator.ravel(), self.model.denominator[1:]])
+
+    def deviation(self, slopes: FloatArray) -> FloatArray:
+        """Standard deviation (...) of what has these slopes (n_coefficient, ...) by the coefficients."""
+        return np.asarray(np.sqrt((np.tensordot(self.root, slopes, (0, 0)) ** 2).sum(axis=0)))
+
+    def nudged(self) -> list[tuple[TransferMatrix, float]]:
+        """The model with each coefficient changed a little, and by how much."""
+        found = []
+        size = self.model.numerator.size
+        for index, value in enumerate(self.coefficients):
+            step = _NUDGE * (abs(value) or 1.0)
+            changed = self.coefficients
+            changed[index] += step
+            numerator = changed[:size].reshape(self.model.numerator.shape)
+            denominator = np.concatenate([[1.0], changed[size:]])
+            found.append((replace(self.model, numerator=numerator, denominator=denominator), step))
+        return found
+
+
+def frequency_responses(fitted: Sequence[Fitted], lowest_hz: float) -> Responses:
+    """Computes the responses from below the excited band up to half the sampling rate."""
+    nyquist_hz = 0.5 / fitted[0].model.sampling_period_s
+    frequency_hz = np.geomspace(min(_BELOW * lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _FREQUENCIES)
+    omega = 2 * np.pi * frequency_hz
+    columns, sampled, deviations = [], [], []
+    for one in fitted:
+        response = _flat(one.model.response(omega))
+        slopes = np.array([(_flat(other.response(omega)) - response) / step for other, step in one.nudged()])
+        relative = slopes / response
+        columns.append(response)
+        sampled.append(_flat(one.model.sampled_response(omega)))
+        deviations.append([one.deviation(part) for part in (relative.real, relative.imag)])
+    magnitude, phase = (np.hstack([each[index] for each in deviations]) for index in (0, 1))
+    return Responses(frequency_hz, np.hstack(columns), np.hstack(sampled), magnitude, phase)
+
+
+def step_responses(fitted: Sequence[Fitted]) -> StepResponses:
+    """Computes the responses to a unit step, with their deviations, until they have settled."""
+    times, values, deviations = [], [], []
+    for one in fitted:
+        n_out, n_in = one.model.numerator.shape[:2]
+        for place in range(n_out * n_in):
+            time = _times(one.model, place)
+            value = _step(one.model, time, place)
+            slopes = np.array([(_step(other, time, place) - value) / step for other, step in one.nudged()])
+            times.append(time)
+            values.append(value)
+            deviations.append(one.deviation(slopes))
+    time_s, value, std = (np.stack(each, axis=1) for each in (times, values, deviations))
+    figures = np.array([_figures(*each) for each in zip(times, values, strict=True)]).T
+    return StepResponses(time_s, value, std, *figures)
+
+
+def root_loci(fitted: Sequence[Fitted]) -> RootLoci:
+    """Computes the closed-loop poles of each channel over a proportional gain."""
+    n_pole = max(len(one.model.denominator) for one in fitted) - 1
+    n_zero = max(one.model.numerator.shape[2] for one in fitted) - 1
+    gain = np.concatenate([[0.0], np.geomspace(1e-2, 1e2, _GAINS - 1)])
+    roots, zeros, poles, zero_std, pole_std = [], [], [], [], []
+    for one in fitted:
+        n_power, size = one.model.numerator.shape[2], one.model.numerator.size
+        below = np.concatenate([np.zeros((1, one.root.shape[1])), one.root[size:]])
+        for place, numerator in enumerate(one.model.numerator.reshape(-1, n_power)):
+            above = one.root[place * n_power : (place + 1) * n_power]
+            zero_std.append(_padded(_root_std(numerator, np.roots(numerator), above), n_zero))
+            pole_std.append(_padded(_root_std(one.model.denominator, one.model.poles, below), n_pole))
+            each = gain / _size(numerator, one.model.denominator)
+            roots.append([_padded(np.roots(np.polyadd(one.model.denominator, k * numerator)), n_pole) for k in each])
+            zeros.append(_padded(np.roots(numerator), n_zero))
+            poles.append(_padded(np.asarray(one.model.poles), n_pole))
+    paths = np.swapaxes(np.array(roots), 0, 1)
+    return RootLoci(gain, paths, *(np.array(each) for each in (zeros, poles, zero_std, pole_std)))
+
+
+def _root_std(polynomial: FloatArray, roots: ComplexArray, rows: FloatArray) -> ComplexArray:
+    """Standard deviations of the roots (n_root,) of a polynomial (n_power,) whose covariance `rows` is a root of."""
+    powers = np.arange(len(polynomial) - 1, -1, -1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = -(roots[:, None] ** powers @ rows) / np.polyval(np.polyder(polynomial), roots)[:, None]
+    return np.linalg.norm(slopes.real, axis=1) + 1j * np.linalg.norm(slopes.imag, axis=1)
+
+
+def _size(numerator: FloatArray, denominator: FloatArray) -> float:
+    """Static gain; of a channel that has none, or an endless one, the gain amid its poles."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        static = float(numerator[-1] / denominator[-1])
+    if np.isfinite(static) and abs(static) > _NUDGE * np.abs(numerator).max():
+        return static
+    s = 1j * np.abs(np.roots(denominator)).max()
+    return float(abs(np.polyval(numerator, s) / np.polyval(denominator, s))) or 1.0
+
+
+def _padded(roots: ComplexArray | FloatArray, count: int) -> ComplexArray:
+    return np.concatenate([np.asarray(roots, complex), np.full(count - len(roots), np.nan, complex)])
+
+
+def _flat(values: ComplexArray) -> ComplexArray:
+    """Channels of (n, n_out, n_in) one after the other."""
+    return values.reshape(len(values), -1)
+
+
+def _step(model: TransferMatrix, time: FloatArray, place: int) -> FloatArray:
+    """Step response (n_time,) of one channel."""
+    return np.asarray(model.step(time).reshape(len(time), -1)[:, place])
+
+
+def _times(model: TransferMatrix, place: int) -> FloatArray:
+    """Times (n_time,) [s] until a channel has settled."""
+    delay_s = model.delay_samples * model.sampling_period_s
+    rates = np.abs(model.poles.real)
+    fastest = np.abs(model.poles).max()
+    slowest = rates[rates > _NUDGE * fastest].min(initial=fastest)
+    long = np.linspace(0, delay_s + _TIME_CONSTANTS / slowest, 10 * _TIMES)
+    value = _step(model, long, place)
+    away = np.flatnonzero(np.abs(value - value[-1]) > _SETTLED * np.abs(value).max())
+    end = long[min(away[-1] + 1, len(long) - 1)] if away.size else long[-1]
+    return np.linspace(0, _MARGIN * end, _TIMES)
+
+
+def _figures(time: FloatArray, value: FloatArray) -> tuple[float, float, float]:
+    """Undershoot, overshoot and rise time of a step response that has settled at its end."""
+    final = value[-1]
+    if not final:
+        return 0.0, 0.0, np.nan
+    share = value / final
+    rise = [time[np.argmax(share >= level)] for level in (0.1, 0.9)]
+    return max(-share.min(), 0.0), max(share.max() - 1, 0.0), float(rise[1] - rise[0])
