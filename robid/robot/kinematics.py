@@ -21,6 +21,7 @@ _SINGULAR = 1e-4
 """Least over greatest singular value of a Jacobian below which a direction counts as lost."""
 _STRIDE = 0.1
 """How far, in m or rad, poses move from one start of Newton's steps to the next."""
+_HALVINGS = 8
 _TAKES_PART = 0.3
 _HARDLY = 0.05
 
@@ -154,10 +155,14 @@ def reach_poses(arm: ToolArm, home: FloatArray, displaced: FloatArray) -> Reache
     going = np.flatnonzero(displaced.any(axis=1))
     share[~displaced.any(axis=1)] = 1.0
     for stride in range(1, strides + 1):
-        goal = displaced_pose(*at, displaced[going] * (stride / strides))
-        positions, arrived = _newton(arm, found[going], goal)
+        positions, arrived = _newton(arm, found[going], displaced_pose(*at, displaced[going] * (stride / strides)))
         going = going[arrived]
         found[going], share[going] = positions[arrived], stride / strides
+    for halving in range(1, _HALVINGS + 1):
+        lost = np.flatnonzero(share < 1)
+        ahead = share[lost] + 0.5**halving / strides
+        positions, arrived = _newton(arm, found[lost], displaced_pose(*at, displaced[lost] * ahead[:, None]))
+        found[lost[arrived]], share[lost[arrived]] = positions[arrived], ahead[arrived]
     loose = np.zeros(home.size, bool)
     lost = np.flatnonzero(share < 1)
     if len(lost):

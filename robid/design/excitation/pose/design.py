@@ -86,7 +86,7 @@ def _plan(
     offset[1] = [motion.static for motion in motions]
     offset[2] = configurations - limits.middle
     rms = np.stack([_rms(motion, limits.middle) for motion in motions], axis=1)
-    peak, whole = np.maximum(most, -least), limits.whole
+    peak, whole = np.maximum(np.abs(most), np.abs(least)), limits.whole
     return ExcitationPlan(
         speed_rms=rms[0],
         speed_peak=peak[0],

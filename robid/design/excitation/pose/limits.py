@@ -144,7 +144,7 @@ def admissible(least: FloatArray, most: FloatArray, offset: FloatArray, limits: 
 def _unreached(robot: Robot, motion: PoseMotion) -> str:
     names = [f"`{joint.name}`" for joint, loose in zip(robot.joints, motion.path.loose.tolist(), strict=True) if loose]
     if names:
-        return f"the arm is stretched out or singular on the way: {' and '.join(names)} turn without moving the tool"
+        return f"the arm is stretched out or singular on the way: {', '.join(names)} turn without moving the tool"
     return "the pose is out of the arm's reach"
 
 
