@@ -13,6 +13,7 @@ from robid.fit.external.agreement import Agreement
 from robid.fit.external.checks import Finding
 from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.etfe import Etfe
+from robid.fit.external.excitation import Excitation
 from robid.fit.external.transfer import TransferMatrix
 
 
@@ -217,6 +218,7 @@ class Traces:
         time_s (n_row,): Time since the shot began [s].
         measured (n_row,): Measured output less its offset.
         simulated (n_row,): The model's.
+        simulated_std (n_row,): Standard deviation of that, by the uncertainty of its coefficients.
     """
 
     output: IntArray
@@ -225,6 +227,7 @@ class Traces:
     time_s: FloatArray
     measured: FloatArray
     simulated: FloatArray
+    simulated_std: FloatArray
 
 
 @dataclass(frozen=True)
@@ -245,6 +248,7 @@ class ExternalSolution:
         loci: Root loci.
         traces: Measured and simulated outputs of the fit's shots.
         findings: What is doubtful about the data.
+        excitation: Commands and their own outputs in the fit's shots.
     """
 
     estimate: Estimate
@@ -260,6 +264,7 @@ class ExternalSolution:
     loci: RootLoci
     traces: Traces
     findings: tuple[Finding, ...]
+    excitation: Excitation
 
     def transfer(self, block: int) -> TransferMatrix:
         """Returns the transfer functions of one block."""
