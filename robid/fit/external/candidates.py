@@ -10,6 +10,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.fit.external.comparison import nrmse, predict
+from robid.fit.external.descent import Descent
 from robid.fit.external.output_error import (
     Problem,
     Structure,
@@ -19,6 +20,7 @@ from robid.fit.external.output_error import (
     model_of,
     pose,
     search,
+    squares_of,
 )
 from robid.fit.external.transfer import TransferMatrix, scaled
 from robid.fit.external.whiteness import excited_lines, whiteness
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from robid.fit.external.data import Shot
 
 _ADDED = (0.3, 1.0, 3.0)  # times the outputs' own frequency, a pole that a zero cancels is added
+_TOLERANCE = 0.1  # standard deviations of the poles that no criterion notices
 _FAR = 10.0  # per sample, a pole is added that nearly answers at once
 
 
@@ -63,6 +66,7 @@ class Candidates:
         outputs: Which of their outputs.
         common: What all structures share.
         held_back: Experiments that are not fitted.
+        hopeless: How much worse than the best criterion so far a structure may be to be worth more than a first try.
     """
 
     def __init__(
@@ -72,9 +76,11 @@ class Candidates:
         outputs: Sequence[int],
         common: Structure,
         held_back: Sequence[Shot] = (),
+        hopeless: float = np.inf,
     ) -> None:
         self._shots, self._inputs, self._outputs = shots, inputs, outputs
         self._common, self._held_back = common, held_back
+        self._hopeless = hopeless
         self._found: dict[tuple[int, int, int], Candidate] = {}
 
     @property
@@ -94,11 +100,21 @@ class Candidates:
         problem = pose(self._shots, self._inputs, self._outputs, structure)
         alike = [scaled(each.model.denominator, problem.scale) for each in self._alike(structure)]
         starts = [*alike, *self._extended(problem)]
-        noise = min((each for each in self._found.values()), key=lambda each: each.bic, default=None)
-        first = None if noise is None else noise.noise
-        found, weights = search(problem, starts, first, linear=not alike)
-        model = model_of(problem, found.point, default_names(problem))
-        return self._judge(problem, model, weights, found.status)
+        best = min(self._found.values(), key=lambda each: each.bic, default=None)
+        noise = None if best is None else best.noise
+
+        def is_hopeless(descent: Descent, noise: FloatArray) -> bool:
+            if best is None:
+                return False
+            likelihood = log_likelihood(problem.experiments, squares_of(descent.point, noise))
+            return self._criterion(problem, likelihood) > best.bic + self._hopeless
+
+        thorough = {"linear": not alike, "tried": 1 if alike else 2}
+        found, weights = search(problem, starts, noise, is_hopeless, tolerance=_TOLERANCE, **thorough)
+        return self._judge(problem, model_of(problem, found.point, default_names(problem)), weights, found.status)
+
+    def _criterion(self, problem: Problem, likelihood: float) -> float:
+        return count_free(problem, len(self._outputs)) * float(np.log(problem.n_sample)) - 2 * likelihood
 
     def _judge(self, problem: Problem, model: TransferMatrix, noise: FloatArray, status: Status) -> Candidate:
         measured = [shot.outputs[:, list(self._outputs)] for shot in self._shots]
@@ -106,10 +122,8 @@ class Candidates:
             each - predict(model, shot, self._inputs, self._outputs)
             for each, shot in zip(measured, self._shots, strict=True)
         ]
-        squares = np.array([np.sum(each**2, axis=0) for each in residuals])
-        likelihood = log_likelihood(problem.experiments, squares)
-        n_free = count_free(problem, noise.shape[1])
-        taken = n_free / noise.size
+        likelihood = log_likelihood(problem.experiments, np.array([np.sum(each**2, axis=0) for each in residuals]))
+        taken = count_free(problem, noise.shape[1]) / noise.size
         chances = [
             whiteness(left, excited_lines(experiment), taken)
             for experiment, each in zip(problem.experiments, residuals, strict=True)
@@ -119,7 +133,7 @@ class Candidates:
             structure=problem.structure,
             model=model,
             noise=noise,
-            bic=n_free * float(np.log(problem.n_sample)) - 2 * likelihood,
+            bic=self._criterion(problem, likelihood),
             nrmse=self._nrmse(model),
             whiteness=min(1.0, len(chances) * min(chances)),
             status=status,

@@ -12,7 +12,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.external.channels import Block
 from robid.fit.external.data import Shot
-from robid.fit.external.etfe import moved_inputs
+from robid.fit.external.etfe import Etfe, moved_inputs
 from robid.fit.external.options import ExternalOptions
 
 FindingKind = Literal["left_out", "quantised", "stuck", "mixed", "short"]
@@ -21,6 +21,7 @@ _FEWEST_STEPS, _FEW_STEPS = 3.0, 20.0
 _STUCK_SAMPLES, _STUCK_MOTION, _DWELL = 4, 0.05, 3.0
 _STUCK_SHARE = 0.05
 _SAMPLES_PER_PARAMETER = 10
+_MIXED = 0.05  # of an output's motion
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,36 @@ def signal_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -
                 " on, as if it were saturated"
             )
             yield Finding("stuck", block.name, told, decisive=share > _STUCK_SHARE, strength=1 + share / _STUCK_SHARE)
+
+
+def mixed_findings(block: Block, shots: Sequence[Shot], floor: FloatArray, etfe: Etfe) -> Iterator[Finding]:
+    """Yields shots in which commands of other channels move an output too, which a fit of its own cannot know."""
+    worst: tuple[float, Shot, int] | None = None
+    for shot in shots:
+        others = np.setdiff1d(np.flatnonzero(moved_inputs(shot, floor)), block.inputs)
+        for output, other in ((output, other) for output in block.outputs for other in others.tolist()):
+            share = _reaching(shot, output, other, etfe) / max(float(shot.outputs[:, output].std()), 1e-300)
+            if worst is None or share > worst[0]:
+                worst = share, shot, other
+    if worst is not None and worst[0] > _MIXED:
+        told = (
+            f"another command moves along in `{worst[1].name}` and makes {worst[0]:.2g} of the output's motion: fit "
+            "them together (`matrix: full`), or move one after the other"
+        )
+        yield Finding("mixed", block.name, told, decisive=False, strength=worst[0] / _MIXED)
+
+
+def _reaching(shot: Shot, output: int, command: int, etfe: Etfe) -> float:
+    """Root mean square of what of an output is another command's doing, by the empirical response."""
+    told = shot.inputs[:, command]
+    amplitude = np.abs(np.fft.rfft(told - told.mean())) / len(told)
+    frequency_hz = np.fft.rfftfreq(len(told), shot.sampling_period_s)
+    gain = np.abs(etfe.response[:, output, command])
+    known = np.isfinite(gain)
+    if not known.any():
+        return 0.0
+    there = np.interp(frequency_hz, etfe.frequency_hz[known], gain[known], left=0.0, right=0.0)
+    return float(np.sqrt(2 * np.sum((amplitude * there) ** 2)))
 
 
 def _refuse_resting(name: str, signals: Sequence[FloatArray], quanta: Sequence[float]) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from robid.fit.external.candidates import Candidate, Candidates
 from robid.fit.external.covariance import WHITE
 from robid.fit.external.output_error import Structure
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from robid.fit.external.options import ExternalOptions
 
 _ROUNDS = 4
+_HOPELESS = 0.02  # per sample, difference of the criterion past which nothing is polished
 _STRONG = 10.0  # difference of the criterion that counts as strong evidence
 
 
@@ -64,21 +67,52 @@ def choose_structure(
         model", for `evidence`.
     """
     common = Structure(1, 0, 0, options.moving_average, hold, options.static_gain == "one", options.stable)
-    candidates = Candidates(shots, inputs, outputs, common, choose_on)
-    delays = _delays(options)
-    orders = _orders(options)
-    rich = orders[-1]
-    delay = min(delays, key=lambda each: candidates.fit(*rich, each).bic)
+    hopeless = _HOPELESS * sum(shot.outputs.shape[0] for shot in shots) * len(outputs)
+    candidates = Candidates(
+        shots, inputs, outputs, common, choose_on, hopeless if options.rule == "evidence" else np.inf
+    )
+    delays, orders = _delays(options), _orders(options)
+    delay = _profile(candidates, orders[-1], delays, hopeless)
     for _ in range(_ROUNDS):
         best = _select(candidates, orders, delay, options)
-        poles, zeros = best.structure.poles, best.structure.zeros
-        again = min(delays, key=lambda each: candidates.fit(poles, zeros, each).bic)
+        again = _profile(candidates, _order(best), delays, hopeless)
         if again == delay:
             break
         delay = again
-    best = candidates.fit(poles, zeros, delay)
+    if options.rule == "evidence":
+        best = _look_about(candidates, orders, best, options)
     messages = _about_delay(candidates, best, delays) + _about_order(best, options)
     return Choice(best.structure, best, candidates.tried, _reason(best, options, len(choose_on)), messages)
+
+
+def _order(candidate: Candidate) -> tuple[int, int]:
+    return candidate.structure.poles, candidate.structure.zeros
+
+
+def _profile(candidates: Candidates, order: tuple[int, int], delays: Sequence[int], hopeless: float) -> int:
+    """Returns the best delay of a structure; past it a longer one soon has to foresee the command."""
+    fits: list[Candidate] = []
+    for delay in delays:
+        fits.append(candidates.fit(*order, delay))
+        least = min(each.bic for each in fits)
+        if all(each.bic > least + hopeless for each in fits[-2:]):
+            break
+    return min(fits, key=lambda each: each.bic).structure.delay_samples
+
+
+def _look_about(
+    candidates: Candidates, orders: Sequence[tuple[int, int]], best: Candidate, options: ExternalOptions
+) -> Candidate:
+    """Tries simpler structures at other delays that explain the data as well: zeros may have stood in for delay."""
+    seen = {best.structure.delay_samples}
+    while True:
+        alike = {each.structure.delay_samples for each in candidates.tried if each.bic < best.bic + _STRONG} - seen
+        if not alike:
+            return best
+        for delay in alike:
+            simpler = [order for order in orders if order <= _order(best) or sum(order) < sum(_order(best))]
+            best = min(best, _select(candidates, simpler, delay, options), key=lambda each: each.bic)
+        seen |= alike
 
 
 def _delays(options: ExternalOptions) -> list[int]:
@@ -136,13 +170,12 @@ def _counted(count: int, word: str) -> str:
 def _about_delay(candidates: Candidates, best: Candidate, delays: Sequence[int]) -> tuple[str, ...]:
     if len(delays) == 1:
         return ()
-    structure = best.structure
-    told = []
+    structure, told = best.structure, []
     if structure.delay_samples == delays[-1]:
         message = f"the delay found, {_counted(structure.delay_samples, 'sample')}, is the longest searched"
         told.append(f"{message}: raise `max_delay_samples`")
-    fits = [candidates.fit(structure.poles, structure.zeros, each) for each in delays]
-    alike = [str(each.structure.delay_samples) for each in fits if each is not best and each.bic < best.bic + _STRONG]
+    near = {each.structure.delay_samples for each in candidates.tried if each.bic < best.bic + _STRONG}
+    alike = [str(each) for each in sorted(near - {structure.delay_samples})]
     if alike:
         told.append(
             f"the delay of {_counted(structure.delay_samples, 'sample')} is not determined: {', '.join(alike)} explain"

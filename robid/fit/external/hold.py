@@ -215,7 +215,8 @@ def _substitute(held: Held, period: float, driven: FloatArray, initial: FloatArr
             squeeze = stage.pole.imag / stage.gain
             first = complex(initial[stage.first], squeeze * initial[stage.first + 1])
             found = _recur(mode, force[:, 0] + 1j * squeeze * force[:, 1], first, periodic=periodic)
-            states[:, place] = np.stack([found.real, found.imag / squeeze], axis=1)
+            states[:, stage.first] = found.real
+            np.divide(found.imag, squeeze, out=states[:, stage.first + 1])
         else:
             found = _recur(mode.real, force[:, 0], float(initial[stage.first]), periodic=periodic)
             states[:, stage.first] = found

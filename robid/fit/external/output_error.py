@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -195,9 +195,11 @@ def search(
     problem: Problem,
     starts: Sequence[FloatArray] = (),
     noise: FloatArray | None = None,
+    is_hopeless: Callable[[Descent, FloatArray], bool] | None = None,
     *,
     linear: bool = True,
     tried: int = 2,
+    tolerance: float = 1e-3,
 ) -> tuple[Descent, FloatArray]:
     """Searches poles and weights.
 
@@ -205,8 +207,10 @@ def search(
         problem: Data and structure.
         starts: Denominators (n_pole + 1,) to start from, in powers of s over the reference frequency.
         noise (n_shot, n_out): Weights' standard deviations to start with.
+        is_hopeless: Tells after a first try whether more is wasted.
         linear: Whether starts are also found from the data.
         tried: From how many of the best starts the search sets out.
+        tolerance: Move of the poles, in standard deviations of theirs, that ends the search.
 
     Returns:
         The fit and the noise (n_shot, n_out) that weights it.
@@ -225,8 +229,10 @@ def search(
         raise DataError(message, where="fit", remedy="ask for stable poles, or cut the shots")
     tries = [_descend(problem, each.basis.denominator, noise, 0.1, 15) for each in usable[:tried]]
     best = min(tries, key=lambda descent: descent.point.cost)
+    if is_hopeless is not None and is_hopeless(best, noise):
+        return best, residual_noise(problem.experiments, best.point, noise)
     for _ in range(_WEIGHT_PASSES):
-        best = _descend(problem, best.point.basis.denominator, noise, reflected=best.reflected)
+        best = _descend(problem, best.point.basis.denominator, noise, tolerance, reflected=best.reflected)
         before, noise = noise, residual_noise(problem.experiments, best.point, noise)
         if np.abs(np.log(noise / before)).max() < _WEIGHT_TOLERANCE:
             break
@@ -237,7 +243,7 @@ def _descend(
     problem: Problem,
     denominator: FloatArray,
     noise: FloatArray,
-    tolerance: float = 1e-3,
+    tolerance: float,
     max_iterations: int = 60,
     *,
     reflected: bool = False,
@@ -286,13 +292,13 @@ def _size(experiment: Experiment) -> FloatArray:
 
 def residual_noise(experiments: Sequence[Experiment], point: Point, noise: FloatArray) -> FloatArray:
     """Returns the residual's standard deviation (n_shot, n_out), at least that of the repeats."""
-    squares = squares_of(experiments, point, noise)
+    squares = squares_of(point, noise)
     n_sample = np.array([[each.n_sample] for each in experiments])
     least = np.array([each.noise for each in experiments])
     return np.maximum(np.sqrt(squares / n_sample), least)
 
 
-def squares_of(experiments: Sequence[Experiment], point: Point, noise: FloatArray) -> FloatArray:
+def squares_of(point: Point, noise: FloatArray) -> FloatArray:
     """Returns the sum of squares (n_shot, n_out) of each residual."""
     squares = np.zeros(noise.shape)
     for output, left in enumerate(np.split(point.residual, noise.shape[1])):

@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.fit.estimate import Estimate
+from robid.fit.external.agreement import Agreement
 from robid.fit.external.checks import Finding
 from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.etfe import Etfe
@@ -89,37 +90,33 @@ class Transfers:
 
 @dataclass(frozen=True)
 class FitQuality:
-    """How well each block describes the shots that it was fitted to.
+    """How each block was fitted.
 
     Attributes:
         status: How each fit ended.
-        nrmse (n_channel_out,): Normalised root mean square, block by block and output by output; 1 is perfect.
-        r_squared (n_channel_out,): Coefficient of determination.
-        noise_std (n_channel_out,): Standard deviation of the residual, in the outputs' units.
+        reason: Why each structure was chosen.
         fpe (n_block,): Akaike's final prediction error over the outputs' variance.
-        whiteness_p (n_block,): Chance of white residuals to look as correlated.
+        whiteness_p (n_block,): Chance of white residuals to look as correlated, of the worst shot.
         n_sample (n_block,): Samples of each output.
         n_parameter (n_block,): Parameters.
-        output_names: `block` or `block: output` of each row of the first three.
-        reason: Why each structure was chosen.
-        highest_hz (n_block,): Highest frequency at which the fit's shots excite a command [Hz].
-        lowest_hz (n_block,): The lowest one.
-        amplitude (n_channel_out,): Largest deviation of the block's command from its mean.
+        lowest_hz (n_block,): Lowest frequency at which the shots excite a command [Hz].
+        highest_hz (n_block,): Highest one [Hz].
+        output_names: The outputs of all blocks: names of single channels, and of the outputs of matrices.
+        first_output (n_block,): First of them of each block.
+        nrmse (n_output,): Normalised root mean square of each, in the place where it is worst.
     """
 
     status: tuple[str, ...]
-    nrmse: FloatArray
-    r_squared: FloatArray
-    noise_std: FloatArray
+    reason: tuple[str, ...]
     fpe: FloatArray
     whiteness_p: FloatArray
     n_sample: IntArray
     n_parameter: IntArray
-    output_names: tuple[str, ...]
-    reason: tuple[str, ...]
-    highest_hz: FloatArray
     lowest_hz: FloatArray
-    amplitude: FloatArray
+    highest_hz: FloatArray
+    output_names: tuple[str, ...]
+    first_output: IntArray
+    nrmse: FloatArray
 
 
 @dataclass(frozen=True)
@@ -134,7 +131,6 @@ class Tried:
         bic: Bayesian information criterion.
         nrmse: Normalised root mean square of the worst output.
         whiteness_p: Chance of white residuals to look as correlated.
-        stable: Whether its poles are in the left half plane.
         chosen: Whether it was taken.
     """
 
@@ -145,7 +141,6 @@ class Tried:
     bic: float
     nrmse: float
     whiteness_p: float
-    stable: bool
     chosen: bool
 
 
@@ -233,7 +228,8 @@ class ExternalSolution:
         estimate: Poles, zeros and gains.
         ports: Commands and outputs of the records.
         transfers: The transfer functions.
-        quality: How well they describe the fit's own shots.
+        quality: How they were fitted.
+        agreements: How well they describe the fit's own shots.
         tried: Structures that were tried.
         etfe: The empirical response.
         coupling: The decoupling map.
@@ -248,6 +244,7 @@ class ExternalSolution:
     ports: Ports
     transfers: Transfers
     quality: FitQuality
+    agreements: tuple[Agreement, ...]
     tried: tuple[Tried, ...]
     etfe: Etfe
     coupling: CouplingMap
