@@ -54,11 +54,11 @@ CASES = {
     ),
     "external": Case(
         FAMILIES["external"],
-        "{family: external, from: estimation, validate_on: validation, poles: 2, zeros: 0, delay_samples: 1}",
+        "{family: external, from: estimation, validate_on: validation, poles: 3, zeros: 2, delay_samples: 1}",
         ("delay_samples: 1", "delay_samples: 2"),
         "Parameters",
         ("estimation/frf.h5", "validation/frf.h5"),
-        code=5,  # an arm with two resonances in its band
+        code=5,  # two places with other resonances, one model
     ),
     "inertia": Case(
         INERTIA,

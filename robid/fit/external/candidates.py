@@ -11,17 +11,9 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.fit.external.comparison import nrmse, predict
 from robid.fit.external.descent import Descent
-from robid.fit.external.output_error import (
-    Problem,
-    Structure,
-    count_free,
-    default_names,
-    log_likelihood,
-    model_of,
-    pose,
-    search,
-    squares_of,
-)
+from robid.fit.external.output_error import default_names, model_of
+from robid.fit.external.problem import Problem, Structure, count_free, log_likelihood, pose, squares_of
+from robid.fit.external.search import search
 from robid.fit.external.transfer import TransferMatrix, scaled
 from robid.fit.external.whiteness import excited_lines, whiteness
 from robid.fit.levenberg import Status
@@ -109,8 +101,10 @@ class Candidates:
             likelihood = log_likelihood(problem.experiments, squares_of(descent.point, noise))
             return self._criterion(problem, likelihood) > best.bic + self._hopeless
 
-        thorough = {"linear": not alike, "tried": 1 if alike else 2}
-        found, weights = search(problem, starts, noise, is_hopeless, tolerance=_TOLERANCE, **thorough)
+        tried = 1 if alike else 2
+        found, weights = search(
+            problem, starts, noise, is_hopeless, linear=not alike, tried=tried, tolerance=_TOLERANCE
+        )
         return self._judge(problem, model_of(problem, found.point, default_names(problem)), weights, found.status)
 
     def _criterion(self, problem: Problem, likelihood: float) -> float:

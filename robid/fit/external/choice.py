@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.fit.external.candidates import Candidate, Candidates
 from robid.fit.external.covariance import WHITE
-from robid.fit.external.output_error import Structure
+from robid.fit.external.problem import Structure
 
 if TYPE_CHECKING:
     from robid.fit.external.data import Shot
@@ -158,7 +158,9 @@ def _reason(best: Candidate, options: ExternalOptions, n_held_back: int) -> str:
         where = f"{_counted(n_held_back, 'shot')} held back" if n_held_back else "the shots of the fit"
         if best.nrmse >= options.sufficient_nrmse:
             return f"{chosen} are the fewest that reach an NRMSE of {options.sufficient_nrmse:g} on {where}"
-        return f"{chosen} come nearest to an NRMSE of {options.sufficient_nrmse:g} on {where}, and reach {best.nrmse:.3g}"
+        return (
+            f"{chosen} come nearest to an NRMSE of {options.sufficient_nrmse:g} on {where}, and reach {best.nrmse:.3g}"
+        )
     white = "white" if best.whiteness >= WHITE else "coloured"
     return f"{chosen} have the least Bayesian information criterion, and {white} residuals"
 
@@ -186,6 +188,13 @@ def _about_delay(candidates: Candidates, best: Candidate, delays: Sequence[int])
 
 def _about_order(best: Candidate, options: ExternalOptions) -> tuple[str, ...]:
     told = []
+    nyquist = np.pi / best.model.sampling_period_s
+    beyond = int(np.sum(np.abs(best.model.poles) > nyquist))
+    if options.poles is not None and beyond:
+        told.append(
+            f"{_counted(beyond, 'pole')} found above the Nyquist frequency of {nyquist:.4g} rad/s: the rate is too low"
+            f" for {_counted(best.structure.poles, 'pole')}; sample faster, or ask for fewer"
+        )
     if options.poles is None and best.structure.poles == options.max_poles and best.whiteness < WHITE:
         told.append(
             f"even {_counted(best.structure.poles, 'pole')} leave coloured residuals: raise `max_poles`, or look for"

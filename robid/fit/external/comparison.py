@@ -31,13 +31,13 @@ def predict(model: TransferMatrix, shot: Shot, inputs: Sequence[int], outputs: S
     period = model.sampling_period_s * scale
     held = discretise(cascade, period, model.hold)
     simulated = np.einsum("oik,ikt->to", weights, propagate(held, period, commands, shot.start))
-    rows = []
+    rows: list[FloatArray] = []
     if shot.offset:
         rows.append(np.ones((1, len(simulated))))
     if shot.start == "free":
         rows.append(release(held, period, len(simulated)))
     if not rows:
-        return simulated
+        return np.asarray(simulated)
     local = np.concatenate(rows).T
     size = np.linalg.norm(local, axis=0)
     missing = shot.outputs[:, list(outputs)] - simulated

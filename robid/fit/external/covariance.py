@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.external.hold import Hold
-from robid.fit.external.linear import Numerators, Point, columns_of, slopes_of
+from robid.fit.external.linear import Numerators, Point, columns_of, natural_steps, slopes_of
 from robid.fit.external.reduction import Experiment, Reduced, states_of
 from robid.fit.external.whiteness import excited_lines, smoothed_spectrum, whiteness
 
@@ -46,8 +46,9 @@ def find_spread(
 ) -> Spread:
     """Computes residuals and the coefficients' covariance.
 
-    For white residuals it is `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of
-    `sigma^2`, which keeps intervals honest when the model leaves something over.
+    Poles above the Nyquist frequency count as known to about their own size. For white residuals the covariance is
+    `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of `sigma^2`, which keeps
+    intervals honest when the model leaves something over.
 
     Args:
         experiments: The experiments.
@@ -62,9 +63,9 @@ def find_spread(
     """
     rows = [_time_rows(each, point, period, hold) for each in experiments]
     ends = np.cumsum([0, *(each.n_sample for each in experiments)]).tolist()
-    spans = [slice(first, last) for first, last in zip(ends[:-1], ends[1:], strict=True)]
+    spans = [slice(first, last) for first, last in pairwise(ends)]
     linear = [_linear_part(rows, point, sought, noise[:, output], output) for output in range(noise.shape[1])]
-    projected, triangle = np.linalg.qr(np.concatenate([each.tilt for each in linear]))
+    projected, triangle = np.linalg.qr(np.concatenate([*(each.tilt for each in linear), _faith(point, period)]))
     residuals = [np.zeros((each.n_sample, noise.shape[1])) for each in experiments]
     chances, taken = np.ones(noise.shape), np.zeros(noise.shape)
     meats = []
@@ -80,7 +81,7 @@ def find_spread(
             chances[index, output] = whiteness(left, excited, taken[index, output] - each.offset)
             meat += _meat(left, pull, excited, taken[index, output], white=chances[index, output] >= WHITE)
         meats.append(meat)
-    root = _root(linear, triangle, meats, point, sought)
+    root = _root(linear, triangle, meats, projected[-point.basis.n_pole :].T, point, sought)
     return Spread(tuple(residuals), root, chances, taken)
 
 
@@ -134,7 +135,12 @@ def _meat(residual: FloatArray, pull: FloatArray, excited: BoolArray, n_taken: f
 
 
 def _root(
-    linear: Sequence[_LinearPart], triangle: FloatArray, meats: Sequence[FloatArray], point: Point, sought: Numerators
+    linear: Sequence[_LinearPart],
+    triangle: FloatArray,
+    meats: Sequence[FloatArray],
+    faith: FloatArray,
+    point: Point,
+    sought: Numerators,
 ) -> FloatArray:
     """Root of the covariance of numerators and denominator in powers of s over the reference frequency."""
     basis, n_pole = point.basis, point.basis.n_pole
@@ -144,22 +150,44 @@ def _root(
     to_numerators = [_to_numerators(point, sought, output) for output in range(len(linear))]
     n_each = point.weights.shape[1] * point.weights.shape[2]
     columns = []
-    for output, meat in enumerate(meats):
-        values, vectors = np.linalg.eigh(meat)
-        half = vectors * np.sqrt(np.maximum(values, 0.0))
-        n_within = linear[output].within.shape[1]
+    for output, meat in enumerate([*meats, None]):
+        own = None if meat is None else linear[output]
+        half = faith if meat is None else _half(meat)
+        n_within = 0 if own is None else own.within.shape[1]
         change = poles @ half[n_within:]
         whole = np.zeros((len(linear) * n_each + n_pole, half.shape[1]))
         for other, part in enumerate(linear):
             moves = -part.to_weights @ (part.along @ change)
-            if other == output:
+            if part is own:
                 moves = moves + part.to_weights @ half[:n_within]
             free, fixed = to_numerators[other]
             place = slice(other * n_each, (other + 1) * n_each)
+            # Free responses come after the numerators and are of no interest here.
             whole[place] = free @ moves[: free.shape[1]] + fixed @ change
         whole[-n_pole:] = basis.single.numerators.T @ change
         columns.append(whole)
     return np.concatenate(columns, axis=1)
+
+
+def _half(meat: FloatArray) -> FloatArray:
+    """Root (n_pull, n_pull) of a covariance."""
+    values, vectors = np.linalg.eigh(meat)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _faith(point: Point, period: float) -> FloatArray:
+    """Rows (n_pole, n_pole) that hold poles above the Nyquist frequency to about their own size.
+
+    Samples say next to nothing of them; without this their deviation would be without limit, and so would be that of
+    all that depends on them a little.
+    """
+    rows = np.zeros((point.basis.n_pole, point.basis.n_pole))
+    sizes = natural_steps(point)
+    for stage in point.basis.single.stages:
+        if abs(stage.pole) * period > np.pi:
+            for index in range(stage.states.start, stage.states.stop):
+                rows[index, index] = 1 / sizes[index]
+    return rows
 
 
 def _to_numerators(point: Point, sought: Numerators, output: int) -> tuple[FloatArray, FloatArray]:

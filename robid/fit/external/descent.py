@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.external.linear import Point
+from robid.fit.external.linear import Point, natural_steps
 from robid.fit.levenberg import Status
 
 _FIRST_DAMPING = 1e-3
@@ -90,10 +90,7 @@ class _Model:
     """Quadratic model of the cost, in steps that change poles by about their own size."""
 
     def __init__(self, point: Point) -> None:
-        stages = point.basis.single.stages
-        # What a step by one along a state's numerator changes, over the product of the poles so far.
-        parts = [[abs(stage.pole) / stage.gain] * (1 + stage.is_pair) for stage in stages]
-        self._size = np.maximum(np.cumprod(np.concatenate(parts)), 1e-6)
+        self._size = natural_steps(point)
         left, self.values, self._turned = np.linalg.svd(point.slope * self._size, full_matrices=False)
         self._pull = left.T @ point.residual
 

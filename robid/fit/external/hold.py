@@ -197,7 +197,7 @@ def propagate(held: Held, period: float, inputs: FloatArray, start: Start) -> Fl
 
 
 def release(held: Held, period: float, n_sample: int) -> FloatArray:
-    """Returns the states (n_state, n_sample) after an impulse at the first sample: all free responses are made of them."""
+    """Returns the states (n_state, n_sample) after an impulse at the first sample, which make all free responses."""
     driven = np.zeros((1, len(held.now), n_sample))
     return np.asarray(_substitute(held, period, driven, held.cascade.b, periodic=False)[0])
 

@@ -1,15 +1,17 @@
-"""Numerators and free responses at given poles: the linear part of an output-error fit, and how its rest moves with them."""
+"""Numerators and free responses at given poles, and how what they leave over moves with the poles."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.fit.external.reduction import Basis, Reduced
 
+_LEAST_STEP = 1e-6  # of the reference frequency
 _DEPENDENT = 1e-13  # of the largest singular value
 
 
@@ -76,6 +78,12 @@ class Point:
     n_rows: tuple[int, ...]
 
 
+def natural_steps(point: Point) -> FloatArray:
+    """Returns the steps (n_pole,) along the states' numerators that change poles by about their own size."""
+    parts = [[abs(stage.pole) / stage.gain] * (1 + stage.is_pair) for stage in point.basis.single.stages]
+    return np.maximum(np.cumprod(np.concatenate(parts)), _LEAST_STEP)
+
+
 def solve(
     reduced: Sequence[Reduced], basis: Basis, sought: Numerators, n_in: int, noise: FloatArray, *, slopes: bool = True
 ) -> Point:
@@ -113,13 +121,13 @@ def solve(
 
 def _rows(reduced: Sequence[Reduced]) -> list[slice]:
     ends = np.cumsum([0, *(len(each.triangle) for each in reduced)]).tolist()
-    return [slice(first, last) for first, last in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(first, last) for first, last in pairwise(ends)]
 
 
 def columns_of(
     reduced: Sequence[Reduced], basis: Basis, sought: Numerators, n_in: int, scale: FloatArray, output: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Weighted columns (n_row, n_linear) of one output's numerators and free responses, and its weighted rows (n_row,)."""
+    """Returns weighted columns (n_row, n_linear) of numerators and free responses, and weighted rows (n_row,)."""
     n_pole, last = basis.n_pole, slice(basis.n_pole - sought.n_zero - 1, basis.n_pole)
     directions = [sought.free(basis, output, index) for index in range(n_in)]
     starts = np.cumsum([0, *(len(each) for each in directions)]).tolist()

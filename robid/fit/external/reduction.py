@@ -42,7 +42,7 @@ class Experiment:
     @property
     def n_sample(self) -> int:
         """Number of samples."""
-        return self.outputs.shape[1]
+        return int(self.outputs.shape[1])
 
 
 _ROUNDING = 1e-10  # of an output's deviation: noise that double precision leaves

@@ -57,14 +57,22 @@ class TransferMatrix:
         return bool((self.poles.real < 0).all())
 
     def response(self, omega: FloatArray) -> ComplexArray:
-        """Computes the response (n_freq, n_out, n_in) with delay, without hold and average, at `omega` (n_freq,) [rad/s]."""
+        """Computes the response (n_freq, n_out, n_in) with delay, without hold and average.
+
+        Args:
+            omega (n_freq,): Frequencies [rad/s].
+        """
         s = 1j * np.asarray(omega)
         above = np.moveaxis(_values(self.numerator, s), -1, 0)
         delay = np.exp(-s * self.delay_samples * self.sampling_period_s)
         return np.asarray(above * (delay / _values(self.denominator, s))[:, None, None])
 
     def sampled_response(self, omega: FloatArray) -> ComplexArray:
-        """Computes the response (n_freq, n_out, n_in) from samples to samples: with hold, delay and average."""
+        """Computes the response (n_freq, n_out, n_in) from samples to samples: with hold, delay and average.
+
+        Args:
+            omega (n_freq,): Frequencies [rad/s].
+        """
         cascade, weights, scale = self.cascade()
         held = discretise(cascade, self.sampling_period_s * scale, self.hold)
         z = np.exp(1j * np.asarray(omega) * self.sampling_period_s)
@@ -86,7 +94,7 @@ class TransferMatrix:
         augmented[:size, :size], augmented[:size, size] = cascade.A, cascade.b
         since = np.maximum(np.asarray(time) - self.delay_samples * self.sampling_period_s, 0.0) * scale
         states = expm(since[:, None, None] * augmented)[:, :size, size]
-        return np.einsum("oik,tk->toi", weights, states)
+        return np.asarray(np.einsum("oik,tk->toi", weights, states))
 
     def simulate(self, inputs: FloatArray, start: Literal["rest", "periodic"] = "rest") -> FloatArray:
         """Simulates the outputs (n_sample, n_out) to commands (n_sample, n_in).
@@ -99,7 +107,7 @@ class TransferMatrix:
         period = self.sampling_period_s * scale
         commands = delayed(inputs, self.delay_samples, self.moving_average, start)
         states = propagate(discretise(cascade, period, self.hold), period, commands, start)
-        return np.einsum("oik,ikt->to", weights, states)
+        return np.asarray(np.einsum("oik,ikt->to", weights, states))
 
     def cascade(self) -> tuple[Cascade, FloatArray, float]:
         """Returns the poles' cascade, its states' weights (n_out, n_in, n_pole) and its reference frequency [rad/s]."""
