@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -86,6 +86,10 @@ class Bench:
         matrices = cont2discrete((system.A, system.B, system.C, system.D), self.sampling_period_s, method="zoh")
         return np.asarray(dlsim(matrices, late[:, None])[1][:, 0])
 
+    def step(self, plant: Plant, n_sample: int) -> FloatArray:
+        """Returns the true answer (n_sample,) to a unit step without delay and average, at the samples."""
+        return replace(self, delay_samples=0, moving_average=1).answer(plant, np.ones(n_sample))
+
     def measure(self, plant: Plant, answer: FloatArray, generator: np.random.Generator) -> FloatArray:
         """Returns what is measured of a position (n_repeat, n_sample): noisy, then quantised [m or rad]."""
         noise = generator.standard_normal((self.repeats, len(answer)))
@@ -93,7 +97,15 @@ class Bench:
         return plant.resolution * np.round(steps)
 
     def response(self, plant: Plant, frequency_hz: FloatArray) -> ComplexArray:
-        """Returns the true response (n_freq,), delay included, without hold and moving average."""
+        """Returns the true response (n_freq,) from samples to samples: with hold, average and delay."""
+        z = np.exp(2j * np.pi * frequency_hz * self.sampling_period_s)
+        above, below, _ = cont2discrete((plant.numerator, plant.denominator), self.sampling_period_s, method="zoh")
+        average = np.mean([z**-lag for lag in range(self.moving_average)], axis=0)
+        held = np.polyval(np.ravel(above), z) / np.polyval(below, z)
+        return np.asarray(held * average * z**-self.delay_samples)
+
+    def continuous(self, plant: Plant, frequency_hz: FloatArray) -> ComplexArray:
+        """Returns the true response (n_freq,) of the transfer function, with the delay."""
         s = 2j * np.pi * frequency_hz
         late = np.exp(-s * self.delay_samples * self.sampling_period_s)
         return np.asarray(np.polyval(plant.numerator, s) / np.polyval(plant.denominator, s) * late)

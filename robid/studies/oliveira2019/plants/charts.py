@@ -35,8 +35,8 @@ def stretch(
 
 def spectra(title: str, unit: str, period_s: float, signals: Sequence[tuple[str, FloatArray]], floor: float) -> Figure:
     """Amplitudes of the components of signals, and the resolution."""
-    curves = []
-    frequency = np.zeros(0)
+    curves: list[Curve] = []
+    frequency: FloatArray = np.zeros(0)
     for name, values in signals:
         frequency = np.fft.rfftfreq(len(values), period_s)[1:]
         amplitude = 2 / len(values) * np.abs(np.fft.rfft(values))[1:]

@@ -12,7 +12,8 @@ from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.store import read_header
 from robid.artifacts.task import TASK
 from robid.fit.external.graphs import Fitted
-from robid.fit.external.output_error import Structure, fit_block
+from robid.fit.external.output_error import fit_block
+from robid.fit.external.problem import Structure
 from robid.fit.external.transfer import TransferMatrix
 from robid.pipeline import Run
 from robid.report.numbers import percent, significant

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
+from robid.fit.external.comparison import nrmse, predict
 from robid.fit.external.data import Shot
 from robid.fit.external.fitting import fit_external
 from robid.fit.external.graphs import Fitted
 from robid.fit.external.options import ExternalOptions
-from robid.fit.external.prediction import nrmse, predict, unexplained
 from robid.fit.external.solution import ExternalSolution
 from robid.settings.external_study import PlantsCase
 from robid.signals.quantities import Channel
@@ -106,6 +106,7 @@ def identify_channel(plant: Plant, bench: Bench, case: PlantsCase, seed: int) ->
         quality=_quality(plant, fitted, measured, int(quality.n_parameter[0])),
         frequency_hz=frequency_hz,
         response=response,
+        continuous=fitted.model.response(2 * np.pi * frequency_hz)[:, 0, 0],
         relative_std=relative,
         phase_std=phase,
         etfe_hz=solution.etfe.frequency_hz,
@@ -135,11 +136,21 @@ def frequencies(case: PlantsCase) -> FloatArray:
     return np.concatenate([inside, high * ratio ** np.arange(1, int(np.log(_BEYOND) / np.log(ratio)) + 1)])
 
 
-def response_of(fitted: Fitted, frequency_hz: FloatArray) -> tuple[np.ndarray, FloatArray, FloatArray]:
-    """Returns the response (n_freq,) with delay, the relative deviation of its magnitude, and that of its phase [rad]."""
+def response_of(fitted: Fitted, frequency_hz: FloatArray) -> tuple[ComplexArray, FloatArray, FloatArray]:
+    """Returns a response (n_freq,) from samples to samples, and the deviations of its magnitude and phase.
+
+    Args:
+        fitted: The model with its uncertainty.
+        frequency_hz (n_freq,): Frequencies [Hz].
+
+    Returns:
+        The response with hold, average and delay; the relative deviation of its magnitude; that of its phase [rad].
+    """
     omega = 2 * np.pi * frequency_hz
-    response = fitted.model.response(omega)[:, 0, 0]
-    slopes = np.array([(other.response(omega)[:, 0, 0] / response - 1) / step for other, step in fitted.nudged()])
+    response = fitted.model.sampled_response(omega)[:, 0, 0]
+    slopes = np.array(
+        [(other.sampled_response(omega)[:, 0, 0] / response - 1) / step for other, step in fitted.nudged()]
+    )
     return response, fitted.deviation(slopes.real), fitted.deviation(slopes.imag)
 
 
@@ -199,11 +210,12 @@ def _place(name: str) -> str:
 def _quality(plant: Plant, fitted: Fitted, measured: Measured, n_parameter: int) -> Quality:
     """Table 2's measures on the chirp left out, the final prediction error in the paper's units."""
     shot = measured.validation
-    (found,) = predict(fitted.model, [shot], [0], [0])
-    left = (found.measured - found.simulated) / PRINTED[plant.unit]
+    simulated = predict(fitted.model, shot, [0], [0])
+    left = (shot.outputs - simulated) / PRINTED[plant.unit]
+    whole = shot.outputs - shot.outputs.mean(axis=0)
     share = n_parameter / len(left)
     return Quality(
-        r2=float(1 - unexplained(found.measured, found.simulated)[0]),
-        nrmse=float(nrmse(found.measured, found.simulated)[0]),
+        r2=float(1 - np.sum((shot.outputs - simulated) ** 2) / np.sum(whole**2)),
+        nrmse=float(nrmse(shot.outputs, simulated)[0]),
         fpe=float(np.mean(left**2)) * (1 + share) / (1 - share),
     )

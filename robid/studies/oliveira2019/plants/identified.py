@@ -66,7 +66,8 @@ class Identified:
         tried: The structures that were tried.
         quality: On the validation.
         frequency_hz (n_freq,): Frequencies of the responses [Hz].
-        response (n_freq,): Of the estimate, with delay.
+        response (n_freq,): Of the estimate from samples to samples: with hold, average and delay.
+        continuous (n_freq,): Of its transfer function, with the delay.
         relative_std (n_freq,): Predicted relative deviation of the magnitude.
         phase_std (n_freq,): Predicted deviation of the phase [rad].
         etfe_hz (n_etfe,): Frequencies of the empirical response [Hz].
@@ -93,6 +94,7 @@ class Identified:
     quality: Quality
     frequency_hz: FloatArray
     response: ComplexArray
+    continuous: ComplexArray
     relative_std: FloatArray
     phase_std: FloatArray
     etfe_hz: FloatArray
@@ -116,7 +118,8 @@ _TABLE = {
     "undetermined": Column("1", ("sentence",)),
     "tried": Column("as named", ("structure",)),
     "frequency_hz": Column("Hz", _FREQUENCY),
-    "response": Column("1", _FREQUENCY, "Of the estimate, with delay"),
+    "response": Column("1", _FREQUENCY, "Of the estimate, from samples to samples"),
+    "continuous": Column("1", _FREQUENCY, "Of its transfer function, with the delay"),
     "relative_std": Column("1", _FREQUENCY, "Of the magnitude"),
     "phase_std": Column("rad", _FREQUENCY),
     "etfe_hz": Column("Hz", _ETFE),

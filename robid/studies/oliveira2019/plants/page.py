@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -60,7 +59,9 @@ def plant_figures(
     for plant in plants:
         one = found[plant.name]
         inside = (one.frequency_hz >= case.band_hz[0]) & (one.frequency_hz <= case.band_hz[1])
-        off.append(band_errors(one.response[inside], bench.response(plant, one.frequency_hz[inside])))
+        band_hz = one.frequency_hz[inside]
+        off.append(band_errors(one.response[inside], bench.response(plant, band_hz)))
+        between = band_errors(one.continuous[inside], bench.continuous(plant, band_hz))
         own = {
             "nrmse": one.quality.nrmse,
             "r2": one.quality.r2,
@@ -70,6 +71,8 @@ def plant_figures(
             "delay_samples": float(one.delay_samples),
             "band_error_percent": off[-1][0],
             "band_error_degrees": off[-1][1],
+            "continuous_error_percent": between[0],
+            "continuous_error_degrees": between[1],
         }
         figures |= {f"{plant.name}.{name}": value for name, value in own.items()} | _undershoot(plant, one, bench)
     figures["max_band_error_percent"] = max(percent for percent, _ in off)
@@ -79,7 +82,7 @@ def plant_figures(
 
 def _undershoot(plant: Plant, found: Identified, bench: Bench) -> dict[str, float]:
     """How far a step response is below zero at the samples, where estimate or truth says so."""
-    true = true_step(plant, found, bench)
+    true = bench.step(plant, len(found.step_s))
     index, depth = undershoot(found.step)
     _, true_depth = undershoot(true)
     if max(depth, true_depth) == 0:
@@ -89,12 +92,6 @@ def _undershoot(plant: Plant, found: Identified, bench: Bench) -> dict[str, floa
         f"{plant.name}.undershoot_std": float(found.step_std[index]),
         f"{plant.name}.undershoot_true": true_depth,
     }
-
-
-def true_step(plant: Plant, found: Identified, bench: Bench) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Returns the true unit step response (n_step,) at the samples, delay and average left out."""
-    plain = Bench(bench.sampling_period_s, bench.duration_s, bench.low_hz, 1, 0, 1, 0.0)
-    return plain.answer(plant, np.ones(len(found.step_s)))
 
 
 def _root_figures(errors: Mapping[str, list[RootError]]) -> dict[str, float]:

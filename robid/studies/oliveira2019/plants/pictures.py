@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from robid.arrays import ComplexArray
 from robid.report.section import Beside, Figure, Part, Section
 from robid.settings.external_study import PlantsCase
 from robid.studies.oliveira2019.plants.bench import ROTATIONS, Bench, Plant
@@ -47,13 +48,12 @@ def _undershoots(plants: Sequence[Plant], found: Mapping[str, Identified], bench
     parts: list[Part] = []
     for plant in plants:
         one = found[plant.name]
-        true = Bench(bench.sampling_period_s, bench.duration_s, bench.low_hz, 1, 0, 1, 0.0)
-        reference = true.answer(plant, np.ones(len(one.step_s)))
+        reference = bench.step(plant, len(one.step_s))
         sets = [
-            ("true poles", np.roots(plant.denominator)),
-            ("true zeros", np.roots(plant.numerator)),
-            ("our poles", np.roots(one.denominator)),
-            ("our zeros", np.roots(one.numerator)),
+            ("true poles", _roots(plant.denominator)),
+            ("true zeros", _roots(plant.numerator)),
+            ("our poles", _roots(one.denominator.tolist())),
+            ("our zeros", _roots(one.numerator.tolist())),
         ]
         signals = [("true", reference), ("ours", one.step)]
         signals += [(f"ours {sign} 3 deviations", one.step + factor * one.step_std) for sign, factor in _BAND]
@@ -106,5 +106,9 @@ def _frequency(plants: Sequence[Plant], found: Mapping[str, Identified], bench: 
             magnitude(f"Fig. {number}: channel {plant.name}", responses),
             phase(f"Fig. {number}: channel {plant.name}, phase", responses),
         ]
-    lead = "Empirical responses include hold and moving average, models and truth the delay alone."
+    lead = "From samples to samples: with hold, moving average and delay, which the paper's leave out."
     return Section("Frequency responses: Figs 10 and 11", lead, (Beside(tuple(parts), columns=2),))
+
+
+def _roots(polynomial: Sequence[float]) -> ComplexArray:
+    return np.asarray(np.roots(polynomial), dtype=complex)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from robid.report.numbers import MINUS, MISSING, percent, significant
 from robid.report.section import Notes, Row, Section, Table
 from robid.studies.oliveira2019.plants.bench import ROTATIONS, Bench, Plant
@@ -134,7 +132,7 @@ def _fraction(numerator: Sequence[float], denominator: Sequence[float]) -> str:
 
 def _polynomial(coefficients: Sequence[float]) -> str:
     """Writes a polynomial of s, as in `24.08 s + 1362`."""
-    terms = []
+    terms: list[str] = []
     degree = len(coefficients) - 1
     for place, value in enumerate(coefficients):
         power = degree - place
@@ -144,8 +142,3 @@ def _polynomial(coefficients: Sequence[float]) -> str:
         sign = (f"{MINUS}" if value < 0 else "") if not terms else (f" {MINUS} " if value < 0 else " + ")
         terms.append(sign + written)
     return "".join(terms)
-
-
-def true_values(plant: Plant) -> np.ndarray[Any, np.dtype[np.complex128]]:
-    """Returns the true poles (n_pole,) [rad/s]."""
-    return np.roots(plant.denominator)

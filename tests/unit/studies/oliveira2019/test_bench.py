@@ -73,8 +73,17 @@ def test_noise_is_added_before_quantising_and_repeats_differ():
     assert np.corrcoef(measured)[0, 1] == pytest.approx(0, abs=0.02)
 
 
-def test_responses_have_the_delay_but_not_the_average():
+def test_responses_are_those_of_long_sines():
+    plant, frequency = PLANTS["Z"], 20 / (250 * 0.012)
+    bench = Bench(0.012, 0.012 * 2500, 0.5, 1, 4, 4, 0.0)
+    wave = np.exp(2j * np.pi * frequency * 0.012 * np.arange(2500))
+    answer = bench.answer(plant, wave.real) + 1j * bench.answer(plant, wave.imag)
+    found = np.mean(answer[-250:] / wave[-250:])
+    np.testing.assert_allclose(bench.response(plant, np.array([frequency]))[0], found, rtol=1e-9)
+
+
+def test_the_transfer_functions_own_response_has_the_delay_alone():
     frequency = np.array([0.01, 1.0, 5.2])
     plant = Plant("Z", (2.0,), (0.5, 1.0), {}, 1e-5)
     expected = 2 / (1 + 0.5j * 2 * np.pi * frequency) * np.exp(-2j * np.pi * frequency * 0.048)
-    np.testing.assert_allclose(BENCH.response(plant, frequency), expected)
+    np.testing.assert_allclose(BENCH.continuous(plant, frequency), expected)
