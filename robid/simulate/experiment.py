@@ -143,6 +143,8 @@ class _Run:
         batch.forward()
         self.rest_outputs = self._further.read()[0]
         self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
+        resolution = self._further.resolution(experiment.options.imperfections)
+        self._stepped, self._step = np.flatnonzero(resolution), resolution[resolution > 0]
         self._rest = model.motor_angles(batch.qpos)
         zero = np.zeros_like(self._reference)
         speed, angle, torque = zero, zero, zero
@@ -186,7 +188,10 @@ class _Run:
                 continue
             arms = self._further.arms()
             batch.step(nstep=1)  # sensors show the state at its beginning
-            angle[sample, :, self._motor.size :] = self._further.read(arms) + further[sample]
+            shown = self._further.read(arms) + further[sample]
+            if self._stepped.size:
+                shown[:, self._stepped] = np.rint(shown[:, self._stepped] / self._step) * self._step
+            angle[sample, :, self._motor.size :] = shown
             if steps > 1:
                 batch.step(nstep=steps - 1)
 
