@@ -94,16 +94,13 @@ def follow_path(
     n_free = starts[0].size
     unit = cost(problem, starts[0]) / max(problem.n_data - n_free / 2, 1.0)
     gammas = unit * np.geomspace(options.smallest, options.largest, options.count)
-    known: dict[tuple[int, bytes], tuple[FloatArray, float, Status]] = {}
+    known: dict[bytes, tuple[FloatArray, float, Status]] = {}
     points = [_full_point(problem, validation, starts[0], largest)]
     for gamma in gammas.tolist():
         fits = [fit_sparse(problem, start, largest, gamma, sparsity) for start in starts]
-        found = [
-            _point(problem, validation, fit, _refit(problem, fit, (index, fit.kept.tobytes()), known), largest, gamma)
-            for index, fit in enumerate(fits)
-        ]
+        found = [_point(problem, validation, fit, _refit(problem, fit, known), largest, gamma) for fit in fits]
         points.append(min(found, key=lambda one: one.refit_cost + one.gamma * np.count_nonzero(one.kept)))
-    return Path(tuple(points), _choose(points, options.allowance))
+    return Path(tuple(points), choose_point(points, options.allowance))
 
 
 def _full_point(problem: Problem, validation: Problem, start: FloatArray, largest: FloatArray) -> PathPoint:
@@ -113,15 +110,14 @@ def _full_point(problem: Problem, validation: Problem, start: FloatArray, larges
 
 
 def _refit(
-    problem: Problem,
-    fit: SparseFit,
-    key: tuple[int, bytes],
-    known: dict[tuple[int, bytes], tuple[FloatArray, float, Status]],
+    problem: Problem, fit: SparseFit, known: dict[bytes, tuple[FloatArray, float, Status]]
 ) -> tuple[FloatArray, float, Status]:
-    if key not in known:
+    """Fits a structure without prices, once."""
+    structure = fit.kept.tobytes()
+    if structure not in known:
         parameters, minimum = solve(problem, fit.parameters, free=spread(fit.kept, problem.sizes))
-        known[key] = parameters, minimum.cost, minimum.status
-    return known[key]
+        known[structure] = parameters, minimum.cost, minimum.status
+    return known[structure]
 
 
 def _point(
@@ -138,8 +134,8 @@ def _point(
     return PathPoint(gamma, fit.kept, relative, fit.cost, parameters, refit_cost, left_out, status, fit.steps)
 
 
-def _choose(points: list[PathPoint], allowance: float) -> int:
-    """The fewest blocks within the allowance; of those the least cost on the data, then the least price."""
+def choose_point(points: list[PathPoint], allowance: float) -> int:
+    """Returns the index of the fewest blocks within the allowance; of those the least cost, then the least price."""
     limit = (1 + allowance) * min(point.validation_cost for point in points)
     return min(
         (index for index, point in enumerate(points) if point.validation_cost <= limit),
