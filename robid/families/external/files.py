@@ -86,6 +86,7 @@ _SOLUTION = {
     "external/traces/measured": Column(_OWN, _ROW, "Measured output less its offset", compact=True),
     "external/traces/simulated": Column(_OWN, _ROW, "The model's", compact=True),
     "external/findings": Column("1", ("finding",), "What is doubtful about the data"),
+    "external/remarks": Column("1", ("remark",), "What else is to be known of the models"),
 }
 _VALIDATION = {
     "external/agreements": Column("1, or as of the output", ("agreement",), "Agreement, place by place"),

@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.external.solution import Responses, RootLoci, StepResponses
 from robid.fit.external.transfer import TransferMatrix
+from robid.fit.external.uncertainty import response_deviation
 
 _TIMES, _GAINS, _FREQUENCIES = 300, 160, 200
 _SETTLED = 0.02
@@ -59,15 +60,12 @@ def frequency_responses(fitted: Sequence[Fitted], lowest_hz: float) -> Responses
     """Computes the responses from below the excited band up to half the sampling rate."""
     nyquist_hz = 0.5 / fitted[0].model.sampling_period_s
     frequency_hz = np.geomspace(min(_BELOW * lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _FREQUENCIES)
+    omega = 2 * np.pi * frequency_hz
     columns, deviations = [], []
     for one in fitted:
-        response = _flat(one.model.response(2 * np.pi * frequency_hz))
-        slopes = np.array(
-            [(_flat(other.response(2 * np.pi * frequency_hz)) - response) / step for other, step in one.nudged()]
-        )
-        relative = slopes / response
-        columns.append(response)
-        deviations.append([one.deviation(part) for part in (relative.real, relative.imag)])
+        columns.append(_flat(one.model.response(omega)))
+        found = response_deviation(one.model, one.root, omega)
+        deviations.append([each.reshape(len(omega), -1) for each in (found.magnitude, found.phase_rad)])
     magnitude, phase = (np.hstack([each[index] for each in deviations]) for index in (0, 1))
     return Responses(frequency_hz, np.hstack(columns), magnitude, phase)
 

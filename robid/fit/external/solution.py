@@ -238,6 +238,8 @@ class ExternalSolution:
         loci: Root loci.
         traces: Measured and simulated outputs of the fit's shots.
         findings: What is doubtful about the data.
+        remarks: What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept
+            stable, how sure the choice of a structure is.
     """
 
     estimate: Estimate
@@ -253,6 +255,7 @@ class ExternalSolution:
     loci: RootLoci
     traces: Traces
     findings: tuple[Finding, ...]
+    remarks: tuple[str, ...]
 
     def transfer(self, block: int) -> TransferMatrix:
         """Returns the transfer functions of one block."""
