@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from statistics import median
 
+from robid.report.charts import Ratio, RatioChart
 from robid.report.content import KeyNumber
 from robid.report.numbers import MISSING, engineering, percent
 from robid.report.parameters import (
@@ -16,7 +17,7 @@ from robid.report.parameters import (
     ratio_sentence,
     rule_sentence,
 )
-from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Ratio, RatioChart, Row, Section, Table
+from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Row, Section, Table
 from robid.robot.parameters import PARAMETER_KINDS
 
 RATIO_PANELS = tuple(dict.fromkeys(kind.panel for kind in PARAMETER_KINDS.values() if kind.panel))
