@@ -61,13 +61,14 @@ def frequency_responses(fitted: Sequence[Fitted], lowest_hz: float) -> Responses
     nyquist_hz = 0.5 / fitted[0].model.sampling_period_s
     frequency_hz = np.geomspace(min(_BELOW * lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _FREQUENCIES)
     omega = 2 * np.pi * frequency_hz
-    columns, deviations = [], []
+    columns, sampled, deviations = [], [], []
     for one in fitted:
         columns.append(_flat(one.model.response(omega)))
+        sampled.append(_flat(one.model.sampled_response(omega)))
         found = response_deviation(one.model, one.root, omega)
         deviations.append([each.reshape(len(omega), -1) for each in (found.magnitude, found.phase_rad)])
     magnitude, phase = (np.hstack([each[index] for each in deviations]) for index in (0, 1))
-    return Responses(frequency_hz, np.hstack(columns), magnitude, phase)
+    return Responses(frequency_hz, np.hstack(columns), np.hstack(sampled), magnitude, phase)
 
 
 def step_responses(fitted: Sequence[Fitted]) -> StepResponses:
@@ -92,14 +93,28 @@ def root_loci(fitted: Sequence[Fitted]) -> RootLoci:
     n_pole = max(len(one.model.denominator) for one in fitted) - 1
     n_zero = max(one.model.numerator.shape[2] for one in fitted) - 1
     gain = np.concatenate([[0.0], np.geomspace(1e-2, 1e2, _GAINS - 1)])
-    roots, zeros, poles = [], [], []
+    roots, zeros, poles, zero_std, pole_std = [], [], [], [], []
     for one in fitted:
-        for numerator in one.model.numerator.reshape(-1, one.model.numerator.shape[2]):
+        n_power, size = one.model.numerator.shape[2], one.model.numerator.size
+        below = np.concatenate([np.zeros((1, one.root.shape[1])), one.root[size:]])
+        for place, numerator in enumerate(one.model.numerator.reshape(-1, n_power)):
+            above = one.root[place * n_power : (place + 1) * n_power]
+            zero_std.append(_padded(_root_std(numerator, np.roots(numerator), above), n_zero))
+            pole_std.append(_padded(_root_std(one.model.denominator, one.model.poles, below), n_pole))
             each = gain / _size(numerator, one.model.denominator)
             roots.append([_padded(np.roots(np.polyadd(one.model.denominator, k * numerator)), n_pole) for k in each])
             zeros.append(_padded(np.roots(numerator), n_zero))
             poles.append(_padded(np.asarray(one.model.poles), n_pole))
-    return RootLoci(gain, np.swapaxes(np.array(roots), 0, 1), np.array(zeros), np.array(poles))
+    paths = np.swapaxes(np.array(roots), 0, 1)
+    return RootLoci(gain, paths, *(np.array(each) for each in (zeros, poles, zero_std, pole_std)))
+
+
+def _root_std(polynomial: FloatArray, roots: ComplexArray, rows: FloatArray) -> ComplexArray:
+    """Standard deviations of the roots (n_root,) of a polynomial (n_power,) whose covariance `rows` is a root of."""
+    powers = np.arange(len(polynomial) - 1, -1, -1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = -(roots[:, None] ** powers @ rows) / np.polyval(np.polyder(polynomial), roots)[:, None]
+    return np.linalg.norm(slopes.real, axis=1) + 1j * np.linalg.norm(slopes.imag, axis=1)
 
 
 def _size(numerator: FloatArray, denominator: FloatArray) -> float:

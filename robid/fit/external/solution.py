@@ -151,12 +151,14 @@ class Responses:
     Attributes:
         frequency_hz (n_freq,): Frequencies [Hz].
         response (n_freq, n_channel): Responses with delay, without hold and moving average.
+        sampled (n_freq, n_channel): Responses from samples to samples, with all of them, as the empirical one is.
         relative_std (n_freq, n_channel): Standard deviation of the magnitude, relative.
         phase_std (n_freq, n_channel): Of the phase [rad].
     """
 
     frequency_hz: FloatArray
     response: ComplexArray
+    sampled: ComplexArray
     relative_std: FloatArray
     phase_std: FloatArray
 
@@ -191,12 +193,17 @@ class RootLoci:
         roots (n_gain, n_channel, n_pole): Closed-loop poles [rad/s]; NaN where there are fewer.
         zeros (n_channel, n_zero): Zeros [rad/s]; NaN where there are fewer.
         poles (n_channel, n_pole): Poles [rad/s].
+        zero_std (n_channel, n_zero): Standard deviations of the zeros' real parts, and of their imaginary parts as an
+            imaginary part [rad/s].
+        pole_std (n_channel, n_pole): The same of the poles.
     """
 
     gain: FloatArray
     roots: ComplexArray
     zeros: ComplexArray
     poles: ComplexArray
+    zero_std: ComplexArray
+    pole_std: ComplexArray
 
 
 @dataclass(frozen=True)
