@@ -104,7 +104,7 @@ class Curve:
     y: tuple[float, ...]
     texts: tuple[str, ...] = ()
     points: bool = False
-    symbol: Literal["dot", "cross", "ring", "square", "diamond"] = "dot"
+    symbol: Literal["dot", "small", "cross", "ring", "square", "diamond"] = "dot"
     lower: tuple[float, ...] = ()
     upper: tuple[float, ...] = ()
     shade: int | None = None

@@ -13,6 +13,7 @@ from robid.fit.external.agreement import Agreement
 from robid.fit.external.checks import Finding
 from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.etfe import Etfe
+from robid.fit.external.excitation import Excitation
 from robid.fit.external.transfer import TransferMatrix
 
 
@@ -217,6 +218,7 @@ class Traces:
         time_s (n_row,): Time since the shot began [s].
         measured (n_row,): Measured output less its offset.
         simulated (n_row,): The model's.
+        simulated_std (n_row,): Standard deviation of that, by the uncertainty of its coefficients.
     """
 
     output: IntArray
@@ -225,6 +227,7 @@ class Traces:
     time_s: FloatArray
     measured: FloatArray
     simulated: FloatArray
+    simulated_std: FloatArray
 
 
 @dataclass(frozen=True)
@@ -247,6 +250,7 @@ class ExternalSolution:
         findings: What is doubtful about the data.
         remarks: What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept
             stable, how sure the choice of a structure is.
+        excitation: Commands and their own outputs in the fit's shots.
     """
 
     estimate: Estimate
@@ -263,6 +267,7 @@ class ExternalSolution:
     traces: Traces
     findings: tuple[Finding, ...]
     remarks: tuple[str, ...]
+    excitation: Excitation
 
     def transfer(self, block: int) -> TransferMatrix:
         """Returns the transfer functions of one block."""

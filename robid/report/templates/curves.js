@@ -3,7 +3,7 @@
 (() => {
   const { colour, names, axis, layout, title, logTicks, hover, onFigures } = robid;
   const DASHES = ["solid", "dash", "dot", "dashdot"];
-  const SYMBOLS = { dot: "circle", cross: "x-thin", ring: "circle-open", square: "square", diamond: "diamond" };
+  const SYMBOLS = { dot: "circle", small: "circle", cross: "x-thin", ring: "circle-open", square: "square", diamond: "diamond" };
   const BAND = 0.2;
 
   function scale(values, isLog, text, given) {
@@ -32,7 +32,7 @@
     const hovertemplate = curve.texts ? "%{text}<extra></extra>" : `${curve.name}: %{y:.3g}<extra></extra>`;
     const drawn = { type: "scatter", name: curve.name, x: curve.x, y: curve.y, text: curve.texts, hovertemplate };
     if (!curve.points) return { ...drawn, mode: "lines", line: { color: shade, width: 1.8, dash: DASHES[(curve.shade === undefined ? index : curve.shade) % DASHES.length] } };
-    return { ...drawn, mode: "markers", marker: { size: 9, color: shade, symbol: SYMBOLS[curve.symbol], line: { color: shade, width: curve.symbol === "dot" ? 0 : 1.8 } } };
+    return { ...drawn, mode: "markers", marker: { size: curve.symbol === "small" ? 4 : 9, color: shade, symbol: SYMBOLS[curve.symbol], line: { color: shade, width: ["dot", "small"].includes(curve.symbol) ? 0 : 1.8 } } };
   }
 
   // The outline of a band, one for each run without a gap.
