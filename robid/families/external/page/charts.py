@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Literal
 
@@ -9,11 +10,11 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.external.excitation import Excitation
-from robid.fit.external.solution import ExternalSolution, StepResponses, Traces
+from robid.fit.external.solution import ExternalSolution, StepResponses
 from robid.report.section import Curve, Figure, Line
 
-MEASURED, MODEL, ERROR = 0, 1, 5
-"""Shades of what figures show: what was commanded or measured, what a model says, and their difference."""
+MEASURED, MODEL, GREY, ERROR = 0, 1, 4, 3
+"""Shades of what figures show: what was commanded or measured, what a model says, limits, and differences."""
 _MOST_POINTS = 1500
 _READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "m/s": (1e3, "mm/s"), "rad/s": (180 / np.pi, "°/s")}
 
@@ -127,19 +128,47 @@ def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
     )
 
 
-def trace_figure(found: Traces, output: int, shot: int, unit: str, confidence: float) -> Figure:
-    """Measured and simulated output of one shot, with the bounds of the simulation, and their difference."""
-    rows = (found.output == output) & (found.shot == shot)
+@dataclass(frozen=True)
+class Trace:
+    """Measured and simulated output of one shot.
+
+    Attributes:
+        name: Name of the shot.
+        time_s (n_row,): Time since it began [s].
+        measured (n_row,): Measured output.
+        simulated (n_row,): Simulated one.
+        half (n_row,): Half the width of the region in which measured values are expected; None where it is unknown.
+    """
+
+    name: str
+    time_s: FloatArray
+    measured: FloatArray
+    simulated: FloatArray
+    half: FloatArray | None = None
+
+
+def trace_figures(trace: Trace, unit: str) -> tuple[Figure, Figure]:
+    """Measured and simulated output of one shot, with bounds, and their difference."""
     to_unit, shown = readable_factor(unit)
-    time, kept = found.time_s[rows], slice(None, None, max(1, -(-int(rows.sum()) // _MOST_POINTS)))
-    measured, simulated = (to_unit * each[rows] for each in (found.measured, found.simulated))
-    half = to_unit * quantile(confidence) * found.simulated_std[rows]
-    curves = (
-        curve("measured", time[kept], measured[kept], MEASURED),
-        _banded("simulated", time[kept], simulated[kept], half[kept], MODEL),
-        curve("difference", time[kept], (measured - simulated)[kept], ERROR),
+    kept = slice(None, None, max(1, -(-len(trace.time_s) // _MOST_POINTS)))
+    time, measured, simulated = trace.time_s[kept], to_unit * trace.measured[kept], to_unit * trace.simulated[kept]
+    half = np.zeros(0) if trace.half is None else to_unit * trace.half[kept]
+    model = (
+        _banded("simulated", time, simulated, half, MODEL) if half.size else curve("simulated", time, simulated, MODEL)
     )
-    return Figure(found.shots[shot], "Time [s]", f"[{shown}]", curves, log_x=False, log_y=False)
+    left = curve("measured less simulated", time, measured - simulated, ERROR)
+    limits = [] if not half.size else [curve("bounds", time, half, GREY), curve("", time, -half, GREY)]
+    return (
+        Figure(
+            trace.name,
+            "Time [s]",
+            f"[{shown}]",
+            (curve("measured", time, measured, MEASURED), model),
+            log_x=False,
+            log_y=False,
+        ),
+        Figure("Difference", "Time [s]", f"[{shown}]", (left, *limits), log_x=False, log_y=False),
+    )
 
 
 def curve(name: str, x: FloatArray, y: FloatArray, shade: int) -> Curve:

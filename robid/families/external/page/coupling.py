@@ -9,7 +9,7 @@ from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.options import CouplingOptions
 from robid.fit.external.solution import Ports
 from robid.report.numbers import MISSING, significant
-from robid.report.section import Cell, ColumnStyle, Curve, Figure, Line, Notes, Part, Section, Table
+from robid.report.section import Cell, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
 
 _MOST_GROUPS = 6
 _LEAD = (
@@ -72,11 +72,11 @@ def _points(
 
 def _pairs(found: CouplingMap, ports: Ports) -> Table:
     """Largest size of what follows of each pair, over the bands."""
-    largest = np.max(np.where(np.isfinite(found.ratio), found.ratio, -np.inf), axis=0)
-    coupled = np.any(found.coupled, axis=0)
+    largest: list[list[float]] = np.where(np.isfinite(found.ratio), found.ratio, -np.inf).max(axis=0).tolist()
+    coupled: list[list[bool]] = np.asarray(found.coupled.any(axis=0)).tolist()
     rows = tuple(
-        (name, *(_pair(*each) for each in zip(sizes, marks, strict=True)))
-        for name, sizes, marks in zip(ports.outputs, largest.tolist(), coupled.tolist(), strict=True)
+        Row((name, *(_pair(size, coupled=mark) for size, mark in zip(sizes, marks, strict=True))))
+        for name, sizes, marks in zip(ports.outputs, largest, coupled, strict=True)
     )
     styles: tuple[ColumnStyle, ...] = ("name", *_numbers(len(ports.inputs)))
     caption = "Largest of all bands, in resolutions. Red: coupled in some band."
@@ -84,7 +84,7 @@ def _pairs(found: CouplingMap, ports: Ports) -> Table:
     return Table(heads, rows, title="Size of what follows", caption=caption, styles=styles, fit="compact")
 
 
-def _pair(value: float, coupled: bool) -> Cell:
+def _pair(value: float, *, coupled: bool) -> Cell:
     return Cell(significant(value, 2) if np.isfinite(value) else MISSING, "bad" if coupled else "")
 
 

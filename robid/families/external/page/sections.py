@@ -1,0 +1,293 @@
+"""Sections of an external fit: transfer functions, parameters, responses, roots, steps, new data, decoupling."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from robid.families.external.page.charts import (
+    Trace,
+    excitation_figures,
+    locus_figure,
+    quantile,
+    readable_factor,
+    response_figures,
+    step_figure,
+    trace_figures,
+)
+from robid.families.external.page.coupling import coupling_section
+from robid.families.external.page.formula import transfer_text
+from robid.fit.external.options import CouplingOptions
+from robid.fit.external.solution import ExternalSolution
+from robid.report.numbers import MISSING, duration, percent, significant
+from robid.report.parameter_section import parameter_section
+from robid.report.parameters import Estimates
+from robid.report.section import Beside, Choice, ColumnStyle, Folded, Notes, Part, Row, Section, Table
+from robid.validation.external.validating import ExternalValidation
+
+_MOST_SHOTS = 4
+_VISIBLE = 1e-3  # of the final value
+
+
+def sections(
+    solution: ExternalSolution, estimates: Estimates, data: Section, options: CouplingOptions
+) -> tuple[Section, ...]:
+    """Lays out a fit.
+
+    Args:
+        solution: What it found.
+        estimates: Its parameters as rows.
+        data: Measured against simulated outputs.
+        options: When channels count as coupled.
+    """
+    return (
+        _transfers(solution),
+        data,
+        *_parameters(solution, estimates),
+        _responses(solution),
+        _steps(solution),
+        _roots(solution),
+        coupling_section(solution.coupling, solution.ports, options),
+        _excitation(solution),
+    )
+
+
+def own_section(solution: ExternalSolution) -> Section:
+    """Lays out measured against simulated outputs of the fit's own shots."""
+    found = solution.traces
+    every = {
+        name: [
+            Trace(found.shots[shot], found.time_s[rows], found.measured[rows], found.simulated[rows])
+            for shot in np.unique(found.shot[found.output == output])[:_MOST_SHOTS].tolist()
+            for rows in ((found.output == output) & (found.shot == shot),)
+        ]
+        for output, name in enumerate(solution.quality.output_names)
+    }
+    lead = "Measured outputs against simulated ones, on the fit's own data."
+    return Section("On its own data", lead, (_traces(solution, every),), "traces")
+
+
+def new_section(solution: ExternalSolution, validation: ExternalValidation) -> Section:
+    """Lays out measured against predicted outputs of shots that the fit never saw."""
+    found, wide = validation.traces, quantile(validation.confidence)
+    every = {
+        name: [
+            Trace(
+                found.shots[shot],
+                found.time_s[rows],
+                found.measured[rows],
+                found.predicted[rows],
+                wide * found.std[rows],
+            )
+            for shot in np.unique(found.shot[found.output == output])[:_MOST_SHOTS].tolist()
+            for rows in ((found.output == output) & (found.shot == shot),)
+        ]
+        for output, name in enumerate(validation.measures.names)
+    }
+    lead = (
+        f"The model {validation.outcome.verdict}. Bounds hold the uncertainty of the parameters and the noise at"
+        f" {percent(validation.confidence)}."
+    )
+    return Section("On new data", lead, (_measures(solution, validation), _traces(solution, every)), "traces")
+
+
+def _measures(solution: ExternalSolution, validation: ExternalValidation) -> Table:
+    found, units = validation.measures, _output_units(solution)
+    rows = []
+    for row, name in enumerate(found.names):
+        to_unit, unit = readable_factor(units[name])
+        error, expected = (
+            f"{significant(to_unit * float(x[row]), 2)} {unit}" for x in (found.error_std, found.expected_std)
+        )
+        scores = (f"{found.r_squared[row]:.4f}", f"{found.nrmse[row]:.4f}", f"{found.own_nrmse[row]:.4f}")
+        rows.append(
+            (name, *scores, significant(float(found.fpe[row]), 2), error, expected, percent(float(found.inside[row])))
+        )
+    heads = ("Output", "R²", "NRMSE", "NRMSE of the fit", "FPE", "Error", "Expected error", "Inside the bounds")
+    caption = "Error: root mean square; expected: what noise, parameters and a model error of one per cent give."
+    return Table(heads, tuple(rows), caption=caption, styles=("name", *_numbers(7)), fit="compact")
+
+
+def _traces(solution: ExternalSolution, every: Mapping[str, Sequence[Trace]]) -> Choice:
+    units = _output_units(solution)
+    options = tuple(
+        (name, tuple(Beside(trace_figures(trace, units[name]), 2) for trace in traces))
+        for name, traces in every.items()
+    )
+    single = len(solution.transfers.names) == len(solution.quality.output_names)
+    return Choice("Channel" if single else "Output", options)
+
+
+def _output_units(solution: ExternalSolution) -> dict[str, str]:
+    """Unit of each output that the quality names."""
+    units = [solution.ports.output_units[output] for output in _output_of_rows(solution)]
+    return dict(zip(solution.quality.output_names, units, strict=True))
+
+
+def _output_of_rows(solution: ExternalSolution) -> list[int]:
+    """Index of the output of each row of the quality's names: block by block, each output once."""
+    transfers = solution.transfers
+    return [
+        output
+        for block in range(len(transfers.blocks))
+        for output in dict.fromkeys(transfers.outputs[transfers.channels_of(block)].tolist())
+    ]
+
+
+def _transfers(solution: ExternalSolution) -> Section:
+    transfers, quality, ports = solution.transfers, solution.quality, solution.ports
+    rows = []
+    for channel, name in enumerate(transfers.names):
+        block = int(transfers.block_of[channel])
+        samples = int(transfers.delay_samples[block])
+        delay = f"{samples} ({duration(samples * ports.sampling_period_s)})" if samples else "0"
+        text = transfer_text(transfers.numerator[channel], transfers.denominator[block])
+        rows.append((name, f"{transfers.zeros[block]} / {transfers.poles[block]}", delay, text))
+    sampled = f"Sampled every {duration(ports.sampling_period_s)}, commands held as `{ports.hold}`"
+    averaged = f", averaged over {transfers.moving_average} samples" if transfers.moving_average > 1 else ""
+    table = Table(
+        ("Channel", "Zeros / poles", "Delay in samples", "Transfer function, s in rad/s"),
+        tuple(rows),
+        caption=f"{sampled}{averaged}: hold, average and delay come on top of these functions.",
+        styles=("name", "number", "number", "code"),
+    )
+    lead = "From command to output, strictly proper, without delay, hold and moving average."
+    parts: list[Part] = [table, _quality(solution), Folded("Structures that were tried", (_tried(solution),))]
+    notes = [*_behaviour(solution), *(f"{finding.channel}: {finding.message}." for finding in solution.findings)]
+    if notes:
+        parts.append(Notes(tuple(notes)))
+    reasons = zip(transfers.blocks, quality.reason, strict=True)
+    parts.append(Folded("Why these structures", (Notes(tuple(f"{name}: {reason}" for name, reason in reasons)),)))
+    return Section("Transfer functions", lead, tuple(parts), "transfers")
+
+
+def _quality(solution: ExternalSolution) -> Table:
+    quality = solution.quality
+    blocks = [block for block in range(len(quality.fpe)) for _ in range(_width(solution, block))]
+    rows = tuple(
+        (
+            name,
+            f"{quality.r_squared[row]:.4f}",
+            f"{quality.nrmse[row]:.4f}",
+            significant(float(quality.fpe[blocks[row]]), 2),
+            percent(float(quality.whiteness_p[blocks[row]])),
+            quality.status[blocks[row]].replace("_", " "),
+        )
+        for row, name in enumerate(quality.output_names)
+    )
+    caption = (
+        "On the fit's own data. NRMSE: 1 is perfect, 0 no better than a constant. FPE: Akaike's final prediction error"
+        " over the output's variance. Whiteness: chance that white noise looks as coloured as the residual."
+    )
+    heads = ("Output", "R²", "NRMSE", "FPE", "Whiteness", "Fit")
+    return Table(
+        heads, rows, title="How well they fit", caption=caption, styles=("name", *_numbers(4), "text"), fit="compact"
+    )
+
+
+def _width(solution: ExternalSolution, block: int) -> int:
+    """Number of outputs of a block."""
+    return len(set(solution.transfers.outputs[solution.transfers.channels_of(block)].tolist()))
+
+
+def _tried(solution: ExternalSolution) -> Table:
+    rows = tuple(
+        Row(
+            (
+                str(each.poles),
+                str(each.zeros),
+                str(each.delay_samples),
+                f"{each.bic:.1f}" if np.isfinite(each.bic) else MISSING,
+                f"{each.nrmse:.4f}",
+                percent(each.whiteness_p),
+                "chosen" if each.chosen else "",
+            ),
+            group=each.block,
+            faint=not each.chosen,
+            choice=each.block,
+        )
+        for each in solution.tried
+    )
+    caption = "BIC: Bayesian information criterion, the smaller the better."
+    heads = ("Poles", "Zeros", "Delay", "BIC", "NRMSE", "Whiteness", "")
+    return Table(heads, rows, caption=caption, styles=("name", *_numbers(5), "text"), choice="Channel", fit="tall")
+
+
+def _behaviour(solution: ExternalSolution) -> list[str]:
+    """Says which channels go the wrong way first."""
+    return [
+        f"{name}: a step goes the wrong way first, by {percent(float(share))} of its final value (a zero in the right"
+        " half plane)."
+        for name, share in zip(solution.transfers.names, solution.steps.undershoot, strict=True)
+        if share > _VISIBLE
+    ]
+
+
+def _parameters(solution: ExternalSolution, estimates: Estimates) -> tuple[Section, ...]:
+    del solution
+    conventions = (
+        "A real root is given as its rate, positive in the left half plane; a pair as natural frequency and damping"
+        " ratio. Zeros with a negative rate or damping lie in the right half plane."
+    )
+    return parameter_section(estimates, conventions)
+
+
+def _responses(solution: ExternalSolution) -> Section:
+    options = tuple(
+        (name, (Beside(response_figures(solution, channel), 2),))
+        for channel, name in enumerate(solution.transfers.names)
+    )
+    lead = (
+        "The empirical response with the region that holds the true one, over the band that was excited, and the model"
+        " with its bounds, both from samples to samples: with delay, hold and moving average."
+    )
+    return Section("Frequency response", lead, (Choice("Channel", options),), "response")
+
+
+def _steps(solution: ExternalSolution) -> Section:
+    steps = solution.steps
+    options = tuple(
+        (name, (step_figure(steps, channel, solution.estimate.confidence),))
+        for channel, name in enumerate(solution.transfers.names)
+    )
+    rows = tuple(
+        (
+            name,
+            percent(float(steps.undershoot[channel])),
+            percent(float(steps.overshoot[channel])),
+            duration(float(steps.rise_s[channel])) if np.isfinite(steps.rise_s[channel]) else MISSING,
+        )
+        for channel, name in enumerate(solution.transfers.names)
+    )
+    heads = ("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %")
+    table = Table(heads, rows, styles=("name", *_numbers(3)), fit="compact")
+    lead = "What the model does after a step of one unit, delay included, with bounds."
+    return Section("Step response", lead, (Choice("Channel", options), table), "steps")
+
+
+def _roots(solution: ExternalSolution) -> Section:
+    options = tuple((name, (locus_figure(solution, channel),)) for channel, name in enumerate(solution.transfers.names))
+    lead = (
+        "Poles and zeros with bounds on their real and imaginary parts, and where the poles go in a proportional loop"
+        " around the channel without its delay. Roots beyond half the sampling rate are left out."
+    )
+    return Section("Poles and zeros", lead, (Choice("Channel", options),), "roots")
+
+
+def _excitation(solution: ExternalSolution) -> Section:
+    found, ports, transfers = solution.excitation, solution.ports, solution.transfers
+    options = []
+    for channel, name in enumerate(found.names):
+        place = transfers.names.index(name)
+        units = ports.input_units[transfers.inputs[place]], ports.output_units[transfers.outputs[place]]
+        shots = np.unique(found.time_shot[found.time_channel == channel])[:_MOST_SHOTS]
+        rows = tuple(Beside(excitation_figures(found, channel, int(shot), units), 2) for shot in shots)
+        options.append((name, rows))
+    lead = "What was commanded, and what came of it: over time, and component by component against the resolution."
+    return Section("Excitation", lead, (Choice("Channel", tuple(options)),), "excitation")
+
+
+def _numbers(count: int) -> Sequence[ColumnStyle]:
+    number: ColumnStyle = "number"
+    return (number,) * count
