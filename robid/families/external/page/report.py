@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import numpy as np
+from collections.abc import Iterator, Sequence
 
 from robid.artifacts.grade import grade_from_artifact
 from robid.families.external.files import solution_from_artifact, validation_from_artifact
-from robid.families.external.page.sections import new_section, own_section, sections
+from robid.families.external.page.data import new_section, own_section
+from robid.families.external.page.sections import sections
 from robid.families.external.settings import external_fit
 from robid.families.family import Shown
 from robid.families.parameters import parameter_rows, parameter_summary
+from robid.fit.external.agreement import Agreement
 from robid.fit.external.solution import ExternalSolution
 from robid.report.content import FitReport, Headline, KeyNumber
 from robid.report.numbers import significant
@@ -69,17 +69,16 @@ def _headline(
 
 
 def _numbers(solution: ExternalSolution, validation: ExternalValidation | None) -> Iterator[KeyNumber]:
-    own = solution.quality.nrmse
-    yield KeyNumber("NRMSE, own data", f"{own.min():.3f}", _worst(solution.quality.output_names, own))
+    yield _worst("NRMSE, own data", solution.agreements)
     if validation is not None:
-        found = validation.measures
-        yield KeyNumber("NRMSE, new data", f"{found.nrmse.min():.3f}", _worst(found.names, found.nrmse))
+        yield _worst("NRMSE, new data", validation.agreements)
     if not solution.coupling.own.all():
         yield KeyNumber("Decoupled up to", f"{significant(solution.coupling.overall_hz, 3)} Hz")
 
 
-def _worst(names: tuple[str, ...], values: np.ndarray) -> str:
-    return f"worst of {len(names)}: {names[int(values.argmin())]}" if len(names) > 1 else ""
+def _worst(label: str, every: Sequence[Agreement]) -> KeyNumber:
+    worst = min(every, key=lambda each: each.nrmse)
+    return KeyNumber(label, f"{worst.nrmse:.3f}", f"worst: {worst.output}" if len(every) > 1 else "")
 
 
 def _verdict(solution: ExternalSolution, validation: ExternalValidation | None, grade: Grade, *, named: bool) -> str:
@@ -100,7 +99,7 @@ def _verdict(solution: ExternalSolution, validation: ExternalValidation | None, 
 def _summary(
     solution: ExternalSolution, estimates: Estimates, validation: ExternalValidation | None, grade: Grade
 ) -> dict[str, float]:
-    quality, estimate = solution.quality, solution.estimate
+    estimate = solution.estimate
     found = {
         "grade": float(grade.value),
         "converged": float(estimate.status == "converged"),
@@ -108,23 +107,27 @@ def _summary(
         "decoupled_up_to_hz": solution.coupling.overall_hz,
         **parameter_summary(estimates.rows),
     }
-    for row, name in enumerate(quality.output_names):
-        found |= {f"{name}.nrmse": float(quality.nrmse[row]), f"{name}.r_squared": float(quality.r_squared[row])}
-    for block, name in enumerate(solution.transfers.blocks):
-        transfers = solution.transfers
+    for row, name in enumerate(solution.quality.output_names):
+        found[f"{name}.nrmse"] = float(solution.quality.nrmse[row])
+    transfers = solution.transfers
+    for block, name in enumerate(transfers.blocks):
         found |= {
             f"{name}.poles": float(transfers.poles[block]),
             f"{name}.zeros": float(transfers.zeros[block]),
             f"{name}.delay_samples": float(transfers.delay_samples[block]),
         }
-    if validation is not None:
-        found["validation.ok"] = float(validation.outcome.ok)
-        measures = validation.measures
-        for row, name in enumerate(measures.names):
-            found |= {
-                f"validation.{name}.nrmse": float(measures.nrmse[row]),
-                f"validation.{name}.r_squared": float(measures.r_squared[row]),
-                f"validation.{name}.fpe": float(measures.fpe[row]),
-                f"validation.{name}.inside": float(measures.inside[row]),
-            }
+    return found | ({} if validation is None else _validated(validation))
+
+
+def _validated(validation: ExternalValidation) -> dict[str, float]:
+    """Numbers of each output, in the place where it is worst."""
+    found = {"validation.ok": float(validation.outcome.ok)}
+    pairs = sorted(zip(validation.agreements, validation.bounds, strict=True), key=lambda pair: -pair[0].nrmse)
+    for each, bounds in pairs:
+        found |= {
+            f"validation.{each.output}.nrmse": each.nrmse,
+            f"validation.{each.output}.r_squared": each.r_squared,
+            f"validation.{each.output}.fpe": bounds.fpe,
+            f"validation.{each.output}.inside": bounds.inside,
+        }
     return found

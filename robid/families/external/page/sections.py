@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from robid.families.external.page.charts import (
-    Trace,
     excitation_figures,
     locus_figure,
-    quantile,
-    readable_factor,
     response_figures,
     step_figure,
-    trace_figures,
 )
 from robid.families.external.page.coupling import coupling_section
 from robid.families.external.page.formula import transfer_text
 from robid.fit.external.options import CouplingOptions
 from robid.fit.external.solution import ExternalSolution
-from robid.report.numbers import MISSING, duration, percent, significant
+from robid.report.numbers import MISSING, duration, percent
 from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, ColumnStyle, Folded, Notes, Part, Row, Section, Table
-from robid.validation.external.validating import ExternalValidation
 
 _MOST_SHOTS = 4
 _VISIBLE = 1e-3  # of the final value
@@ -53,88 +48,6 @@ def sections(
     )
 
 
-def own_section(solution: ExternalSolution) -> Section:
-    """Lays out measured against simulated outputs of the fit's own shots."""
-    found = solution.traces
-    every = {
-        name: [
-            Trace(found.shots[shot], found.time_s[rows], found.measured[rows], found.simulated[rows])
-            for shot in np.unique(found.shot[found.output == output])[:_MOST_SHOTS].tolist()
-            for rows in ((found.output == output) & (found.shot == shot),)
-        ]
-        for output, name in enumerate(solution.quality.output_names)
-    }
-    lead = "Measured outputs against simulated ones, on the fit's own data."
-    return Section("On its own data", lead, (_traces(solution, every),), "traces")
-
-
-def new_section(solution: ExternalSolution, validation: ExternalValidation) -> Section:
-    """Lays out measured against predicted outputs of shots that the fit never saw."""
-    found, wide = validation.traces, quantile(validation.confidence)
-    every = {
-        name: [
-            Trace(
-                found.shots[shot],
-                found.time_s[rows],
-                found.measured[rows],
-                found.predicted[rows],
-                wide * found.std[rows],
-            )
-            for shot in np.unique(found.shot[found.output == output])[:_MOST_SHOTS].tolist()
-            for rows in ((found.output == output) & (found.shot == shot),)
-        ]
-        for output, name in enumerate(validation.measures.names)
-    }
-    lead = (
-        f"The model {validation.outcome.verdict}. Bounds hold the uncertainty of the parameters and the noise at"
-        f" {percent(validation.confidence)}."
-    )
-    return Section("On new data", lead, (_measures(solution, validation), _traces(solution, every)), "traces")
-
-
-def _measures(solution: ExternalSolution, validation: ExternalValidation) -> Table:
-    found, units = validation.measures, _output_units(solution)
-    rows = []
-    for row, name in enumerate(found.names):
-        to_unit, unit = readable_factor(units[name])
-        error, expected = (
-            f"{significant(to_unit * float(x[row]), 2)} {unit}" for x in (found.error_std, found.expected_std)
-        )
-        scores = (f"{found.r_squared[row]:.4f}", f"{found.nrmse[row]:.4f}", f"{found.own_nrmse[row]:.4f}")
-        rows.append(
-            (name, *scores, significant(float(found.fpe[row]), 2), error, expected, percent(float(found.inside[row])))
-        )
-    heads = ("Output", "R²", "NRMSE", "NRMSE of the fit", "FPE", "Error", "Expected error", "Inside the bounds")
-    caption = "Error: root mean square; expected: what noise, parameters and a model error of one per cent give."
-    return Table(heads, tuple(rows), caption=caption, styles=("name", *_numbers(7)), fit="compact")
-
-
-def _traces(solution: ExternalSolution, every: Mapping[str, Sequence[Trace]]) -> Choice:
-    units = _output_units(solution)
-    options = tuple(
-        (name, tuple(Beside(trace_figures(trace, units[name]), 2) for trace in traces))
-        for name, traces in every.items()
-    )
-    single = len(solution.transfers.names) == len(solution.quality.output_names)
-    return Choice("Channel" if single else "Output", options)
-
-
-def _output_units(solution: ExternalSolution) -> dict[str, str]:
-    """Unit of each output that the quality names."""
-    units = [solution.ports.output_units[output] for output in _output_of_rows(solution)]
-    return dict(zip(solution.quality.output_names, units, strict=True))
-
-
-def _output_of_rows(solution: ExternalSolution) -> list[int]:
-    """Index of the output of each row of the quality's names: block by block, each output once."""
-    transfers = solution.transfers
-    return [
-        output
-        for block in range(len(transfers.blocks))
-        for output in dict.fromkeys(transfers.outputs[transfers.channels_of(block)].tolist())
-    ]
-
-
 def _transfers(solution: ExternalSolution) -> Section:
     transfers, quality, ports = solution.transfers, solution.quality, solution.ports
     rows = []
@@ -153,42 +66,13 @@ def _transfers(solution: ExternalSolution) -> Section:
         styles=("name", "number", "number", "code"),
     )
     lead = "From command to output, strictly proper, without delay, hold and moving average."
-    parts: list[Part] = [table, _quality(solution), Folded("Structures that were tried", (_tried(solution),))]
+    parts: list[Part] = [table, Folded("Structures that were tried", (_tried(solution),))]
     notes = [*_behaviour(solution), *(f"{finding.channel}: {finding.message}." for finding in solution.findings)]
     if notes:
         parts.append(Notes(tuple(notes)))
     reasons = zip(transfers.blocks, quality.reason, strict=True)
     parts.append(Folded("Why these structures", (Notes(tuple(f"{name}: {reason}" for name, reason in reasons)),)))
     return Section("Transfer functions", lead, tuple(parts), "transfers")
-
-
-def _quality(solution: ExternalSolution) -> Table:
-    quality = solution.quality
-    blocks = [block for block in range(len(quality.fpe)) for _ in range(_width(solution, block))]
-    rows = tuple(
-        (
-            name,
-            f"{quality.r_squared[row]:.4f}",
-            f"{quality.nrmse[row]:.4f}",
-            significant(float(quality.fpe[blocks[row]]), 2),
-            percent(float(quality.whiteness_p[blocks[row]])),
-            quality.status[blocks[row]].replace("_", " "),
-        )
-        for row, name in enumerate(quality.output_names)
-    )
-    caption = (
-        "On the fit's own data. NRMSE: 1 is perfect, 0 no better than a constant. FPE: Akaike's final prediction error"
-        " over the output's variance. Whiteness: chance that white noise looks as coloured as the residual."
-    )
-    heads = ("Output", "R²", "NRMSE", "FPE", "Whiteness", "Fit")
-    return Table(
-        heads, rows, title="How well they fit", caption=caption, styles=("name", *_numbers(4), "text"), fit="compact"
-    )
-
-
-def _width(solution: ExternalSolution, block: int) -> int:
-    """Number of outputs of a block."""
-    return len(set(solution.transfers.outputs[solution.transfers.channels_of(block)].tolist()))
 
 
 def _tried(solution: ExternalSolution) -> Table:
