@@ -25,8 +25,8 @@ class Excitation:
         time_channel (n_row,): Index into `names` of each sample.
         time_shot (n_row,): Index into `shots`.
         time_s (n_row,): Time since the shot began [s].
-        command (n_row,): Command less its first value.
-        answer (n_row,): Output less its first value.
+        command (n_row,): Command.
+        answer (n_row,): Output, less its mean in a period, less its first value in a shot, where it has an offset.
         line_channel (n_line,): Index into `names` of each line of a spectrum.
         line_shot (n_line,): Index into `shots`.
         frequency_hz (n_line,): Frequency [Hz].
@@ -91,20 +91,26 @@ def show_excitation(
         for index, shot in enumerate(shots):
             if moved_inputs(shot, floor)[channel.input]:
                 command, answer = shot.inputs[:, channel.input], shot.outputs[:, channel.output]
-                times.append(_labelled(place, index, _course(command, answer, shot.sampling_period_s)))
+                level = answer.mean() if shot.start == "periodic" else answer[0]
+                shown = answer - level if shot.offset else answer
+                times.append(_labelled(place, index, _course(command, shown, shot.sampling_period_s)))
                 lines.append(_labelled(place, index, _spectrum(command, answer, shot.sampling_period_s)))
     time, line = (np.concatenate(each, axis=1) if each else np.zeros((5, 0)) for each in (times, lines))
     return Excitation(
-        tuple(channel.name for channel in channels),
-        tuple(shot.name for shot in shots),
-        time[0].astype(int),
-        time[1].astype(int),
-        *time[2:],
-        line[0].astype(int),
-        line[1].astype(int),
-        *line[2:],
-        input_resolution[[channel.input for channel in channels]],
-        output_resolution[[channel.output for channel in channels]],
+        names=tuple(channel.name for channel in channels),
+        shots=tuple(shot.name for shot in shots),
+        time_channel=time[0].astype(int),
+        time_shot=time[1].astype(int),
+        time_s=time[2],
+        command=time[3],
+        answer=time[4],
+        line_channel=line[0].astype(int),
+        line_shot=line[1].astype(int),
+        frequency_hz=line[2],
+        command_amplitude=line[3],
+        answer_amplitude=line[4],
+        command_resolution=input_resolution[[channel.input for channel in channels]],
+        answer_resolution=output_resolution[[channel.output for channel in channels]],
     )
 
 
@@ -116,7 +122,7 @@ def _labelled(place: int, shot: int, rows: FloatArray) -> FloatArray:
 def _course(command: FloatArray, answer: FloatArray, period_s: float) -> FloatArray:
     """Time, command and output (3, n)."""
     kept = np.arange(0, len(command), max(1, -(-len(command) // _SAMPLES)))
-    return np.stack([kept * period_s, command[kept] - command[0], answer[kept] - answer[0]])
+    return np.stack([kept * period_s, command[kept], answer[kept]])
 
 
 def _spectrum(command: FloatArray, answer: FloatArray, period_s: float) -> FloatArray:

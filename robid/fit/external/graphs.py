@@ -12,7 +12,10 @@ from robid.fit.external.solution import Responses, RootLoci, StepResponses
 from robid.fit.external.transfer import TransferMatrix
 from robid.fit.external.uncertainty import response_deviation
 
-_TIMES, _GAINS, _FREQUENCIES = 300, 160, 200
+_TIMES, _GAINS, _FREQUENCIES = 400, 160, 200
+_RISE = (0.1, 0.9)
+_TURNS = 25.0
+_RINGS_FOR = 12.0  # time constants until the end
 _SETTLED = 0.02
 _TIME_CONSTANTS = 7.0
 _MARGIN = 1.25
@@ -73,9 +76,10 @@ def frequency_responses(fitted: Sequence[Fitted], lowest_hz: float) -> Responses
 
 def step_responses(fitted: Sequence[Fitted]) -> StepResponses:
     """Computes the responses to a unit step, with their deviations, until they have settled."""
-    times, values, deviations = [], [], []
+    times, values, deviations, finals = [], [], [], []
     for one in fitted:
         n_out, n_in = one.model.numerator.shape[:2]
+        finals += one.model.static_gain.ravel().tolist()
         for place in range(n_out * n_in):
             time = _times(one.model, place)
             value = _step(one.model, time, place)
@@ -84,7 +88,7 @@ def step_responses(fitted: Sequence[Fitted]) -> StepResponses:
             values.append(value)
             deviations.append(one.deviation(slopes))
     time_s, value, std = (np.stack(each, axis=1) for each in (times, values, deviations))
-    figures = np.array([_figures(*each) for each in zip(times, values, strict=True)]).T
+    figures = np.array([_figures(*each) for each in zip(times, values, finals, strict=True)]).T
     return StepResponses(time_s, value, std, *figures)
 
 
@@ -99,7 +103,7 @@ def root_loci(fitted: Sequence[Fitted]) -> RootLoci:
         below = np.concatenate([np.zeros((1, one.root.shape[1])), one.root[size:]])
         for place, numerator in enumerate(one.model.numerator.reshape(-1, n_power)):
             above = one.root[place * n_power : (place + 1) * n_power]
-            zero_std.append(_padded(_root_std(numerator, np.roots(numerator), above), n_zero))
+            zero_std.append(_padded(_root_std(numerator, np.asarray(np.roots(numerator), complex), above), n_zero))
             pole_std.append(_padded(_root_std(one.model.denominator, one.model.poles, below), n_pole))
             each = gain / _size(numerator, one.model.denominator)
             roots.append([_padded(np.roots(np.polyadd(one.model.denominator, k * numerator)), n_pole) for k in each])
@@ -114,7 +118,7 @@ def _root_std(polynomial: FloatArray, roots: ComplexArray, rows: FloatArray) -> 
     powers = np.arange(len(polynomial) - 1, -1, -1)
     with np.errstate(divide="ignore", invalid="ignore"):
         slopes = -(roots[:, None] ** powers @ rows) / np.polyval(np.polyder(polynomial), roots)[:, None]
-    return np.linalg.norm(slopes.real, axis=1) + 1j * np.linalg.norm(slopes.imag, axis=1)
+    return np.asarray(np.linalg.norm(slopes.real, axis=1) + 1j * np.linalg.norm(slopes.imag, axis=1))
 
 
 def _size(numerator: FloatArray, denominator: FloatArray) -> float:
@@ -142,7 +146,7 @@ def _step(model: TransferMatrix, time: FloatArray, place: int) -> FloatArray:
 
 
 def _times(model: TransferMatrix, place: int) -> FloatArray:
-    """Times (n_time,) [s] until a channel has settled."""
+    """Times (n_time,) [s] until a channel has settled; of one that rings for long, its first turns."""
     delay_s = model.delay_samples * model.sampling_period_s
     rates = np.abs(model.poles.real)
     fastest = np.abs(model.poles).max()
@@ -151,14 +155,21 @@ def _times(model: TransferMatrix, place: int) -> FloatArray:
     value = _step(model, long, place)
     away = np.flatnonzero(np.abs(value - value[-1]) > _SETTLED * np.abs(value).max())
     end = long[min(away[-1] + 1, len(long) - 1)] if away.size else long[-1]
+    turning = np.abs(model.poles.imag)
+    ringing = turning[(turning > rates) & (rates * end < _RINGS_FOR)]
+    if ringing.size:
+        end = min(end, delay_s + 2 * np.pi * _TURNS / ringing.max())
     return np.linspace(0, _MARGIN * end, _TIMES)
 
 
-def _figures(time: FloatArray, value: FloatArray) -> tuple[float, float, float]:
-    """Undershoot, overshoot and rise time of a step response that has settled at its end."""
-    final = value[-1]
-    if not final:
+def _figures(time: FloatArray, value: FloatArray, final: float) -> tuple[float, float, float]:
+    """Undershoot, overshoot and rise time of a step response with a final value."""
+    if not final or not np.isfinite(final):
         return 0.0, 0.0, np.nan
     share = value / final
-    rise = [time[np.argmax(share >= level)] for level in (0.1, 0.9)]
-    return max(-share.min(), 0.0), max(share.max() - 1, 0.0), float(rise[1] - rise[0])
+    reached = [np.flatnonzero(share >= level) for level in _RISE]
+    if not all(each.size for each in reached):
+        return max(-share.min(), 0.0), 0.0, np.nan
+    first, last = (int(each[0]) for each in reached)
+    under = max(-share[: first + 1].min(), 0.0)
+    return under, max(share.max() - 1, 0.0), float(time[last] - time[first])

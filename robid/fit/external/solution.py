@@ -172,8 +172,8 @@ class StepResponses:
         time_s (n_time, n_channel): Times [s].
         value (n_time, n_channel): Outputs.
         std (n_time, n_channel): Their standard deviations.
-        undershoot (n_channel,): How far it first goes the wrong way, over the final value; 0 where it does not.
-        overshoot (n_channel,): How far it goes beyond the final value, over it.
+        undershoot (n_channel,): How far it goes the wrong way before it reaches a tenth of the final value, over that.
+        overshoot (n_channel,): How far it goes beyond the final value, over it; 0 where it never gets there.
         rise_s (n_channel,): Time from 10 to 90 % of the final value [s]; NaN where it never gets there.
     """
 

@@ -53,12 +53,12 @@
 
   function straight(line) {
     const [own, other] = line.along === "x" ? ["x", "y"] : ["y", "x"];
-    return { type: "line", [`${own}ref`]: own, [`${other}ref`]: "paper", [`${own}0`]: line.at, [`${own}1`]: line.at, [`${other}0`]: 0, [`${other}1`]: 1, line: { color: colour("faint"), width: 1, dash: "dot" }, layer: "below" };
+    return { type: "line", [`${own}ref`]: own, [`${other}ref`]: "paper", [`${own}0`]: line.at, [`${own}1`]: line.at, [`${other}0`]: 0, [`${other}1`]: 1, line: { color: colour("muted"), width: 1, dash: "dot" } };
   }
 
-  function labelOf(line, isLog) {
+  function labelOf(line, isLog, index) {
     const at = isLog ? Math.log10(line.at) : line.at;
-    const place = line.along === "x" ? { x: at, xref: "x", y: 1, yref: "paper", xanchor: "left", yanchor: "top", xshift: 3 } : { y: at, yref: "y", x: 1, xref: "paper", xanchor: "right", yanchor: "bottom" };
+    const place = line.along === "x" ? { x: at, xref: "x", y: 1, yref: "paper", xanchor: "left", yanchor: "top", xshift: 3, yshift: -15 * index } : { y: at, yref: "y", x: 1, xref: "paper", xanchor: "right", yanchor: "bottom" };
     return { ...place, text: line.name, showarrow: false, font: { size: 11, color: colour("muted") } };
   }
 
@@ -74,7 +74,7 @@
       margin: { l: figure.y_title ? 72 : 46, r: 10, t: figure.legend ? 34 : 6, b: figure.x_title ? 46 : 26 },
       legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 12 } },
       shapes: figure.lines.map(straight),
-      annotations: figure.lines.filter((line) => line.name).map((line) => labelOf(line, line.along === "x" ? figure.log_x : figure.log_y)),
+      annotations: figure.lines.filter((line) => line.name).map((line, index) => labelOf(line, line.along === "x" ? figure.log_x : figure.log_y, index)),
       xaxis: across,
       yaxis: figure.equal ? { ...upright, scaleanchor: "x", scaleratio: 1 } : upright,
     }), hover);

@@ -86,14 +86,12 @@ def response_figures(solution: ExternalSolution, channel: int) -> tuple[Figure, 
     )
 
 
-def step_figure(found: StepResponses, channel: int, confidence: float) -> Figure:
-    """One channel's response to a unit step, with its bounds."""
+def step_figure(found: StepResponses, channel: int, final: float, confidence: float) -> Figure:
+    """One channel's response to a unit step, with its bounds and its final value."""
     time, value = found.time_s[:, channel], found.value[:, channel]
     course = _banded("output", time, value, quantile(confidence) * found.std[:, channel], MODEL)
-    lines = (Line("y", 0.0), Line("y", float(value[-1])))
-    return Figure(
-        "Step response", "Time [s]", "Output per step", (course,), False, False, legend=False, lines=lines, height=320
-    )
+    lines = (Line("y", 0.0), Line("y", final)) if np.isfinite(final) else (Line("y", 0.0),)
+    return Figure("", "Time [s]", "Output per step", (course,), False, False, legend=False, lines=lines, height=320)
 
 
 def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
@@ -114,7 +112,7 @@ def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
     ]
     ends = (-reach, reach)
     return Figure(
-        "Poles, zeros and root locus",
+        "",
         "Real part [rad/s]",
         "Imaginary part [rad/s]",
         tuple(each for each in curves if any(np.isfinite(each.x))),
@@ -157,7 +155,7 @@ def trace_figures(trace: Trace, unit: str) -> tuple[Figure, Figure]:
         _banded("simulated", time, simulated, half, MODEL) if half.size else curve("simulated", time, simulated, MODEL)
     )
     left = curve("measured less simulated", time, measured - simulated, ERROR)
-    limits = [] if not half.size else [curve("bounds", time, half, GREY), curve("", time, -half, GREY)]
+    limits = [] if not half.size else [_banded("bounds", time, 0 * half, half, GREY)]
     return (
         Figure(
             trace.name,

@@ -53,9 +53,14 @@ def _map(found: CouplingMap, ports: Ports, options: CouplingOptions) -> Figure:
         tuple(curve for curve in curves if curve.x),
         log_x=False,
         x_range=(0.0, 1.03),
+        y_range=(0.5 * min(options.ratio, float(found.ratio[known].min(initial=1.0))), _above(found, known, options)),
         lines=lines,
         height=420,
     )
+
+
+def _above(found: CouplingMap, known: BoolArray, options: CouplingOptions) -> float:
+    return 2.0 * max(options.ratio, float(found.ratio[known].max(initial=1.0)))
 
 
 def _points(

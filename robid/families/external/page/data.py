@@ -16,8 +16,8 @@ from robid.validation.external.validating import ExternalValidation
 
 _MOST_SHOTS = 4
 _CAPTION = (
-    "R² and NRMSE are 1 where the model is perfect, 0 where it is no better than a constant. Error and motion: root mean"
-    " square. "
+    "R² and NRMSE are 1 where the model is perfect, 0 where it is no better than a constant. Error and motion: root"
+    " mean square. "
 )
 
 
@@ -30,7 +30,7 @@ def own_section(solution: ExternalSolution) -> Section:
 
     choice = _traces(solution, names, (found.output, found.shot, found.shots), trace)
     lead = "Measured outputs against simulated ones, in the fit's own shots."
-    return Section("On its own data", lead, (own_table(solution), choice), "traces")
+    return Section("On its own data", lead, (choice,), "traces")
 
 
 def new_section(solution: ExternalSolution, validation: ExternalValidation) -> Section:

@@ -115,13 +115,17 @@ def _summary(
             f"{name}.poles": float(transfers.poles[block]),
             f"{name}.zeros": float(transfers.zeros[block]),
             f"{name}.delay_samples": float(transfers.delay_samples[block]),
+            f"{name}.fpe": float(solution.quality.fpe[block]),
         }
     return found | ({} if validation is None else _validated(validation))
 
 
 def _validated(validation: ExternalValidation) -> dict[str, float]:
     """Numbers of each output, in the place where it is worst."""
-    found = {"validation.ok": float(validation.outcome.ok)}
+    found = {
+        "validation.ok": float(validation.outcome.ok),
+        "validation.nrmse": min(each.nrmse for each in validation.agreements),
+    }
     pairs = sorted(zip(validation.agreements, validation.bounds, strict=True), key=lambda pair: -pair[0].nrmse)
     for each, bounds in pairs:
         found |= {

@@ -13,6 +13,7 @@ from robid.families.external.page.charts import (
     step_figure,
 )
 from robid.families.external.page.coupling import coupling_section
+from robid.families.external.page.data import own_table
 from robid.families.external.page.formula import transfer_text
 from robid.fit.external.options import CouplingOptions
 from robid.fit.external.solution import ExternalSolution
@@ -22,6 +23,7 @@ from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, ColumnStyle, Folded, Notes, Part, Row, Section, Table
 
 _MOST_SHOTS = 4
+_HELD = {"zoh": "held for a sample", "foh": "in straight lines between samples"}
 _VISIBLE = 1e-3  # of the final value
 
 
@@ -57,7 +59,7 @@ def _transfers(solution: ExternalSolution) -> Section:
         delay = f"{samples} ({duration(samples * ports.sampling_period_s)})" if samples else "0"
         text = transfer_text(transfers.numerator[channel], transfers.denominator[block])
         rows.append((name, f"{transfers.zeros[block]} / {transfers.poles[block]}", delay, text))
-    sampled = f"Sampled every {duration(ports.sampling_period_s)}, commands held as `{ports.hold}`"
+    sampled = f"Sampled every {duration(ports.sampling_period_s)}, commands {_HELD.get(ports.hold, ports.hold)}"
     averaged = f", averaged over {transfers.moving_average} samples" if transfers.moving_average > 1 else ""
     table = Table(
         ("Channel", "Zeros / poles", "Delay in samples", "Transfer function, s in rad/s"),
@@ -66,7 +68,7 @@ def _transfers(solution: ExternalSolution) -> Section:
         styles=("name", "number", "number", "code"),
     )
     lead = "From command to output, strictly proper, without delay, hold and moving average."
-    parts: list[Part] = [table, Folded("Structures that were tried", (_tried(solution),))]
+    parts: list[Part] = [table, own_table(solution), Folded("Structures that were tried", (_tried(solution),))]
     notes = [*_behaviour(solution), *(f"{finding.channel}: {finding.message}." for finding in solution.findings)]
     if notes:
         parts.append(Notes(tuple(notes)))
@@ -130,9 +132,9 @@ def _responses(solution: ExternalSolution) -> Section:
 
 
 def _steps(solution: ExternalSolution) -> Section:
-    steps = solution.steps
+    steps, confidence = solution.steps, solution.estimate.confidence
     options = tuple(
-        (name, (step_figure(steps, channel, solution.estimate.confidence),))
+        (name, (step_figure(steps, channel, _final(solution, channel), confidence),))
         for channel, name in enumerate(solution.transfers.names)
     )
     rows = tuple(
@@ -148,6 +150,13 @@ def _steps(solution: ExternalSolution) -> Section:
     table = Table(heads, rows, styles=("name", *_numbers(3)), fit="compact")
     lead = "What the model does after a step of one unit, delay included, with bounds."
     return Section("Step response", lead, (Choice("Channel", options), table), "steps")
+
+
+def _final(solution: ExternalSolution, channel: int) -> float:
+    """Static gain of a channel, where it is stable."""
+    names, found = solution.estimate.names, solution.transfers.names[channel]
+    stable = bool((solution.loci.poles[channel].real[np.isfinite(solution.loci.poles[channel])] < 0).all())
+    return float(solution.estimate.value[names.index(f"{found}.gain")]) if stable else float("nan")
 
 
 def _roots(solution: ExternalSolution) -> Section:

@@ -30,10 +30,10 @@ def test_each_command_is_shown_in_the_shots_that_move_it(found):
     np.testing.assert_array_equal(found.answer_resolution, [3e-5, 4e-5])
 
 
-def test_courses_begin_at_zero_and_are_thinned_not_shifted(found):
+def test_courses_have_no_offset_and_are_thinned_not_shifted(found):
     rows = (found.time_channel == 1) & (found.time_shot == 1)
     assert 1000 < rows.sum() <= 2000
-    np.testing.assert_allclose(found.command[rows], 0.4 * np.sin(4 * np.pi * found.time_s[rows]), atol=1e-12)
+    np.testing.assert_allclose(found.command[rows], 3.0 + 0.4 * np.sin(4 * np.pi * found.time_s[rows]), atol=1e-12)
     np.testing.assert_allclose(found.answer[rows], 0.2 * np.sin(4 * np.pi * found.time_s[rows]), atol=1e-12)
 
 
