@@ -68,7 +68,8 @@ def _transfers(solution: ExternalSolution) -> Section:
     )
     lead = "From command to output, strictly proper, without delay, hold and moving average."
     parts: list[Part] = [table, own_table(solution), Folded("Structures that were tried", (_tried(solution),))]
-    notes = [*_behaviour(solution), *(f"{finding.channel}: {finding.message}." for finding in solution.findings)]
+    told = (f"{finding.channel}: {finding.message}." for finding in solution.findings)
+    notes = [*_behaviour(solution), *solution.remarks, *told]
     if notes:
         parts.append(Notes(tuple(notes)))
     reasons = zip(transfers.blocks, quality.reason, strict=True)
