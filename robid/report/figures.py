@@ -44,7 +44,7 @@ def _curve_data(figure: Figure) -> dict[str, Any]:
                 "y": [rounded(y) for y in curve.y],
                 **({"texts": list(curve.texts)} if curve.texts else {}),
                 **({"points": True, "symbol": curve.symbol} if curve.points else {}),
-                **({} if curve.shade is None else {"shade": curve.shade}),
+                **({} if curve.shade is None else {"shade": curve.shade, "dashed": curve.dashed}),
                 **(_band(curve) if curve.lower else {}),
             }
             for curve in figure.curves

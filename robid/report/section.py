@@ -97,6 +97,7 @@ class Curve:
         lower: Lower end of a band around it; no band when empty.
         upper: Upper end of the band.
         shade: Index of its colour; that of its place among the curves when None.
+        dashed: Whether a line of a stated shade is dashed; else its place among the curves says how.
     """
 
     name: str
@@ -108,6 +109,7 @@ class Curve:
     lower: tuple[float, ...] = ()
     upper: tuple[float, ...] = ()
     shade: int | None = None
+    dashed: bool = False
 
 
 @dataclass(frozen=True)

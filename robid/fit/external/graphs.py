@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.external.roots import Root, poles_of, zeros_of
 from robid.fit.external.solution import Responses, RootLoci, StepResponses
 from robid.fit.external.transfer import TransferMatrix
+from robid.fit.external.uncertainty import response_deviation
 
 _TIMES, _GAINS, _FREQUENCIES = 400, 160, 200
 _RISE = (0.1, 0.9)
@@ -65,12 +67,10 @@ def frequency_responses(fitted: Sequence[Fitted], lowest_hz: float) -> Responses
     omega = 2 * np.pi * frequency_hz
     columns, sampled, deviations = [], [], []
     for one in fitted:
-        response = _flat(one.model.response(omega))
-        slopes = np.array([(_flat(other.response(omega)) - response) / step for other, step in one.nudged()])
-        relative = slopes / response
-        columns.append(response)
+        columns.append(_flat(one.model.response(omega)))
         sampled.append(_flat(one.model.sampled_response(omega)))
-        deviations.append([one.deviation(part) for part in (relative.real, relative.imag)])
+        found = response_deviation(one.model, one.root, omega)
+        deviations.append([each.reshape(len(omega), -1) for each in (found.magnitude, found.phase_rad)])
     magnitude, phase = (np.hstack([each[index] for each in deviations]) for index in (0, 1))
     return Responses(frequency_hz, np.hstack(columns), np.hstack(sampled), magnitude, phase)
 
@@ -98,28 +98,27 @@ def root_loci(fitted: Sequence[Fitted]) -> RootLoci:
     n_pole = max(len(one.model.denominator) for one in fitted) - 1
     n_zero = max(one.model.numerator.shape[2] for one in fitted) - 1
     gain = np.concatenate([[0.0], np.geomspace(1e-2, 1e2, _GAINS - 1)])
-    roots, zeros, poles, zero_std, pole_std = [], [], [], [], []
+    paths, zeros, poles = [], [], []
     for one in fitted:
-        n_power, size = one.model.numerator.shape[2], one.model.numerator.size
-        below = np.concatenate([np.zeros((1, one.root.shape[1])), one.root[size:]])
-        for place, numerator in enumerate(one.model.numerator.reshape(-1, n_power)):
-            above = one.root[place * n_power : (place + 1) * n_power]
-            zero_std.append(_padded(_root_std(numerator, np.asarray(np.roots(numerator), complex), above), n_zero))
-            pole_std.append(_padded(_root_std(one.model.denominator, one.model.poles, below), n_pole))
+        own = _places(poles_of(one.model, one.root), n_pole)
+        for place in np.ndindex(one.model.numerator.shape[:2]):
+            numerator = one.model.numerator[place]
             each = gain / _size(numerator, one.model.denominator)
-            roots.append([_padded(np.roots(np.polyadd(one.model.denominator, k * numerator)), n_pole) for k in each])
-            zeros.append(_padded(np.roots(numerator), n_zero))
-            poles.append(_padded(np.asarray(one.model.poles), n_pole))
-    paths = np.swapaxes(np.array(roots), 0, 1)
-    return RootLoci(gain, paths, *(np.array(each) for each in (zeros, poles, zero_std, pole_std)))
+            paths.append([_padded(np.roots(np.polyadd(one.model.denominator, k * numerator)), n_pole) for k in each])
+            zeros.append(_places(zeros_of(one.model, one.root, *place), n_zero))
+            poles.append(own)
+    (zero, zero_std), (pole, pole_std) = (np.swapaxes(np.array(each), 0, 1) for each in (zeros, poles))
+    return RootLoci(gain, np.swapaxes(np.array(paths), 0, 1), zero, pole, zero_std, pole_std)
 
 
-def _root_std(polynomial: FloatArray, roots: ComplexArray, rows: FloatArray) -> ComplexArray:
-    """Standard deviations of the roots (n_root,) of a polynomial (n_power,) whose covariance `rows` is a root of."""
-    powers = np.arange(len(polynomial) - 1, -1, -1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = -(roots[:, None] ** powers @ rows) / np.polyval(np.polyder(polynomial), roots)[:, None]
-    return np.asarray(np.linalg.norm(slopes.real, axis=1) + 1j * np.linalg.norm(slopes.imag, axis=1))
+def _places(found: Sequence[Root], count: int) -> tuple[ComplexArray, ComplexArray]:
+    """Places (count,) of roots, pairs whole, and deviations (count,) of their real and imaginary parts."""
+    places, deviations = [], []
+    for each in found:
+        both = [each.place] if each.place.imag == 0 else [each.place, np.conj(each.place)]
+        places += both
+        deviations += len(both) * [complex(np.linalg.norm(each.moves.real), np.linalg.norm(each.moves.imag))]
+    return _padded(np.array(places, complex), count), _padded(np.array(deviations, complex), count)
 
 
 def _size(numerator: FloatArray, denominator: FloatArray) -> float:

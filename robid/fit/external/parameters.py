@@ -11,9 +11,9 @@ from scipy.stats import norm
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.estimate import Estimate
 from robid.fit.external.options import ExternalOptions
+from robid.fit.external.roots import Root, poles_of, zeros_of
 from robid.fit.external.transfer import TransferMatrix
 
-_REAL = 1e-9  # of a root's magnitude
 _LEAST_DAMPING = 0.05
 
 
@@ -55,46 +55,57 @@ def block_parameters(
         root (n_coefficient, n_root): Root of the coefficients' covariance: numerators, then the denominator without
             its first.
     """
-    found = _Collected([], [], [], [], [], [])
     nyquist = np.pi / model.sampling_period_s
-    n_pole, n_power = len(model.denominator) - 1, model.numerator.shape[2]
-    below = slice(model.numerator.size, None)
-    poles = np.concatenate([np.zeros((1, root.shape[1])), root[below]])
-    _add_roots(found, f"{name}.pole", "pole", model.denominator, poles, nyquist)
-    for place, (channel, unit) in enumerate(zip(channels, units, strict=True)):
-        numerator = model.numerator.reshape(-1, n_power)[place]
-        above = root[place * n_power : (place + 1) * n_power]
-        gain = numerator[-1] / model.denominator[-1]
-        slope = above[-1] / model.denominator[-1] - gain * root[below][n_pole - 1] / model.denominator[-1]
-        found.add(f"{channel}.gain", "gain", unit, gain, abs(gain), slope, reachable=True)
-        _add_roots(found, f"{channel}.zero", "zero", numerator, above, nyquist)
-    return found.done()
+    rows = _rows_of_roots(name, "pole", poles_of(model, root), nyquist)
+    for channel, unit, place in zip(channels, units, np.ndindex(model.numerator.shape[:2]), strict=True):
+        gain, slope = _gain(model, root, place)
+        rows.append(_Row(f"{channel}.gain", "gain", unit, gain, abs(gain), slope))
+        rows += _rows_of_roots(channel, "zero", zeros_of(model, root, *place), nyquist)
+    return Parameters(
+        names=tuple(row.name for row in rows),
+        kinds=tuple(row.kind for row in rows),
+        units=tuple(row.unit for row in rows),
+        value=np.array([row.value for row in rows]),
+        scale=np.array([row.scale for row in rows]),
+        rows=np.array([row.moves for row in rows]),
+        reachable=np.array([row.reachable for row in rows], bool),
+    )
 
 
-def _add_roots(
-    found: _Collected, name: str, kind: str, polynomial: FloatArray, rows: FloatArray, nyquist: float
-) -> None:
-    """Adds the roots of a polynomial (n_power,), of whose covariance `rows` (n_power, n_root) is a root."""
-    roots = np.roots(polynomial)
-    order = np.argsort(np.abs(roots))
-    powers = np.arange(len(polynomial) - 1, -1, -1)
-    count = 0
-    for each in roots[order]:
-        if each.imag < -_REAL * abs(each):
+@dataclass(frozen=True)
+class _Row:
+    name: str
+    kind: str
+    unit: str
+    value: float
+    scale: float
+    moves: FloatArray
+    reachable: bool = True
+
+
+def _rows_of_roots(owner: str, kind: str, found: Sequence[Root], nyquist: float) -> list[_Row]:
+    """Describes real roots by their rates, pairs by natural frequencies and damping ratios."""
+    rows = []
+    for number, each in enumerate(found, start=1):
+        name, size, reachable = f"{owner}.{kind}{number}", abs(each.place), bool(abs(each.place) < nyquist)
+        if each.place.imag == 0:
+            rows.append(_Row(name, kind, "rad/s", -each.place.real, size, -each.moves.real, reachable))
             continue
-        count += 1
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = -(each**powers @ rows) / np.polyval(np.polyder(polynomial), each)
-        size, reachable = abs(each), bool(abs(each) < nyquist)
-        if each.imag <= _REAL * size:
-            found.add(f"{name}{count}", kind, "rad/s", -each.real, size, -slope.real, reachable=reachable)
-            continue
-        along = (each.conjugate() * slope).real / size
-        damping = -each.real / size
-        turned = -(slope.real + damping * along) / size
-        found.add(f"{name}{count}.frequency", f"{kind}_frequency", "rad/s", size, size, along, reachable=reachable)
+        along, damping = (np.conj(each.place) * each.moves).real / size, -each.place.real / size
+        turned = -(each.moves.real + damping * along) / size
         natural = max(abs(damping), _LEAST_DAMPING)
-        found.add(f"{name}{count}.damping", f"{kind}_damping", "1", damping, natural, turned, reachable=reachable)
+        rows.append(_Row(f"{name}.frequency", f"{kind}_frequency", "rad/s", size, size, along, reachable))
+        rows.append(_Row(f"{name}.damping", f"{kind}_damping", "1", damping, natural, turned, reachable))
+    return rows
+
+
+def _gain(model: TransferMatrix, root: FloatArray, place: tuple[int, ...]) -> tuple[float, FloatArray]:
+    """Static gain of a channel, and what each column of the covariance root (n_coefficient, n_root) moves it by."""
+    n_power, level = model.numerator.shape[2], model.denominator[-1]
+    last = int(np.ravel_multi_index(place, model.numerator.shape[:2])) * n_power + n_power - 1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = model.numerator[place][-1] / level
+        return float(gain), np.asarray((root[last] - gain * root[-1]) / level)
 
 
 def estimate_of(
@@ -138,38 +149,6 @@ def estimate_of(
         status=status,
         advice=advice,
     )
-
-
-@dataclass(frozen=True)
-class _Collected:
-    names: list[str]
-    kinds: list[str]
-    units: list[str]
-    values: list[tuple[float, float]]
-    rows: list[FloatArray]
-    reachable: list[bool]
-
-    def add(
-        self, name: str, kind: str, unit: str, value: float, scale: float, row: FloatArray, *, reachable: bool
-    ) -> None:
-        self.names.append(name)
-        self.kinds.append(kind)
-        self.units.append(unit)
-        self.values.append((float(value), float(scale)))
-        self.rows.append(row)
-        self.reachable.append(reachable)
-
-    def done(self) -> Parameters:
-        value, scale = np.array(self.values).T
-        return Parameters(
-            tuple(self.names),
-            tuple(self.kinds),
-            tuple(self.units),
-            value,
-            scale,
-            np.array(self.rows),
-            np.array(self.reachable, bool),
-        )
 
 
 def _diagonal(blocks: Sequence[FloatArray]) -> FloatArray:

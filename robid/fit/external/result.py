@@ -15,6 +15,7 @@ from robid.fit.external.choice import Choice
 from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.data import Shot
 from robid.fit.external.etfe import Etfe
+from robid.fit.external.findings import Findings, find_findings
 from robid.fit.external.excitation import Excitation, OwnChannel, show_excitation
 from robid.fit.external.graphs import Fitted, frequency_responses, root_loci, step_responses
 from robid.fit.external.options import ExternalOptions
@@ -82,9 +83,15 @@ def make_solution(
         for index, one in enumerate(found)
     ]
     status = _status([one.fit.status for one in found])
+    told = [_findings(one, options) for one in found]
+    undetermined = [
+        f"{one.block.name}: {sentence}"
+        for one, those in zip(found, told, strict=True)
+        for sentence in dict.fromkeys(text for each in those for text in (*each.undetermined, *each.cancelling))
+    ]
     fitted = [one.fitted for one in found]
     return ExternalSolution(
-        estimate=estimate_of(parameters, options, _undetermined(found), status, _REMEDIES.get(status, "")),
+        estimate=estimate_of(parameters, options, undetermined, status, _REMEDIES.get(status, "")),
         ports=ports,
         transfers=transfers,
         quality=quality,
@@ -97,6 +104,7 @@ def make_solution(
         loci=root_loci(fitted),
         traces=_traces(found),
         findings=tuple(findings),
+        remarks=tuple(text for one, those in zip(found, told, strict=True) for text in _remarks(one, those)),
         excitation=_excitation(found, transfers, ports),
     )
 
@@ -252,8 +260,26 @@ def _status(every: Sequence[str]) -> str:
     return next((status for status in ("stalled", "iteration_limit") if status in every), "converged")
 
 
-def _undetermined(found: Sequence[FittedBlock]) -> tuple[str, ...]:
-    return tuple(f"{one.block.name}: {sentence}" for one in found for sentence in one.choice.messages)
+def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
+    """What is to be known of a block beside its parameters."""
+    told = [sentence for each in found for sentence in each.non_minimum_phase]
+    if one.fit.reflected:
+        told.append("poles in the right half plane were met on the way and kept in the left one (`stable`)")
+    return [f"{one.block.name}: {sentence}" for sentence in dict.fromkeys([*told, *one.choice.messages])]
+
+
+def _findings(one: FittedBlock, options: ExternalOptions) -> list[Findings]:
+    """What is to be known of the poles and zeros of each channel of a block."""
+    return [
+        find_findings(
+            one.fit.model,
+            one.fit.covariance_root,
+            *place,
+            confidence=options.confidence,
+            largest_relative_std=options.identifiable_relative_std,
+        )
+        for place in np.ndindex(one.fit.model.numerator.shape[:2])
+    ]
 
 
 def _in_front(polynomial: FloatArray, n_power: int) -> FloatArray:

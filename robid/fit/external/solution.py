@@ -248,6 +248,8 @@ class ExternalSolution:
         loci: Root loci.
         traces: Measured and simulated outputs of the fit's shots.
         findings: What is doubtful about the data.
+        remarks: What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept
+            stable, how sure the choice of a structure is.
         excitation: Commands and their own outputs in the fit's shots.
     """
 
@@ -264,6 +266,7 @@ class ExternalSolution:
     loci: RootLoci
     traces: Traces
     findings: tuple[Finding, ...]
+    remarks: tuple[str, ...]
     excitation: Excitation
 
     def transfer(self, block: int) -> TransferMatrix:

@@ -16,6 +16,8 @@ _CAUSES = {"quantised": "excitation", "stuck": "saturation", "mixed": "coupling"
 _MISTAKES = {1e3: "metres were read as millimetres", 1e-3: "millimetres were read as metres",
              180 / np.pi: "radians were read as degrees", np.pi / 180: "degrees were read as radians"}  # fmt: skip
 _ROUGHLY = 1.3
+_RINGING = 0.1  # time constants
+_ALIKE = 10.0  # difference of the criterion that is strong evidence
 
 
 def solution_doubts(solution: ExternalSolution, options: ExternalOptions) -> tuple[Doubt, ...]:
@@ -25,6 +27,7 @@ def solution_doubts(solution: ExternalSolution, options: ExternalOptions) -> tup
         *_unexplained(solution),
         *_gains(solution),
         *_unstable(solution),
+        *_undamped(solution),
         *_delays(solution, options),
         *_coupling(solution),
     ]
@@ -95,6 +98,34 @@ def _delays(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Do
     if late:
         told = f"the delay of {', '.join(late)} is the longest that was searched, {options.max_delay_samples} samples"
         yield Doubt("delay", told, decisive=False, strength=2.0)
+    open_ = [name for name in own.blocks if _is_open(solution, name)]
+    if open_:
+        told = f"other delays explain {', '.join(open_)} about as well, with other zeros"
+        yield Doubt("delay", told, decisive=False, strength=1.5)
+
+
+def _is_open(solution: ExternalSolution, block: str) -> bool:
+    """Whether other delays explain a block about as well with as many poles and zeros."""
+    own = [one for one in solution.tried if one.block == block]
+    chosen = next(one for one in own if one.chosen)
+    return any(
+        (one.poles, one.zeros) == (chosen.poles, chosen.zeros)
+        and one.delay_samples != chosen.delay_samples
+        and one.bic < chosen.bic + _ALIKE
+        for one in own
+    )
+
+
+def _undamped(solution: ExternalSolution) -> Iterator[Doubt]:
+    """Pairs of poles that ring for much longer than any shot lasts: these follow from a line that was not excited."""
+    traces = solution.traces
+    longest_s = float(traces.time_s.max())
+    for block, name in enumerate(solution.transfers.blocks):
+        poles = solution.transfer(block).poles
+        ringing = poles[(poles.imag > 0) & (np.abs(poles.real) * longest_s < _RINGING)]
+        if ringing.size:
+            told = f"{name} has poles that never stop ringing, at {ringing.imag[0] / (2 * np.pi):.3g} Hz"
+            yield Doubt("model", told, decisive=True, strength=2.0)
 
 
 def _coupling(solution: ExternalSolution) -> Iterator[Doubt]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from robid.arrays import FloatArray, IntArray
 from robid.fit.external.comparison import predict
 from robid.fit.external.data import Shot
 from robid.fit.external.etfe import moved_inputs
-from robid.fit.external.graphs import Fitted
 from robid.fit.external.solution import ExternalSolution
+from robid.fit.external.uncertainty import output_deviation
 
 
 @dataclass(frozen=True)
@@ -100,18 +101,16 @@ def predict_shots(solution: ExternalSolution, one: NewShots) -> tuple[PredictedS
 
     Where a shot has no repeats its noise is what the fit left in the place whose motion was about as large.
     """
-    fitted = Fitted(solution.transfer(one.block), solution.transfers.root_of(one.block))
-    nudged = fitted.nudged()
+    model, root = solution.transfer(one.block), solution.transfers.root_of(one.block)
     found = []
     for shot in one.shots:
-        predicted = predict(fitted.model, shot, one.inputs, one.outputs)
-        slopes = np.array(
-            [(predict(other, shot, one.inputs, one.outputs) - predicted) / step for other, step in nudged]
-        )
+        predicted = predict(model, shot, one.inputs, one.outputs)
+        settled: Literal["rest", "periodic"] = "periodic" if shot.start == "periodic" else "rest"
+        deviation = output_deviation(model, root, shot.inputs[:, list(one.inputs)], settled)
         measured = shot.outputs[:, list(one.outputs)]
         level = measured.mean(axis=0) if shot.offset else np.zeros(len(one.outputs))
         noise = _noise(solution, one, shot)
-        found.append(PredictedShot(measured - level, predicted - level, fitted.deviation(slopes), noise))
+        found.append(PredictedShot(measured - level, predicted - level, deviation, noise))
     return tuple(found)
 
 

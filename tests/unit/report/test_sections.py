@@ -161,6 +161,7 @@ def test_a_choice_holds_figures_and_tables():
         "points": True,
         "symbol": "cross",
         "shade": 1,
+        "dashed": False,
     }
     assert plane["equal"]
     assert [table.columns for table in content.sections[0].tables] == [("Channel", "Gain")]

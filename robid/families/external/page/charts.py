@@ -16,6 +16,7 @@ from robid.report.section import Curve, Figure, Line
 MEASURED, MODEL, GREY, ERROR = 0, 1, 4, 3
 """Shades of what figures show: what was commanded or measured, what a model says, limits, and differences."""
 _MOST_POINTS = 1500
+_BEYOND = 4.0  # times the highest excited frequency
 _READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "m/s": (1e3, "mm/s"), "rad/s": (180 / np.pi, "°/s")}
 
 
@@ -62,10 +63,12 @@ def response_figures(solution: ExternalSolution, channel: int) -> tuple[Figure, 
     etfe, found = solution.etfe, solution.responses
     place = (slice(None), solution.transfers.outputs[channel], solution.transfers.inputs[channel])
     measured, radius = etfe.response[place], etfe.radius[place]
-    model, wide = found.sampled[:, channel], quantile(solution.estimate.confidence)
-    size, off = np.abs(model), wide * found.relative_std[:, channel]
-    angle, turned = np.degrees(np.unwrap(np.angle(model))), np.degrees(wide * found.phase_std[:, channel])
-    near = np.interp(etfe.frequency_hz, found.frequency_hz, angle)
+    shown = found.frequency_hz <= _BEYOND * solution.quality.highest_hz[solution.transfers.block_of[channel]]
+    frequency_hz, wide = found.frequency_hz[shown], quantile(solution.estimate.confidence)
+    model = found.sampled[shown, channel]
+    size, off = np.abs(model), wide * found.relative_std[shown, channel]
+    angle, turned = np.degrees(np.unwrap(np.angle(model))), np.degrees(wide * found.phase_std[shown, channel])
+    near = np.interp(etfe.frequency_hz, frequency_hz, angle)
     phase = near + (np.degrees(np.angle(measured)) - near + 180) % 360 - 180
     with np.errstate(invalid="ignore", divide="ignore"):
         half = np.degrees(np.arcsin(np.minimum(radius / np.abs(measured), 1.0)))
@@ -73,11 +76,11 @@ def response_figures(solution: ExternalSolution, channel: int) -> tuple[Figure, 
     gain = "Magnitude" if unit[0] == unit[1] else f"Magnitude [{unit[0]} / ({unit[1]})]"
     heights = (
         _banded("measured", etfe.frequency_hz, np.abs(measured), radius, MEASURED, points=True),
-        _banded("model", found.frequency_hz, size, size * np.minimum(off, 1.0), MODEL),
+        _banded("model", frequency_hz, size, size * np.minimum(off, 1.0), MODEL),
     )
     angles = (
         _banded("measured", etfe.frequency_hz, phase, half, MEASURED, points=True),
-        _banded("model", found.frequency_hz, angle, turned, MODEL),
+        _banded("model", frequency_hz, angle, turned, MODEL),
     )
     kept = _reach(measured, size)
     return (
@@ -91,7 +94,9 @@ def step_figure(found: StepResponses, channel: int, final: float, confidence: fl
     time, value = found.time_s[:, channel], found.value[:, channel]
     course = _banded("output", time, value, quantile(confidence) * found.std[:, channel], MODEL)
     lines = (Line("y", 0.0), Line("y", final)) if np.isfinite(final) else (Line("y", 0.0),)
-    return Figure("", "Time [s]", "Output per step", (course,), False, False, legend=False, lines=lines, height=320)
+    return Figure(
+        "Step response", "Time [s]", "Output per step", (course,), log_x=False, log_y=False, height=380, lines=lines
+    )
 
 
 def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
@@ -112,7 +117,7 @@ def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
     ]
     ends = (-reach, reach)
     return Figure(
-        "",
+        "Root locus",
         "Real part [rad/s]",
         "Imaginary part [rad/s]",
         tuple(each for each in curves if any(np.isfinite(each.x))),
@@ -170,13 +175,15 @@ def trace_figures(trace: Trace, unit: str) -> tuple[Figure, Figure]:
 
 
 def curve(name: str, x: FloatArray, y: FloatArray, shade: int) -> Curve:
-    """Returns a curve of one shade."""
-    return Curve(name, _tuple(x), _tuple(y), shade=shade)
+    """Returns a curve of one shade; what models and outputs say is dashed."""
+    return Curve(name, _tuple(x), _tuple(y), shade=shade, dashed=shade == MODEL)
 
 
 def _banded(name: str, x: FloatArray, y: FloatArray, half: FloatArray, shade: int, *, points: bool = False) -> Curve:
     lower, upper = _tuple(y - half), _tuple(y + half)
-    return Curve(name, _tuple(x), _tuple(y), points=points, symbol="small", lower=lower, upper=upper, shade=shade)
+    return Curve(
+        name, _tuple(x), _tuple(y), (), points, "small", lower=lower, upper=upper, shade=shade, dashed=shade == MODEL
+    )
 
 
 def _roots(name: str, roots: ComplexArray, shade: int) -> Curve:

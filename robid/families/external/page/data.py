@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from robid.report.section import Beside, Choice, ColumnStyle, Row, Section, Tabl
 from robid.validation.external.validating import ExternalValidation
 
 _MOST_SHOTS = 4
+_MANY = 12
 _CAPTION = (
     "R² and NRMSE are 1 where the model is perfect, 0 where it is no better than a constant. Error and motion: root"
     " mean square. "
@@ -63,7 +65,8 @@ def own_table(solution: ExternalSolution) -> Table:
     )
     heads = ("Output", "Where", "R²", "NRMSE", "FPE", "Whiteness", "Error", "Motion", "Fit")
     styles: tuple[ColumnStyle, ...] = ("name", "text", *_numbers(6), "text")
-    return Table(heads, tuple(rows), title="How well it fits", caption=caption, styles=styles)
+    fit: Literal["wide", "tall"] = "tall" if len(rows) > _MANY else "wide"
+    return Table(heads, tuple(rows), title="How well it fits", caption=caption, styles=styles, fit=fit)
 
 
 def _new_table(solution: ExternalSolution, validation: ExternalValidation) -> Table:

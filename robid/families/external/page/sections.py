@@ -43,8 +43,7 @@ def sections(
         data,
         *_parameters(solution, estimates),
         _responses(solution),
-        _steps(solution),
-        _roots(solution),
+        _dynamics(solution),
         coupling_section(solution.coupling, solution.ports, options),
         _excitation(solution),
     )
@@ -69,7 +68,8 @@ def _transfers(solution: ExternalSolution) -> Section:
     )
     lead = "From command to output, strictly proper, without delay, hold and moving average."
     parts: list[Part] = [table, own_table(solution), Folded("Structures that were tried", (_tried(solution),))]
-    notes = [*_behaviour(solution), *(f"{finding.channel}: {finding.message}." for finding in solution.findings)]
+    told = (f"{finding.channel}: {finding.message}." for finding in solution.findings)
+    notes = [*_behaviour(solution), *solution.remarks, *told]
     if notes:
         parts.append(Notes(tuple(notes)))
     reasons = zip(transfers.blocks, quality.reason, strict=True)
@@ -131,10 +131,21 @@ def _responses(solution: ExternalSolution) -> Section:
     return Section("Frequency response", lead, (Choice("Channel", options),), "response")
 
 
-def _steps(solution: ExternalSolution) -> Section:
+def _dynamics(solution: ExternalSolution) -> Section:
     steps, confidence = solution.steps, solution.estimate.confidence
     options = tuple(
-        (name, (step_figure(steps, channel, _final(solution, channel), confidence),))
+        (
+            name,
+            (
+                Beside(
+                    (
+                        locus_figure(solution, channel),
+                        step_figure(steps, channel, _final(solution, channel), confidence),
+                    ),
+                    2,
+                ),
+            ),
+        )
         for channel, name in enumerate(solution.transfers.names)
     )
     rows = tuple(
@@ -147,9 +158,13 @@ def _steps(solution: ExternalSolution) -> Section:
         for channel, name in enumerate(solution.transfers.names)
     )
     heads = ("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %")
-    table = Table(heads, rows, styles=("name", *_numbers(3)), fit="compact")
-    lead = "What the model does after a step of one unit, delay included, with bounds."
-    return Section("Step response", lead, (Choice("Channel", options), table), "steps")
+    table = Table(heads, rows, title="Steps", styles=("name", *_numbers(3)), fit="compact")
+    lead = (
+        "Poles and zeros with bounds on their real and imaginary parts, and where the poles go in a proportional loop"
+        " around the channel without its delay; roots beyond half the sampling rate are left out. Beside them what the"
+        " model does after a step of one unit, delay included, with bounds."
+    )
+    return Section("Poles, zeros and steps", lead, (Choice("Channel", options), table), "dynamics")
 
 
 def _final(solution: ExternalSolution, channel: int) -> float:
@@ -157,15 +172,6 @@ def _final(solution: ExternalSolution, channel: int) -> float:
     names, found = solution.estimate.names, solution.transfers.names[channel]
     stable = bool((solution.loci.poles[channel].real[np.isfinite(solution.loci.poles[channel])] < 0).all())
     return float(solution.estimate.value[names.index(f"{found}.gain")]) if stable else float("nan")
-
-
-def _roots(solution: ExternalSolution) -> Section:
-    options = tuple((name, (locus_figure(solution, channel),)) for channel, name in enumerate(solution.transfers.names))
-    lead = (
-        "Poles and zeros with bounds on their real and imaginary parts, and where the poles go in a proportional loop"
-        " around the channel without its delay. Roots beyond half the sampling rate are left out."
-    )
-    return Section("Poles and zeros", lead, (Choice("Channel", options),), "roots")
 
 
 def _excitation(solution: ExternalSolution) -> Section:
