@@ -218,7 +218,6 @@ class Traces:
         time_s (n_row,): Time since the shot began [s].
         measured (n_row,): Measured output less its offset.
         simulated (n_row,): The model's.
-        simulated_std (n_row,): Standard deviation of that, by the uncertainty of its coefficients.
     """
 
     output: IntArray
@@ -227,7 +226,6 @@ class Traces:
     time_s: FloatArray
     measured: FloatArray
     simulated: FloatArray
-    simulated_std: FloatArray
 
 
 @dataclass(frozen=True)
