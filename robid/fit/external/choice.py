@@ -72,10 +72,10 @@ def choose_structure(
         shots, inputs, outputs, common, choose_on, hopeless if options.rule == "evidence" else np.inf
     )
     delays, orders = _delays(options), _orders(options)
-    delay = _profile(candidates, orders[-1], delays, hopeless)
+    delay = _profile(candidates, orders[-1], delays)
     for _ in range(_ROUNDS):
         best = _select(candidates, orders, delay, options)
-        again = _profile(candidates, _order(best), delays, hopeless)
+        again = _profile(candidates, _order(best), delays)
         if again == delay:
             break
         delay = again
@@ -89,14 +89,9 @@ def _order(candidate: Candidate) -> tuple[int, int]:
     return candidate.structure.poles, candidate.structure.zeros
 
 
-def _profile(candidates: Candidates, order: tuple[int, int], delays: Sequence[int], hopeless: float) -> int:
-    """Returns the best delay of a structure; past it a longer one soon has to foresee the command."""
-    fits: list[Candidate] = []
-    for delay in delays:
-        fits.append(candidates.fit(*order, delay))
-        least = min(each.bic for each in fits)
-        if all(each.bic > least + hopeless for each in fits[-2:]):
-            break
+def _profile(candidates: Candidates, order: tuple[int, int], delays: Sequence[int]) -> int:
+    """Returns the best delay of a structure; delays between that and one that zeros imitate may be worse than both."""
+    fits = [candidates.fit(*order, delay) for delay in delays]
     return min(fits, key=lambda each: each.bic).structure.delay_samples
 
 
