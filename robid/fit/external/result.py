@@ -248,7 +248,12 @@ def _status(every: Sequence[str]) -> str:
 
 def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
     """What is to be known of a block beside its parameters."""
-    told = [sentence for each in found for sentence in each.non_minimum_phase]
+    told = [
+        sentence
+        for each in found
+        for sentence, sure in zip(each.non_minimum_phase, each.significant, strict=True)
+        if sure
+    ]
     if one.fit.reflected:
         told.append("poles in the right half plane were met on the way and kept in the left one (`stable`)")
     return [f"{one.block.name}: {sentence}" for sentence in dict.fromkeys([*told, *one.choice.messages])]
