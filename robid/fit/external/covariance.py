@@ -14,6 +14,8 @@ from robid.fit.external.linear import Numerators, Point, columns_of, natural_ste
 from robid.fit.external.reduction import Experiment, Reduced, states_of
 from robid.fit.external.whiteness import excited_lines, smoothed_spectrum, whiteness
 
+_EXCLUDED = 4.0  # standard deviations
+
 WHITE = 0.01
 """Chance below which a residual counts as coloured."""
 
@@ -46,9 +48,8 @@ def find_spread(
 ) -> Spread:
     """Computes residuals and the coefficients' covariance.
 
-    Poles above the Nyquist frequency count as known to about their own size. For white residuals the covariance is
-    `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of `sigma^2`, which keeps
-    intervals honest when the model leaves something over.
+    For white residuals it is `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of
+    `sigma^2`, which keeps intervals honest when the model leaves something over.
 
     Args:
         experiments: The experiments.
@@ -65,7 +66,7 @@ def find_spread(
     ends = np.cumsum([0, *(each.n_sample for each in experiments)]).tolist()
     spans = [slice(first, last) for first, last in pairwise(ends)]
     linear = [_linear_part(rows, point, sought, noise[:, output], output) for output in range(noise.shape[1])]
-    projected, triangle = np.linalg.qr(np.concatenate([*(each.tilt for each in linear), _faith(point, period)]))
+    projected, triangle = _orthogonal(np.concatenate([each.tilt for each in linear]), point, period)
     residuals = [np.zeros((each.n_sample, noise.shape[1])) for each in experiments]
     chances, taken = np.ones(noise.shape), np.zeros(noise.shape)
     meats = []
@@ -81,7 +82,7 @@ def find_spread(
             chances[index, output] = whiteness(left, excited, taken[index, output] - each.offset)
             meat += _meat(left, pull, excited, taken[index, output], white=chances[index, output] >= WHITE)
         meats.append(meat)
-    root = _root(linear, triangle, meats, projected[-point.basis.n_pole :].T, point, sought)
+    root = _root(linear, triangle, meats, point, sought)
     return Spread(tuple(residuals), root, chances, taken)
 
 
@@ -138,7 +139,6 @@ def _root(
     linear: Sequence[_LinearPart],
     triangle: FloatArray,
     meats: Sequence[FloatArray],
-    faith: FloatArray,
     point: Point,
     sought: Numerators,
 ) -> FloatArray:
@@ -150,10 +150,10 @@ def _root(
     to_numerators = [_to_numerators(point, sought, output) for output in range(len(linear))]
     n_each = point.weights.shape[1] * point.weights.shape[2]
     columns = []
-    for output, meat in enumerate([*meats, None]):
-        own = None if meat is None else linear[output]
-        half = faith if meat is None else _half(meat)
-        n_within = 0 if own is None else own.within.shape[1]
+    for own, meat in zip(linear, meats, strict=True):
+        values, vectors = np.linalg.eigh(meat)
+        half = vectors * np.sqrt(np.maximum(values, 0.0))
+        n_within = own.within.shape[1]
         change = poles @ half[n_within:]
         whole = np.zeros((len(linear) * n_each + n_pole, half.shape[1]))
         for other, part in enumerate(linear):
@@ -169,25 +169,25 @@ def _root(
     return np.concatenate(columns, axis=1)
 
 
-def _half(meat: FloatArray) -> FloatArray:
-    """Root (n_pull, n_pull) of a covariance."""
-    values, vectors = np.linalg.eigh(meat)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+def _orthogonal(tilts: FloatArray, point: Point, period: float) -> tuple[FloatArray, FloatArray]:
+    """Orthogonalises what the poles do (n_row, n_pole); the factor (n_pole, n_pole) is triangular but for its order.
 
-
-def _faith(point: Point, period: float) -> FloatArray:
-    """Rows (n_pole, n_pole) that hold poles above the Nyquist frequency to about their own size.
-
-    Samples say next to nothing of them; without this their deviation would be without limit, and so would be that of
-    all that depends on them a little.
+    Of poles above the Nyquist frequency samples say the less the faster they are: where even one that answers at once
+    is not excluded, their slope now says nothing of how far they may be off, and they count as known to their own size.
     """
-    rows = np.zeros((point.basis.n_pole, point.basis.n_pole))
-    sizes = natural_steps(point)
-    for stage in point.basis.single.stages:
-        if abs(stage.pole) * period > np.pi:
-            for index in range(stage.states.start, stage.states.stop):
-                rows[index, index] = 1 / sizes[index]
-    return rows
+    sizes, stages = natural_steps(point), point.basis.single.stages
+    beyond = [stage for stage in stages if abs(stage.pole) * period > np.pi]
+    n_beyond = beyond[-1].states.stop if beyond else 0
+    order = np.roll(np.arange(len(sizes)), -n_beyond)
+    projected, triangle = np.linalg.qr((tilts * sizes)[:, order])
+    if beyond:
+        corner = slice(len(sizes) - n_beyond, None)
+        left, values, turned = np.linalg.svd(triangle[corner, corner])
+        reach = max(abs(stage.pole) for stage in beyond) * period
+        values = np.where(values < _EXCLUDED * reach, 1.0, values)
+        triangle[corner, corner] = (left * values) @ turned
+    back = np.argsort(order)
+    return projected, triangle[:, back] / sizes
 
 
 def _to_numerators(point: Point, sought: Numerators, output: int) -> tuple[FloatArray, FloatArray]:
