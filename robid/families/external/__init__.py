@@ -79,4 +79,5 @@ EXTERNAL = Family(
     report=_report,
     compare=_compare,
     exports=EXPORTS,
+    needs_robot=False,
 )

@@ -14,6 +14,7 @@ _NAME = "external"
 _IN, _OUT, _BLOCK, _CHANNEL = ("input",), ("output",), ("block",), ("channel",)
 _PAIR, _LINE, _BAND = ("output", "input"), ("frequency", "output", "input"), ("band", "output", "input")
 _ROW, _MODEL, _TIME = ("row",), ("model_frequency", "channel"), ("time", "channel")
+_SAMPLE, _COMPONENT, _OWN_CHANNEL = ("sample",), ("component",), ("own_channel",)
 _OWN = "as of the output"
 _GAIN = "output over input"
 _SOLUTION = {
@@ -59,6 +60,7 @@ _SOLUTION = {
     "external/coupling/coherence": Column("1", _BAND, "Root of the largest coherence"),
     "external/coupling/limit": Column("1", ("band",), "What chance alone reaches"),
     "external/coupling/ratio": Column("1", _BAND, "Magnitude ratio in resolutions"),
+    "external/coupling/own": Column("1", _PAIR, "Whether it is one channel and no coupling"),
     "external/coupling/coupled": Column("1", _BAND, "Whether both are above their thresholds"),
     "external/coupling/frequency_hz": Column("Hz", ("frequency",)),
     "external/coupling/gain": Column("1", _LINE, "Magnitude of the empirical response in resolutions"),
@@ -67,6 +69,7 @@ _SOLUTION = {
     "external/coupling/decoupled_up_to_hz": Column("Hz", _IN, "Up to where a channel is decoupled"),
     "external/responses/frequency_hz": Column("Hz", ("model_frequency",)),
     "external/responses/response": Column(_GAIN, _MODEL, "Responses of the models with delay"),
+    "external/responses/sampled": Column(_GAIN, _MODEL, "From samples to samples, hold and average included"),
     "external/responses/relative_std": Column("1", _MODEL, "Deviation of the magnitude, relative"),
     "external/responses/phase_std": Column("rad", _MODEL, "Deviation of the phase"),
     "external/steps/time_s": Column("s", _TIME),
@@ -79,12 +82,28 @@ _SOLUTION = {
     "external/loci/roots": Column("rad/s", ("gain", "channel", "pole"), "Closed-loop poles"),
     "external/loci/zeros": Column("rad/s", ("channel", "zero")),
     "external/loci/poles": Column("rad/s", ("channel", "pole")),
+    "external/loci/zero_std": Column("rad/s", ("channel", "zero"), "Deviations of real and imaginary parts"),
+    "external/loci/pole_std": Column("rad/s", ("channel", "pole"), "Deviations of real and imaginary parts"),
     "external/traces/output": Column("1", _ROW, "Index into quality/output_names"),
     "external/traces/shot": Column("1", _ROW, "Index into shots"),
     "external/traces/shots": Column("1", ("shot",), "Names of the shots"),
     "external/traces/time_s": Column("s", _ROW),
     "external/traces/measured": Column(_OWN, _ROW, "Measured output less its offset", compact=True),
     "external/traces/simulated": Column(_OWN, _ROW, "The model's", compact=True),
+    "external/excitation/names": Column("1", _OWN_CHANNEL, "Channels, one a command"),
+    "external/excitation/shots": Column("1", ("shot",), "Names of the shots"),
+    "external/excitation/time_channel": Column("1", _SAMPLE, "Index into names"),
+    "external/excitation/time_shot": Column("1", _SAMPLE, "Index into shots"),
+    "external/excitation/time_s": Column("s", _SAMPLE),
+    "external/excitation/command": Column("as of the command", _SAMPLE, "What was commanded", compact=True),
+    "external/excitation/answer": Column(_OWN, _SAMPLE, "What came of it", compact=True),
+    "external/excitation/line_channel": Column("1", _COMPONENT, "Index into names"),
+    "external/excitation/line_shot": Column("1", _COMPONENT, "Index into shots"),
+    "external/excitation/frequency_hz": Column("Hz", _COMPONENT),
+    "external/excitation/command_amplitude": Column("as of the command", _COMPONENT, "Largest around it"),
+    "external/excitation/answer_amplitude": Column(_OWN, _COMPONENT, "Largest around it"),
+    "external/excitation/command_resolution": Column("as of the command", _OWN_CHANNEL),
+    "external/excitation/answer_resolution": Column(_OWN, _OWN_CHANNEL),
     "external/findings": Column("1", ("finding",), "What is doubtful about the data"),
     "external/remarks": Column("1", ("remark",), "What else is to be known of the models"),
 }

@@ -52,6 +52,7 @@ class CouplingMap:
         limit (n_band,): Root coherence that unrelated signals reach by chance alone.
         ratio (n_band, n_out, n_in): Size of what of the output follows the command over that of the command, each in
             its resolutions.
+        own (n_out, n_in): Which pairs are one channel and no coupling.
         coupled (n_band, n_out, n_in): Whether both are above their thresholds, and the first above chance.
         frequency_hz (n_freq,): Frequencies of `gain` [Hz].
         gain (n_freq, n_out, n_in): Magnitude of the empirical response, in resolutions; NaN where not excited.
@@ -70,6 +71,7 @@ class CouplingMap:
     coherence: FloatArray
     limit: FloatArray
     ratio: FloatArray
+    own: BoolArray
     coupled: BoolArray
     frequency_hz: FloatArray
     gain: FloatArray
@@ -116,6 +118,7 @@ def map_coupling(
         coherence=root,
         limit=limit,
         ratio=ratio,
+        own=pairs.own,
         coupled=coupled,
         frequency_hz=etfe.frequency_hz,
         gain=gain,

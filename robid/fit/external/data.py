@@ -113,7 +113,7 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
             sampling_period_s=record.sampling_period_s,
             name=", ".join([name, *_words(place, record.inputs.shape[:3])]),
             offset=not absolute,
-            place=f"{name}, {place[0]}",
+            place=", ".join([name, *_words(place[:1], record.inputs.shape[:1])]),
             quantum=np.array([quantum_of(each) for each in answers[0].T]),
         )
         found.append(shot)
@@ -178,9 +178,10 @@ def _scatter(answers: FloatArray, *, offset: bool) -> FloatArray | None:
 
 
 def _words(place: Sequence[int], counts: Sequence[int]) -> list[str]:
-    """Says which configuration, realization and experiment it is, where there are several."""
+    """Says which configuration, realization and experiment it is, counted from 1, where there are several."""
     words = ("configuration", "realization", "experiment")
-    return [f"{word} {index}" for word, index, count in zip(words, place, counts, strict=True) if count > 1]
+    every = zip(words, place, counts, strict=False)
+    return [f"{word} {index + 1}" for word, index, count in every if count > 1]
 
 
 def _leads_to_position(inputs: Sequence[Channel], outputs: Sequence[Channel]) -> bool:

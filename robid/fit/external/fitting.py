@@ -90,10 +90,13 @@ def resolutions(channels: Sequence[Channel], options: CouplingOptions) -> FloatA
 def own_pairs(blocks: Sequence[Block], ports: Ports) -> BoolArray:
     """Tells which pairs (n_out, n_in) are one channel and no coupling.
 
-    They are those of one name; a command that no output has the name of goes with all that is fitted to it.
+    They are single channels that are fitted, and those of one name; a command that no output has the name of goes with
+    all that is fitted to it.
     """
     own = np.array([[one == other.removesuffix(".arm") for one in ports.inputs] for other in ports.outputs], bool)
     for block in blocks:
+        if block.is_single:
+            own[block.outputs[0], block.inputs[0]] = True
         for one in block.inputs:
             if not any(ports.inputs[one] == other.removesuffix(".arm") for other in ports.outputs):
                 own[list(block.outputs), one] = True

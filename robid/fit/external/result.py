@@ -16,6 +16,7 @@ from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.data import Shot
 from robid.fit.external.etfe import Etfe
 from robid.fit.external.findings import Findings, find_findings
+from robid.fit.external.excitation import Excitation, OwnChannel, show_excitation
 from robid.fit.external.graphs import Fitted, frequency_responses, root_loci, step_responses
 from robid.fit.external.options import ExternalOptions
 from robid.fit.external.output_error import BlockFit
@@ -104,7 +105,20 @@ def make_solution(
         traces=_traces(found),
         findings=tuple(findings),
         remarks=tuple(text for one, those in zip(found, told, strict=True) for text in _remarks(one, those)),
+        excitation=_excitation(found, transfers, ports),
     )
+
+
+def _excitation(found: Sequence[FittedBlock], transfers: Transfers, ports: Ports) -> Excitation:
+    """What each command did, in all shots, with the output of its name, or else its first."""
+    shots = list({shot.name: shot for one in found for shot in one.shots}.values())
+    channels = {}
+    for channel in range(len(transfers.names)):
+        command, output = int(transfers.inputs[channel]), int(transfers.outputs[channel])
+        if command not in channels or ports.outputs[output].removesuffix(".arm") == ports.inputs[command]:
+            channels[command] = OwnChannel(transfers.names[channel], command, output)
+    resolutions = ports.input_resolution, ports.output_resolution
+    return show_excitation(shots, list(channels.values()), ports.floor, *resolutions)
 
 
 def _transfers(found: Sequence[FittedBlock], ports: Ports, options: ExternalOptions) -> Transfers:

@@ -13,6 +13,7 @@ from robid.fit.external.agreement import Agreement
 from robid.fit.external.checks import Finding
 from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.etfe import Etfe
+from robid.fit.external.excitation import Excitation
 from robid.fit.external.transfer import TransferMatrix
 
 
@@ -151,12 +152,14 @@ class Responses:
     Attributes:
         frequency_hz (n_freq,): Frequencies [Hz].
         response (n_freq, n_channel): Responses with delay, without hold and moving average.
+        sampled (n_freq, n_channel): Responses from samples to samples, with all of them, as the empirical one is.
         relative_std (n_freq, n_channel): Standard deviation of the magnitude, relative.
         phase_std (n_freq, n_channel): Of the phase [rad].
     """
 
     frequency_hz: FloatArray
     response: ComplexArray
+    sampled: ComplexArray
     relative_std: FloatArray
     phase_std: FloatArray
 
@@ -169,8 +172,8 @@ class StepResponses:
         time_s (n_time, n_channel): Times [s].
         value (n_time, n_channel): Outputs.
         std (n_time, n_channel): Their standard deviations.
-        undershoot (n_channel,): How far it first goes the wrong way, over the final value; 0 where it does not.
-        overshoot (n_channel,): How far it goes beyond the final value, over it.
+        undershoot (n_channel,): How far it goes the wrong way before it reaches a tenth of the final value, over that.
+        overshoot (n_channel,): How far it goes beyond the final value, over it; 0 where it never gets there.
         rise_s (n_channel,): Time from 10 to 90 % of the final value [s]; NaN where it never gets there.
     """
 
@@ -191,12 +194,17 @@ class RootLoci:
         roots (n_gain, n_channel, n_pole): Closed-loop poles [rad/s]; NaN where there are fewer.
         zeros (n_channel, n_zero): Zeros [rad/s]; NaN where there are fewer.
         poles (n_channel, n_pole): Poles [rad/s].
+        zero_std (n_channel, n_zero): Standard deviations of the zeros' real parts, and of their imaginary parts as an
+            imaginary part [rad/s].
+        pole_std (n_channel, n_pole): The same of the poles.
     """
 
     gain: FloatArray
     roots: ComplexArray
     zeros: ComplexArray
     poles: ComplexArray
+    zero_std: ComplexArray
+    pole_std: ComplexArray
 
 
 @dataclass(frozen=True)
@@ -240,6 +248,7 @@ class ExternalSolution:
         findings: What is doubtful about the data.
         remarks: What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept
             stable, how sure the choice of a structure is.
+        excitation: Commands and their own outputs in the fit's shots.
     """
 
     estimate: Estimate
@@ -256,6 +265,7 @@ class ExternalSolution:
     traces: Traces
     findings: tuple[Finding, ...]
     remarks: tuple[str, ...]
+    excitation: Excitation
 
     def transfer(self, block: int) -> TransferMatrix:
         """Returns the transfer functions of one block."""

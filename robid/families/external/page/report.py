@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator, Sequence
 
 from robid.artifacts.grade import grade_from_artifact
 from robid.families.external.files import solution_from_artifact, validation_from_artifact
+from robid.families.external.page.data import new_section, own_section
+from robid.families.external.page.sections import sections
+from robid.families.external.settings import external_fit
 from robid.families.family import Shown
 from robid.families.parameters import parameter_rows, parameter_summary
+from robid.fit.external.agreement import Agreement
 from robid.fit.external.solution import ExternalSolution
 from robid.report.content import FitReport, Headline, KeyNumber
 from robid.report.numbers import significant
-from robid.report.parameter_section import parameter_numbers, parameter_section
+from robid.report.parameter_section import parameter_numbers
 from robid.report.parameters import Estimates
 from robid.report.terminal import parameter_table
 from robid.validation.external.validating import ExternalValidation
@@ -24,11 +28,13 @@ def report(shown: Shown) -> FitReport:
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
     grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
     estimates = _estimates(shown, solution)
+    data = own_section(solution) if validation is None else new_section(solution, validation)
+    options = external_fit(shown.data.loaded.experiment, shown.data.name).coupling
     return FitReport(
         headline=_headline(shown.data.name, solution, estimates, validation, grade),
         verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
         grade=grade.value,
-        sections=parameter_section(estimates, "Poles and zeros are rates, or natural frequencies and damping ratios."),
+        sections=sections(solution, estimates, data, options),
         parameters=estimates.rows,
         summary=_summary(solution, estimates, validation, grade),
         terminal=(parameter_table(estimates),),
@@ -40,7 +46,6 @@ def _estimates(shown: Shown, solution: ExternalSolution) -> Estimates:
     return Estimates(
         rows=parameter_rows(estimate, shown.true),
         level=estimate.confidence,
-        torque_unit="N m",
         undetermined=estimate.undetermined,
         identifiable_relative_std=estimate.identifiable_relative_std,
         interval_rule=estimate.interval_rule,
@@ -54,25 +59,36 @@ def _headline(
     validation: ExternalValidation | None,
     grade: Grade,
 ) -> Headline:
-    own = KeyNumber("NRMSE, own motions", significant(float(solution.quality.nrmse.min()), 4), "worst channel")
-    new = () if validation is None else (
-        KeyNumber(
-            "NRMSE, new motions", significant(min(one.nrmse for one in validation.agreements), 4), "worst channel"
-        ),
-    )  # fmt: skip
-    apart = KeyNumber("Decoupled up to", f"{significant(solution.coupling.overall_hz, 3)} Hz", "all channels")
     return Headline(
         name=name,
-        numbers=(*parameter_numbers(estimates, usable=grade.value > 0), own, *new, apart),
+        numbers=(*parameter_numbers(estimates, usable=grade.value > 0), *_numbers(solution, validation)),
         doubts=tuple(doubt.sentence for doubt in grade.doubts),
         status=solution.estimate.status.replace("_", " "),
         advice=solution.estimate.advice,
     )
 
 
+def _numbers(solution: ExternalSolution, validation: ExternalValidation | None) -> Iterator[KeyNumber]:
+    yield _worst("NRMSE, own data", solution.agreements)
+    if validation is not None:
+        yield _worst("NRMSE, new data", validation.agreements)
+    if not solution.coupling.own.all():
+        yield KeyNumber("Decoupled up to", f"{significant(solution.coupling.overall_hz, 3)} Hz")
+
+
+def _worst(label: str, every: Sequence[Agreement]) -> KeyNumber:
+    worst = min(every, key=lambda each: each.nrmse)
+    return KeyNumber(label, f"{worst.nrmse:.3f}", f"worst: {worst.output}" if len(every) > 1 else "")
+
+
 def _verdict(solution: ExternalSolution, validation: ExternalValidation | None, grade: Grade, *, named: bool) -> str:
-    known = int(solution.estimate.identified.sum())
-    found = [grade.sentence, f"{known} of {len(solution.estimate.names)} parameters are identified."]
+    estimate = solution.estimate
+    count = len(solution.transfers.names)
+    found = [
+        grade.sentence,
+        f"{count} transfer function{'s' if count > 1 else ''}, {int(estimate.identified.sum())} of"
+        f" {len(estimate.names)} parameters are identified.",
+    ]
     if validation is None:
         found.append("Not validated: no campaign was named to hold it against." if not named else "Not validated.")
     elif validation.outcome.ok:
@@ -83,7 +99,7 @@ def _verdict(solution: ExternalSolution, validation: ExternalValidation | None, 
 def _summary(
     solution: ExternalSolution, estimates: Estimates, validation: ExternalValidation | None, grade: Grade
 ) -> dict[str, float]:
-    own, estimate = solution.transfers, solution.estimate
+    estimate = solution.estimate
     found = {
         "grade": float(grade.value),
         "converged": float(estimate.status == "converged"),
@@ -91,19 +107,31 @@ def _summary(
         "decoupled_up_to_hz": solution.coupling.overall_hz,
         **parameter_summary(estimates.rows),
     }
-    for block, name in enumerate(own.blocks):
-        found[f"{name}.poles"] = float(own.poles[block])
-        found[f"{name}.zeros"] = float(own.zeros[block])
-        found[f"{name}.delay_samples"] = float(own.delay_samples[block])
-        found[f"{name}.fpe"] = float(solution.quality.fpe[block])
-    for name, value in zip(solution.quality.output_names, solution.quality.nrmse.tolist(), strict=True):
-        found[f"{name}.nrmse"] = value
-    if validation is None:
-        return found
-    found["validation.ok"] = float(validation.outcome.ok)
-    found["validation.nrmse"] = float(np.min([one.nrmse for one in validation.agreements]))
-    for one, bounds in zip(validation.agreements, validation.bounds, strict=True):
-        key = f"validation.{one.output}"
-        found[f"{key}.nrmse"] = min(one.nrmse, found.get(f"{key}.nrmse", 1.0))
-        found[f"{key}.inside"] = min(bounds.inside, found.get(f"{key}.inside", 1.0))
+    for row, name in enumerate(solution.quality.output_names):
+        found[f"{name}.nrmse"] = float(solution.quality.nrmse[row])
+    transfers = solution.transfers
+    for block, name in enumerate(transfers.blocks):
+        found |= {
+            f"{name}.poles": float(transfers.poles[block]),
+            f"{name}.zeros": float(transfers.zeros[block]),
+            f"{name}.delay_samples": float(transfers.delay_samples[block]),
+            f"{name}.fpe": float(solution.quality.fpe[block]),
+        }
+    return found | ({} if validation is None else _validated(validation))
+
+
+def _validated(validation: ExternalValidation) -> dict[str, float]:
+    """Numbers of each output, in the place where it is worst."""
+    found = {
+        "validation.ok": float(validation.outcome.ok),
+        "validation.nrmse": min(each.nrmse for each in validation.agreements),
+    }
+    pairs = sorted(zip(validation.agreements, validation.bounds, strict=True), key=lambda pair: -pair[0].nrmse)
+    for each, bounds in pairs:
+        found |= {
+            f"validation.{each.output}.nrmse": each.nrmse,
+            f"validation.{each.output}.r_squared": each.r_squared,
+            f"validation.{each.output}.fpe": bounds.fpe,
+            f"validation.{each.output}.inside": bounds.inside,
+        }
     return found

@@ -48,7 +48,7 @@ def test_realizations_with_other_commands_are_shots_of_their_own():
     told[0, 2] = told[0, 0]
     shots = shots_of(record_of(told, 0.5 * told), ExternalOptions(), "fit")
     assert [shot.repeats for shot in shots] == [2, 1, 2, 1]
-    assert shots[0].name == "fit, realization 0, experiment 0"
+    assert shots[0].name == "fit, realization 1, experiment 1"
     assert shots[1].noise_std is None
     for shot in shots:
         np.testing.assert_allclose(shot.outputs - shot.outputs[0], 0.5 * shot.inputs, atol=1e-12)
