@@ -15,8 +15,8 @@ from robid.fit.external.choice import Choice
 from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.data import Shot
 from robid.fit.external.etfe import Etfe
-from robid.fit.external.findings import Findings, find_findings
 from robid.fit.external.excitation import Excitation, OwnChannel, show_excitation
+from robid.fit.external.findings import Findings, find_findings
 from robid.fit.external.graphs import Fitted, frequency_responses, root_loci, step_responses
 from robid.fit.external.options import ExternalOptions
 from robid.fit.external.output_error import BlockFit
