@@ -83,9 +83,10 @@ def settle(problem: Problem, found: Descent, noise: FloatArray) -> Descent:
     fastest = found.point.basis.single.stages[0]
     if abs(fastest.pole) * problem.period <= np.pi:
         return found
-    trial = _descend(problem, _with_fastest(found.point, problem.limit), noise, 1e-3, 20, reflected=found.reflected)
-    worse = (trial.point.cost - found.point.cost) / found.point.cost * problem.n_sample
-    return trial if worse <= _ALIKE else found
+    here = _descend(problem, found.point.basis.denominator, noise, 1e-3, reflected=found.reflected)
+    trial = _descend(problem, _with_fastest(here.point, problem.limit), noise, 1e-3, reflected=found.reflected)
+    worse = (trial.point.cost - here.point.cost) / here.point.cost * problem.n_sample
+    return trial if worse <= _ALIKE else here
 
 
 def slowest_unseen(problem: Problem, point: Point, noise: FloatArray) -> float:
