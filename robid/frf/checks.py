@@ -212,7 +212,9 @@ def _still(record: Record) -> list[Finding]:
 
 
 def _shows_motion(record: Record, name: str) -> bool:
-    return record.output_channels[record.output_names.index(name)].quantity in ("angle", "position")
+    """Whether an output is how far its motor, or what that moves, has come; a tool has none of its own."""
+    channel = record.output_channels[record.output_names.index(name)]
+    return channel.quantity in ("angle", "position") and channel.side != "tool"
 
 
 def _noise(step: FloatArray) -> FloatArray:

@@ -200,3 +200,19 @@ def test_every_figure_is_drawn_without_a_complaint(tmp_path, page):
         len(list(figures(part.options[0][1]))) for parts in first for part in parts if isinstance(part, Choice)
     )
     assert done.stdout.count("chart js-plotly-plot") == visible + 1  # and the map
+
+
+def test_a_matrix_has_all_its_channels_and_judges_steps_of_its_own_alone():
+    options = replace(OPTIONS, matrix="full", poles=4, zeros=3)
+    shots = [shot_of(PLANTS, band, moving=index) for band in BANDS for index in range(2)]
+    solution = fit_external(shots, channels("XZ", "position_command"), channels("XZ"), "zoh", options)
+    found = sections(
+        solution, Estimates(parameter_rows(solution.estimate, {})), own_section(solution), CouplingOptions()
+    )
+    assert [row[0] for row in found[0].tables[0].texts] == ["X", "X/Z", "Z/X", "Z"]
+    choices = [part for section in found for part in section.parts if isinstance(part, Choice)]
+    assert [[name for name, _ in part.options] for part in choices] == [
+        *(["X", "Z"], ["X", "X/Z", "Z/X", "Z"], ["X", "X/Z", "Z/X", "Z"], ["X", "Z"])
+    ]
+    steps = next(table for section in found for table in section.tables if table.title == "Steps")
+    assert [row[0] for row in steps.texts] == ["X", "Z"]
