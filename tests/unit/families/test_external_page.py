@@ -164,7 +164,8 @@ def test_coupled_pairs_are_red_and_above_the_thresholds(solution):
     ratio[:, 1, 0], coupled[:, 1, 0] = 0.4, True
     crossing = np.where(found.own, np.nan, np.array([[np.nan, np.inf], [3.2, np.nan]]))
     changed = replace(found, ratio=ratio, coupled=coupled, crossing_hz=crossing)
-    section = coupling_section(changed, solution.ports, CouplingOptions())
+    (section,) = coupling_section(changed, solution.ports, CouplingOptions())
+    assert not coupling_section(replace(changed, own=np.ones((2, 2), bool)), solution.ports, CouplingOptions())
     pairs, limits = section.tables
     assert pairs.rows[1].cells[1].text == "0.40"
     assert [cell.mark for cell in pairs.rows[1].cells[1:]] == ["bad", ""]

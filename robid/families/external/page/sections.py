@@ -44,7 +44,7 @@ def sections(
         *_parameters(solution, estimates),
         _responses(solution),
         _dynamics(solution),
-        coupling_section(solution.coupling, solution.ports, options),
+        *coupling_section(solution.coupling, solution.ports, options),
         _excitation(solution),
     )
 
