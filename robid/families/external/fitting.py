@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -12,13 +13,14 @@ from robid.artifacts.grade import grade_from_artifact
 from robid.errors import DataError
 from robid.families.external.files import model_of, solution_from_artifact, validation_of
 from robid.families.external.settings import external_fit
-from robid.families.family import Data, Work
+from robid.families.family import Data, Shown, Work
 from robid.fit.external.data import Shot, commands_of, shots_of
 from robid.fit.external.fitting import fit_external
 from robid.fit.external.options import ExternalOptions
 from robid.signals.quantities import describe
 from robid.signals.record import Record
 from robid.validation.external.grading import assess_external
+from robid.validation.external.homes import compare_homes
 from robid.validation.external.validating import validate_external
 
 
@@ -53,6 +55,22 @@ def validate(data: Data, model: Artifact) -> Artifact:
         raise DataError(message, where="validation", remedy="validate on a record of the same channels")
     shots = shots_in((campaign,), data.records, options)[campaign]
     return validation_of(validate_external(solution, shots, grade_from_artifact(model).doubts))
+
+
+def compare(every: Sequence[Shown]) -> dict[str, float]:
+    """Returns how far fits, of several home positions, differ in the channels that they share, by dotted name."""
+    found: dict[str, float] = {}
+    for one, other in combinations(every, 2):
+        for each in compare_homes(solution_from_artifact(one.model), solution_from_artifact(other.model)):
+            key = f"differences.{one.data.name}.{other.data.name}.{each.channel}"
+            found |= {
+                f"{key}.relative": each.relative,
+                f"{key}.at_hz": each.at_hz,
+                f"{key}.magnitude_db": each.magnitude_db,
+                f"{key}.phase_deg": each.phase_deg,
+                f"{key}.significant": float(each.significant),
+            }
+    return found
 
 
 def phrase_of_model(model: Artifact) -> str:
