@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from robid.fit.external.options import ExternalOptions
 
 _ROUNDS = 4
+_IN_A_ROW = 2
 _HOPELESS = 0.02  # per sample, difference of the criterion past which nothing is polished
+_EVEN = 2.0  # difference of the criterion that is not worth a mention
 _STRONG = 10.0  # difference of the criterion that counts as strong evidence
 
 
@@ -72,10 +74,12 @@ def choose_structure(
         shots, inputs, outputs, common, choose_on, hopeless if options.rule == "evidence" else np.inf
     )
     delays, orders = _delays(options), _orders(options)
-    delay = _profile(candidates, orders[-1], delays)
+    # Zeros of a rich structure stand in for delay; the longest that explains as much leaves them the least to do.
+    rich = [candidates.fit(*orders[-1], each) for each in delays]
+    delay = max(each.structure.delay_samples for each in rich if each.bic <= min(one.bic for one in rich) + _STRONG)
     for _ in range(_ROUNDS):
         best = _select(candidates, orders, delay, options)
-        again = _profile(candidates, _order(best), delays)
+        again = _nearby(candidates, best, delays, hopeless)
         if again == delay:
             break
         delay = again
@@ -89,10 +93,18 @@ def _order(candidate: Candidate) -> tuple[int, int]:
     return candidate.structure.poles, candidate.structure.zeros
 
 
-def _profile(candidates: Candidates, order: tuple[int, int], delays: Sequence[int]) -> int:
-    """Returns the best delay of a structure; delays between that and one that zeros imitate may be worse than both."""
-    fits = [candidates.fit(*order, delay) for delay in delays]
-    return min(fits, key=lambda each: each.bic).structure.delay_samples
+def _nearby(candidates: Candidates, best: Candidate, delays: Sequence[int], hopeless: float) -> int:
+    """Returns the best delay of a structure, looked for on both sides until two in a row are hopeless."""
+    first = delays.index(best.structure.delay_samples)
+    for side in (delays[first + 1 :], delays[:first][::-1]):
+        bad = 0
+        for delay in side:
+            there = candidates.fit(*_order(best), delay)
+            best = min(best, there, key=lambda each: each.bic)
+            bad = bad + 1 if there.bic > best.bic + hopeless else 0
+            if bad == _IN_A_ROW:
+                break
+    return best.structure.delay_samples
 
 
 def _look_about(
@@ -100,14 +112,25 @@ def _look_about(
 ) -> Candidate:
     """Tries simpler structures at other delays that explain the data as well: zeros may have stood in for delay."""
     seen = {best.structure.delay_samples}
-    while True:
-        alike = {each.structure.delay_samples for each in candidates.tried if each.bic < best.bic + _STRONG} - seen
-        if not alike:
-            return best
-        for delay in alike:
-            simpler = [order for order in orders if order <= _order(best) or sum(order) < sum(_order(best))]
+    while alike := _delays_alike(candidates) - seen:
+        for delay in sorted(alike):
+            simpler = [order for order in orders if order[0] <= best.structure.poles]
             best = min(best, _select(candidates, simpler, delay, options), key=lambda each: each.bic)
         seen |= alike
+    # What evidence cannot tell apart is decided for the fewer poles.
+    even = [each for each in candidates.tried if each.bic <= best.bic + _EVEN]
+    return min(even, key=lambda each: (each.structure.poles, each.bic))
+
+
+def _delays_alike(candidates: Candidates) -> set[int]:
+    """Returns the delays at which some structure explains the data about as well as at any other."""
+    found = set()
+    for order in {_order(each) for each in candidates.tried}:
+        fits = [each for each in candidates.tried if _order(each) == order]
+        least = min(each.bic for each in fits)
+        if len(fits) > 1:
+            found |= {each.structure.delay_samples for each in fits if each.bic < least + _STRONG}
+    return found
 
 
 def _delays(options: ExternalOptions) -> list[int]:
@@ -133,15 +156,14 @@ def _select(
     descending = sorted(orders, key=lambda order: (order[0], -order[1]))
     if options.rule == "evidence" or len(orders) == 1:
         return min((candidates.fit(*order, delay) for order in descending), key=lambda each: each.bic)
-    best: Candidate | None = None
+    tried: list[Candidate] = []
     for count in sorted({order[0] for order in orders}):
         fits = [candidates.fit(*order, delay) for order in descending if order[0] == count]
         enough = [each for each in fits if each.nrmse >= options.sufficient_nrmse]
         if enough:
             return min(enough, key=lambda each: each.structure.zeros)
-        best = max([*fits, *([best] if best else [])], key=lambda each: each.nrmse)
-    assert best is not None
-    return best
+        tried += fits
+    return max(tried, key=lambda each: each.nrmse)
 
 
 def _reason(best: Candidate, options: ExternalOptions, n_held_back: int) -> str:

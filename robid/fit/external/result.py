@@ -15,8 +15,8 @@ from robid.fit.external.choice import Choice
 from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.data import Shot
 from robid.fit.external.etfe import Etfe
-from robid.fit.external.findings import Findings, find_findings
 from robid.fit.external.excitation import Excitation, OwnChannel, show_excitation
+from robid.fit.external.findings import Findings, find_findings
 from robid.fit.external.graphs import Fitted, frequency_responses, root_loci, step_responses
 from robid.fit.external.options import ExternalOptions
 from robid.fit.external.output_error import BlockFit
@@ -262,7 +262,12 @@ def _status(every: Sequence[str]) -> str:
 
 def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
     """What is to be known of a block beside its parameters."""
-    told = [sentence for each in found for sentence in each.non_minimum_phase]
+    told = [
+        sentence
+        for each in found
+        for sentence, sure in zip(each.non_minimum_phase, each.significant, strict=True)
+        if sure
+    ]
     if one.fit.reflected:
         told.append("poles in the right half plane were met on the way and kept in the left one (`stable`)")
     return [f"{one.block.name}: {sentence}" for sentence in dict.fromkeys([*told, *one.choice.messages])]
