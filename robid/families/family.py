@@ -160,6 +160,7 @@ class Family:
         report: Lays out a fit for page, terminal and summary.
         compare: Numbers that compare fits of this family with each other, by dotted name.
         exports: Formats that a model can be written in, by name.
+        needs_robot: Whether its fits ask for the inside of the robot, so that the experiment must name one.
     """
 
     name: str
@@ -176,6 +177,7 @@ class Family:
     report: Callable[[Shown], FitReport]
     compare: Callable[[Sequence[Shown]], Mapping[str, float]]
     exports: Mapping[str, Export]
+    needs_robot: bool = True
 
 
 def family_of(loaded: LoadedExperiment, fit: str) -> Family:

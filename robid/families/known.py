@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from robid.families.elastic import ELASTIC
+from robid.families.external import EXTERNAL
 from robid.families.family import Family
 from robid.families.rigid import RIGID
 
-FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC, RIGID)}
+FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC, RIGID, EXTERNAL)}

@@ -75,6 +75,7 @@ def _channels(mapping: LogMapping) -> list[str]:
     channels: list[LogChannel] = [*mapping.inputs, *mapping.outputs, *mapping.references]
     problems += [f"{channel.name}: {problem}" for channel in channels for problem in channel.problems()]
     problems += input_problems(mapping.inputs)
+    problems += [f"{key}: {problem}" for key, problem in mapping.pose_problems()]
     for group in (mapping.inputs, mapping.outputs, mapping.references):
         names = [channel.name for channel in group]
         problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]

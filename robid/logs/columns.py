@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from robid.errors import DataError
 from robid.logs.files import find_variable, load_variables
 from robid.logs.mapping import LogMapping
+from robid.signals.log_channels import LogChannel
+from robid.signals.record import Record
 
 _SHOWN = 8
 """Fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists."""
@@ -36,7 +38,8 @@ def read_column(
 ) -> tuple[NDArray[Any] | None, list[DataError]]:
     """Returns the variable of a column as real, finite numbers, or why it is none.
 
-    A channel that never changes cannot have been excited; in one shot its joint may have stood still.
+    A channel that never changes cannot have been excited; in one shot its joint may have stood still, and of several
+    commands one may be given after the other.
     """
     where, variable = mapping.place(name), mapping.variables[name][1]
     try:
@@ -59,10 +62,39 @@ def read_column(
         what = f"{len(bad)} of {len(column)} values are NaN or infinite, the first at sample {bad[0]}."
         remedy = "Record again, or cut the log to whole periods without them."
         return column, [DataError(what, where=f"{where}, sample {bad[0]}", remedy=remedy)]
-    if np.ptp(column) == 0 and not mapping.one_shot:
+    if np.ptp(column) == 0 and not (mapping.one_shot or mapping.takes_turns):
         remedy = "Check that the channel was connected and that the variable is the right one."
         return column, [DataError(f"It is constant ({column[0]:g}).", where=where, remedy=remedy)]
     return column, []
+
+
+def check_motion(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:
+    """Refuses a log of commands given one after the other in which nothing moves: no input, or no output."""
+    groups: tuple[tuple[str, Sequence[LogChannel]], ...] = (("input", mapping.inputs), ("output", mapping.outputs))
+    remedy = "Check that the channels were connected and that their variables are the right ones."
+    return [
+        DataError(f"No {kind} changes.", where=str(mapping.file), remedy=remedy)
+        for kind, channels in groups
+        if all(one.column in columns and np.ptp(columns[one.column]) == 0 for one in channels)
+    ]
+
+
+def check_turns(record: Record, where: str) -> None:
+    """Refuses the joined record of a block in which a channel moves in no experiment.
+
+    Raises:
+        DataError: If there is one.
+    """
+    sides = ((record.inputs, record.input_names), (record.outputs, record.output_names))
+    still = [
+        name
+        for x, names in sides
+        for name, size in zip(names, np.ptp(x, axis=(0, 1, 2, 3, 4)), strict=True)
+        if not size
+    ]
+    if still:
+        remedy = "Add an experiment that moves them, or leave these channels out."
+        raise DataError(f"No experiment moves {', '.join(still)}.", where=where, remedy=remedy)
 
 
 def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:

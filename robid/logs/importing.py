@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
 from robid.logs.checks import check_count, check_mapping, check_period, check_shot, check_time, still_note
-from robid.logs.columns import check_lengths, read_columns
+from robid.logs.columns import check_lengths, check_motion, read_columns
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
-from robid.signals.log_channels import LogChannel
+from robid.logs.samples import channel_values, sample_channels
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
 
@@ -52,6 +52,7 @@ def import_log(
     check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
     columns, problems = _read(mapping)
+    problems += check_motion(mapping, columns) if mapping.takes_turns else []
     n_sample = min((len(columns[one.column]) for one in mapping.channels if one.column in columns), default=0)
     if played is not None and mapping.references:
         start, found, notes = _match(mapping, columns, played, periods, excited_lines)
@@ -59,14 +60,15 @@ def import_log(
         start, found, notes = _place(mapping, columns, n_sample, samples_per_period, periods, excited_lines)
     _raise(mapping.file, problems + found)
     used = slice(start, start + periods * samples_per_period)
+    record = sample_channels(mapping, columns, used, periods)
     return replace(
-        _sampled(mapping, columns, used, periods),
+        record,
         configurations=configurations,
         reference=None if played is None else played.expected[None, None, None],
         reference_channels=() if played is None else _played_channels(mapping, played),
         excited_lines=np.asarray(excited_lines),
         detection_lines=np.zeros(0, int) if detection_lines is None else np.asarray(detection_lines),
-        notes=(*_notes(mapping), *notes),
+        notes=(*_notes(mapping), *record.notes, *notes),
     )
 
 
@@ -87,16 +89,16 @@ def import_shot(mapping: LogMapping) -> Record:
     columns, problems = _read(mapping)
     _raise(mapping.file, problems)
     still = still_note(mapping, columns)
-    record = _sampled(mapping, columns, slice(None), 1)
+    record = sample_channels(mapping, columns, slice(None), 1)
     if mapping.references:
-        reference = _signal(mapping.references, columns, slice(None))[None, None, None]
+        reference = channel_values(mapping.references, columns, slice(None))[None, None, None]
         channels = tuple(channel.channel for channel in mapping.references)
         record = replace(record, reference=reference, reference_channels=channels)
-    return replace(record, notes=(*_notes(mapping), *still))
+    return replace(record, notes=(*_notes(mapping), *record.notes, *still))
 
 
-def join_shots(records: list[Record]) -> Record:
-    """Joins repeated shots as realizations, cut to the shortest, which is noted."""
+def join_shots(records: list[Record], n_experiment: int = 1) -> Record:
+    """Joins repeated shots, realization by realization, cut to the shortest, which is noted."""
     lengths = {record.inputs.shape[4] for record in records}
     shortest = min(lengths)
     cut = [
@@ -108,7 +110,7 @@ def join_shots(records: list[Record]) -> Record:
         )
         for record in records
     ]
-    joined = join_experiments(cut, 1)
+    joined = join_experiments(cut, n_experiment)
     told = f"The shots have {shortest} to {max(lengths)} samples; all were cut to the shortest."
     return joined if len(lengths) == 1 else replace(joined, notes=(*joined.notes, told))
 
@@ -151,27 +153,6 @@ def _read(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]
         if np.all(np.isfinite(stamps)):
             problems += check_time(mapping, mapping.time.variable, stamps, mapping.time.to_seconds)
     return columns, problems
-
-
-def _signal(channels: Sequence[LogChannel], columns: Mapping[str, NDArray[Any]], used: slice) -> FloatArray:
-    """Samples (n_sample, n_channel) in the channels' units."""
-    scaled = [channel.factor * columns[channel.column][used].astype(float) for channel in channels]
-    return np.stack(scaled, axis=-1)
-
-
-def _sampled(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int) -> Record:
-    """The record of some samples of a log, without what was played."""
-    inputs, outputs = (_signal(channels, columns, used) for channels in (mapping.inputs, mapping.outputs))
-    return Record(
-        sampling_period_s=mapping.sampling_period_s,
-        inputs=inputs.reshape(1, 1, 1, periods, -1, inputs.shape[-1]),
-        outputs=(outputs - outputs[0]).reshape(1, 1, 1, periods, -1, outputs.shape[-1]),
-        output_offset=outputs[:1] - [channel.factor * channel.zero for channel in mapping.outputs],
-        input_channels=tuple(channel.channel for channel in mapping.inputs),
-        output_channels=tuple(channel.channel for channel in mapping.outputs),
-        input_hold=mapping.inputs[0].hold,
-        input_relative_std=np.array([channel.torque_constant_relative_std for channel in mapping.inputs]),
-    )
 
 
 def _place(

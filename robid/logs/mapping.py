@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from robid.signals.log_channels import LogChannel, LogOptions
+from robid.signals.log_channels import LogChannel
+from robid.signals.log_options import LogOptions
 
 
 @dataclass(frozen=True, kw_only=True)

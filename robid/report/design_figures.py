@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from robid.arrays import FloatArray, check_shape
-from robid.report.section import Bars, Curve, Figure, Skeletons
+from robid.report.charts import Skeletons
+from robid.report.section import Bars, Curve, Figure
 from robid.validation.steps import StepResponses
 
 _MM = 1e3

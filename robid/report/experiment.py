@@ -135,7 +135,7 @@ def experiment_section(
         parts += [_excitation_table(excitations), *(_peak_table(row) for row in excitations if row.peaks)]
     if removed_torques:
         parts.append(_torque_table(removed_torques))
-    if configurations:
+    if configurations and joint_names:
         parts.append(_configuration_table(joint_names, configurations))
     return (Section("Experiment", "", tuple(parts), "experiment"),) if parts else ()
 

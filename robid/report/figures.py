@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from robid.report.bode import BodeMatrix, bode_data
+from robid.report.charts import RatioChart, Skeletons
 from robid.report.numbers import rounded
-from robid.report.section import AnyFigure, Bars, Figure, RatioChart, Skeletons
+from robid.report.section import AnyFigure, Bars, Curve, Figure
 
 
 def figure_data(figure: AnyFigure) -> dict[str, Any]:
@@ -33,17 +34,26 @@ def _curve_data(figure: Figure) -> dict[str, Any]:
         "height": figure.height,
         "legend": figure.legend,
         "x_labels": list(figure.x_labels),
+        "x_range": figure.x_range,
+        "equal": figure.equal,
+        "lines": [{"along": line.along, "at": rounded(line.at), "name": line.name} for line in figure.lines],
         "curves": [
             {
                 "name": curve.name,
                 "x": [rounded(x) for x in curve.x],
                 "y": [rounded(y) for y in curve.y],
                 **({"texts": list(curve.texts)} if curve.texts else {}),
-                **({"points": True} if curve.points else {}),
+                **({"points": True, "symbol": curve.symbol} if curve.points else {}),
+                **({} if curve.shade is None else {"shade": curve.shade, "dashed": curve.dashed}),
+                **(_band(curve) if curve.lower else {}),
             }
             for curve in figure.curves
         ],
     }
+
+
+def _band(curve: Curve) -> dict[str, list[float | None]]:
+    return {"lower": [rounded(y) for y in curve.lower], "upper": [rounded(y) for y in curve.upper]}
 
 
 def _bar_data(bars: Bars) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from plotly.offline import get_plotlyjs
 from robid.report.bode import BodeMatrix
 from robid.report.content import ReportContent
 from robid.report.figures import figure_data
-from robid.report.section import AnyFigure, Beside, Cell, Folded, Notes, Part, Row, Section, Table
+from robid.report.section import AnyFigure, Beside, Cell, Choice, Folded, Notes, Part, Row, Section, Table
 
 _SCRIPTS = (
     "page.js",
@@ -66,7 +66,7 @@ def _numbered(sections: tuple[Section, ...]) -> list[tuple[str, list[tuple[str, 
 
 
 def _kind(part: Part) -> str:
-    if isinstance(part, Table | Notes | Beside | Folded | BodeMatrix):
+    if isinstance(part, Table | Notes | Beside | Folded | Choice | BodeMatrix):
         return type(part).__name__
     return "Figure"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from statistics import median
 
+from robid.report.charts import Ratio, RatioChart
 from robid.report.content import KeyNumber
 from robid.report.numbers import MISSING, engineering, percent
 from robid.report.parameters import (
@@ -16,7 +17,7 @@ from robid.report.parameters import (
     ratio_sentence,
     rule_sentence,
 )
-from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Ratio, RatioChart, Row, Section, Table
+from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Row, Section, Table
 from robid.robot.parameters import PARAMETER_KINDS
 
 RATIO_PANELS = tuple(dict.fromkeys(kind.panel for kind in PARAMETER_KINDS.values() if kind.panel))
@@ -37,7 +38,8 @@ def parameter_section(estimates: Estimates, conventions: str = "") -> tuple[Sect
     if not estimates.rows:
         return ()
     truth = " and the truth of the simulated robot" if _with_truth(estimates) else ""
-    lead = f"Estimates with {percent(estimates.level)} intervals, against the nominal values of the robot file{truth}."
+    nominal = ", against the nominal values of the robot file" if estimates.with_nominal else ""
+    lead = f"Estimates with {percent(estimates.level)} intervals{nominal}{truth}."
     parts: list[Part] = [*_ratios(estimates), _table(estimates, conventions)]
     if estimates.undetermined:
         parts.append(Notes(tuple(f"{sentence}." for sentence in estimates.undetermined)))
@@ -82,6 +84,8 @@ def _ratio(row: ParameterRow) -> Ratio:
 
 def _table(estimates: Estimates, conventions: str) -> Table:
     with_truth, repeated = _with_truth(estimates), any(row.bootstrap is not None for row in estimates.rows)
+    nominal_heads = ("Nominal", "Change") if estimates.with_nominal else ()
+    nominal_styles: tuple[ColumnStyle, ...] = ("number", "number") if estimates.with_nominal else ()
     truth_heads = ("Truth", "Off truth", "In interval") if with_truth else ()
     heads = ("Parameter", "Estimate", f"{percent(estimates.level)} interval", *(("Bootstrap",) * repeated), "Unit", "±")
     repeated_styles: tuple[ColumnStyle, ...] = ("number",) if repeated else ()
@@ -95,20 +99,20 @@ def _table(estimates: Estimates, conventions: str) -> Table:
         bootstrap_sentence(estimates),
     )
     return Table(
-        (*heads, "Nominal", "Change", *truth_heads, "Note"),
+        (*heads, *nominal_heads, *truth_heads, "Note"),
         tuple(
-            _row(line, title, with_truth=with_truth, repeated=repeated)
+            _row(line, title, with_nominal=estimates.with_nominal, with_truth=with_truth, repeated=repeated)
             for title, lines in parameter_groups(estimates)
             for line in lines
         ),
         caption=" ".join(sentence for sentence in sentences if sentence),
         styles=(
-            "name", "strong", "number", *repeated_styles, "text", "number", "number", "number", *truth_styles, "prose",
+            "name", "strong", "number", *repeated_styles, "text", "number", *nominal_styles, *truth_styles, "prose",
         ),
     )  # fmt: skip
 
 
-def _row(line: ParameterLine, group: str, *, with_truth: bool, repeated: bool) -> Row:
+def _row(line: ParameterLine, group: str, *, with_nominal: bool, with_truth: bool, repeated: bool) -> Row:
     nominal = Cell(line.nominal, badge="a", hint="assumed: no published source") if line.assumed else line.nominal
     cells = (
         line.name,
@@ -117,8 +121,7 @@ def _row(line: ParameterLine, group: str, *, with_truth: bool, repeated: bool) -
         *((line.bootstrap,) if repeated else ()),
         line.unit,
         line.half_width,
-        nominal,
-        line.change,
+        *((nominal, line.change) if with_nominal else ()),
         *((line.truth, line.off_truth, within(line.covered)) if with_truth else ()),
         line.note,
     )

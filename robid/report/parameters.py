@@ -19,7 +19,8 @@ class ParameterRow:
         name: Name of the parameter.
         kind: Its kind, as in `stiffness`, `damping`, `delay`.
         unit: Its SI unit, as in `N m/rad`.
-        nominal: Value in the robot file; 0 for kind `friction`, whose values are deviations from it.
+        nominal: Value in the robot file; 0 for kind `friction`, whose values are deviations from it; NaN where nobody
+            knows it beforehand.
         estimate: Fitted value.
         lower: Lower end of the interval.
         upper: Upper end of the interval.
@@ -77,6 +78,11 @@ class Estimates:
     undetermined: tuple[str, ...] = ()
     identifiable_relative_std: float | None = None
     interval_rule: str = ""
+
+    @property
+    def with_nominal(self) -> bool:
+        """Whether any of them was known beforehand."""
+        return any(math.isfinite(row.nominal) for row in self.rows)
 
     @property
     def shown(self) -> list[ParameterRow]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from robid.report.bode import BodeMatrix
+from robid.report.charts import RatioChart, Skeletons
 
 ColumnStyle: TypeAlias = Literal["name", "text", "number", "strong", "prose", "code", "meter"]
 
@@ -92,6 +93,11 @@ class Curve:
         y: Along y.
         texts: What is said of each point; the values when empty.
         points: Whether points are drawn in place of a line.
+        symbol: What they are drawn as.
+        lower: Lower end of a band around it; no band when empty.
+        upper: Upper end of the band.
+        shade: Index of its colour; that of its place among the curves when None.
+        dashed: Whether a line of a stated shade is dashed; else its place among the curves says how.
     """
 
     name: str
@@ -99,6 +105,26 @@ class Curve:
     y: tuple[float, ...]
     texts: tuple[str, ...] = ()
     points: bool = False
+    symbol: Literal["dot", "small", "cross", "ring", "square", "diamond"] = "dot"
+    lower: tuple[float, ...] = ()
+    upper: tuple[float, ...] = ()
+    shade: int | None = None
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line across a figure, where one coordinate has one value.
+
+    Attributes:
+        along: The coordinate.
+        at: Its value.
+        name: What stands beside it.
+    """
+
+    along: Literal["x", "y"]
+    at: float
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -117,6 +143,9 @@ class Figure:
         height: Height on the page [pixel].
         legend: Whether the curves are named.
         x_labels: What stands at x = 0, 1, ...; numbers when empty.
+        lines: Straight lines across it.
+        x_range: Ends of the horizontal axis; those of the curves when None.
+        equal: Whether both axes have one scale.
     """
 
     title: str
@@ -130,6 +159,9 @@ class Figure:
     height: int = 340
     legend: bool = True
     x_labels: tuple[str, ...] = ()
+    lines: tuple[Line, ...] = ()
+    x_range: tuple[float, float] | None = None
+    equal: bool = False
 
 
 @dataclass(frozen=True)
@@ -162,67 +194,6 @@ class Bars:
 
 
 @dataclass(frozen=True)
-class Skeletons:
-    """Arms in space that the reader can turn, on the floor z = 0.
-
-    Attributes:
-        title: Title above it.
-        names: Name of each arm.
-        points: Points of each arm from base to tool, (x, y, z) in the base frame [m].
-        weights: Weight of each arm, which its line shows.
-        others: Tool points of arms that are not drawn [m].
-        caption: What the reader has to know.
-    """
-
-    title: str
-    names: tuple[str, ...]
-    points: tuple[tuple[tuple[float, float, float], ...], ...]
-    weights: tuple[float, ...]
-    others: tuple[tuple[float, float, float], ...] = ()
-    caption: str = ""
-
-
-@dataclass(frozen=True)
-class Ratio:
-    """A value over its nominal one.
-
-    Attributes:
-        name: Its name.
-        estimate: The ratio.
-        lower: Lower end of its interval.
-        upper: Upper end of its interval.
-        truth: True value over the nominal one, or None.
-        identifiable: Whether the data determine it.
-        text: The value itself, written out.
-    """
-
-    name: str
-    estimate: float
-    lower: float
-    upper: float
-    truth: float | None = None
-    identifiable: bool = True
-    text: str = ""
-
-
-@dataclass(frozen=True)
-class RatioChart:
-    """Values over their nominal ones, with intervals and the truth.
-
-    Attributes:
-        title: Title above it.
-        panels: Title and values of each panel; they stand beside each other on one scale.
-        interval: What the intervals are, as in `95 % interval`.
-        caption: What the reader has to know.
-    """
-
-    title: str
-    panels: tuple[tuple[str, tuple[Ratio, ...]], ...]
-    interval: str
-    caption: str = ""
-
-
-@dataclass(frozen=True)
 class Notes:
     """A list of sentences."""
 
@@ -250,8 +221,21 @@ class Folded:
     parts: tuple[Part, ...]
 
 
+@dataclass(frozen=True)
+class Choice:
+    """Parts of which the reader chooses one.
+
+    Attributes:
+        label: What is chosen, as in `Channel`.
+        options: Name and parts of each.
+    """
+
+    label: str
+    options: tuple[tuple[str, tuple[Part, ...]], ...]
+
+
 AnyFigure: TypeAlias = Figure | Bars | Skeletons | RatioChart | BodeMatrix
-Part: TypeAlias = Table | Notes | Beside | Folded | AnyFigure
+Part: TypeAlias = Table | Notes | Beside | Folded | Choice | AnyFigure
 
 
 @dataclass(frozen=True)
@@ -284,3 +268,6 @@ def _tables(parts: tuple[Part, ...]) -> Iterator[Table]:
             yield part
         elif isinstance(part, Beside | Folded):
             yield from _tables(part.parts)
+        elif isinstance(part, Choice):
+            for _, parts in part.options:
+                yield from _tables(parts)

@@ -31,7 +31,8 @@ def parameter_table(estimates: Estimates) -> Group:
     for header in ("estimate", f"{100 * estimates.level:g} % interval"):
         table.add_column(header, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
-    for header in ("±", "nominal", *(("truth", "off truth") if with_truth else ())):
+    nominal = ("nominal",) if estimates.with_nominal else ()
+    for header in ("±", *nominal, *(("truth", "off truth") if with_truth else ())):
         table.add_column(header, justify="right", no_wrap=True)
     footnotes = [ratio_sentence(estimates.torque_unit)]
     footnotes += ["a: assumed, not published"] if any(row.assumed for row in rows) else []
@@ -41,7 +42,8 @@ def parameter_table(estimates: Estimates) -> Group:
         for row in rows:
             if row.kind == kind:
                 line = parameter_line(row, estimates.identifiable_relative_std)
-                table.add_row(*_cells(line, with_truth=with_truth), style=None if row.identifiable else "dim")
+                cells = _cells(line, with_nominal=estimates.with_nominal, with_truth=with_truth)
+                table.add_row(*cells, style=None if row.identifiable else "dim")
                 footnotes += [f"{title}, {line.name}: {line.note}"] if line.note else []
     footnotes += [bootstrap_sentence(estimates), *(f"{sentence}." for sentence in estimates.undetermined)]
     nuisances = len(estimates.rows) - len(rows)
@@ -62,15 +64,16 @@ def open_table(first: str) -> Table:
     return table
 
 
-def _cells(line: ParameterLine, *, with_truth: bool) -> list[Text]:
+def _cells(line: ParameterLine, *, with_nominal: bool, with_truth: bool) -> list[Text]:
     cells = [
         Text(f"  {line.name}"),
         Text(line.estimate, style="bold" if line.identifiable else ""),
         Text(f"{line.lower} … {line.upper}"),
         Text(line.unit),
         Text(line.half_width),
-        Text(("a " if line.assumed else "") + line.nominal),
     ]
+    if with_nominal:
+        cells.append(Text(("a " if line.assumed else "") + line.nominal))
     if with_truth:
         outside = line.covered is False and line.identifiable
         off_truth = Text(f"{line.off_truth} outside", style="yellow") if outside else Text(line.off_truth)

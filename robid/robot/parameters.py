@@ -122,13 +122,20 @@ PARAMETER_KINDS = {
     "counterbalance_preload": ParameterKind(
         "Preload of counterbalances", "motor", "N", "N", "counterbalance.preload_n", "counterbalance.preload_n",
     ),
+    "gain": ParameterKind("Static gains of transfer functions", "component", "1", "1"),
+    "pole": ParameterKind("Real poles, as rates", "component", "rad/s", "rad/s"),
+    "pole_frequency": ParameterKind("Natural frequencies of pole pairs", "component", "rad/s", "rad/s"),
+    "pole_damping": ParameterKind("Damping ratios of pole pairs", "component", "1", "1"),
+    "zero": ParameterKind("Real zeros, as rates", "component", "rad/s", "rad/s"),
+    "zero_frequency": ParameterKind("Natural frequencies of zero pairs", "component", "rad/s", "rad/s"),
+    "zero_damping": ParameterKind("Damping ratios of zero pairs", "component", "1", "1"),
 }  # fmt: skip
 """All kinds by name, in the order in which tables show them."""
 
 ELASTIC: tuple[ElasticKind, ...] = (
     "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location",
 )  # fmt: skip
-"""Kinds that the elastic model has; the others belong to the measured torques."""
+"""Kinds that the elastic model has; the others belong to measured torques, rigid models and transfer functions."""
 FREE: tuple[ElasticKind, ...] = tuple(kind for kind in ELASTIC if PARAMETER_KINDS[kind].is_free)
 """Kinds that a fit estimates unless something else is said."""
 LOGARITHMIC = tuple(name for name, kind in PARAMETER_KINDS.items() if kind.logarithmic)

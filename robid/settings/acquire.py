@@ -9,7 +9,8 @@ import pydantic.dataclasses
 from pydantic import Field
 
 from robid.settings.base import DATA_VARIABLE, STRICT, data_path
-from robid.signals.log_channels import LogChannel, LogOptions
+from robid.signals.log_channels import LogChannel
+from robid.signals.log_options import LogOptions
 
 _PLACES = ("configuration", "realization", "experiment")
 

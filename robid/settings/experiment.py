@@ -125,7 +125,7 @@ class Campaign(Section):
         " local_periodic` and dense linear lines. On the simulated KR300 (195 odd lines, noise, no friction) the"
         " diagonal's error stays within 1.5x of the full block's with 2 of 6 experiments and `local_denominator: 2`;"
         " with 3 and a polynomial in a single realization; with 4 realizations, with 1, `local_order: 4` and"
-        " `local_denominator: 2`.",
+        " `local_denominator: 2`. Logs of one shot have one unless given.",
         ge=1,
     )
     periods: int = Field(default=2, description="Recorded periods of each experiment.", ge=1)
@@ -209,7 +209,12 @@ class Experiment(Section):
 
     schema_version: Literal[1] = Field(description="Version of this format.")
     name: Name = Field(description="Name of the experiment and of its run folder.")
-    robot: str = Field(description="The robot file, relative to this file.", min_length=1)
+    robot: str | None = Field(
+        default=None,
+        description="The robot file, relative to this file. Logs alone need none where no fit asks for the inside of"
+        " the robot: names of channels are then free.",
+        min_length=1,
+    )
     campaigns: dict[Name, Campaign] = Field(description="Campaigns by name.", min_length=1)
     designs: dict[Name, Design] = Field(default_factory=dict, description="Choices of configurations by name.")
     fits: dict[Name, FitSettings] = Field(default_factory=dict, description="Fits by name.")

@@ -82,6 +82,10 @@ class SettingsOfFamily(Protocol):
         """What of a campaign its fits read."""
 
     @property
+    def needs_robot(self) -> bool:
+        """Whether its fits ask for the inside of the robot."""
+
+    @property
     def problems(self) -> Callable[[Experiment, str, RobotFile], Iterator[tuple[FieldPath, str]]]:
         """Finds what is wrong with one of its fits for a robot, by the fit's name: fields below the fit, messages."""
 

@@ -15,7 +15,7 @@ from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
 from robid.settings.plain import plain_settings
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
-from robid.settings.robot import RobotFile
+from robid.settings.robot import RobotFile, UnknownRobot
 from robid.settings.yaml import Document, load_yaml
 
 
@@ -26,7 +26,7 @@ class LoadedExperiment:
     Attributes:
         path: The experiment file, as the user named it.
         experiment: The experiment.
-        robot: The robot file.
+        robot: The robot file; without joints where there is none.
         families: The families of its fits, by name.
     """
 
@@ -35,6 +35,11 @@ class LoadedExperiment:
     robot: RobotFile
     families: Families
 
+    @property
+    def robot_path(self) -> Path | None:
+        """The robot file, None where there is none."""
+        return None if self.experiment.robot is None else self.path.parent / self.experiment.robot
+
     @cached_property
     def plain(self) -> dict[str, Any]:
         """The experiment as values that JSON knows, with the whole robot file as its `robot`; not to be changed."""
@@ -42,7 +47,7 @@ class LoadedExperiment:
 
 
 def load_experiment_of(families: Families, path: Path, check_study: StudyCheck | None = None) -> LoadedExperiment:
-    """Loads an experiment file and the robot file it names, and checks both.
+    """Loads an experiment file and the robot file it names, if it names one, and checks both.
 
     Args:
         families: The families that its fits may be of, by name.
@@ -79,7 +84,9 @@ def load_robot(path: Path) -> RobotFile:
 
 
 def _named_robot(document: Document) -> tuple[RobotFile | None, list[SettingsProblem]]:
-    name = document.data.get("robot")
+    if "robot" not in document.data:
+        return UnknownRobot(name=str(document.data.get("name"))), []
+    name = document.data["robot"]
     if not isinstance(name, str):
         return None, []
     try:

@@ -202,6 +202,13 @@ class RobotFile(Assumed):
         return self.joints[-1].into_joint_frame(scaled)
 
 
+class UnknownRobot(RobotFile):
+    """A robot of which nothing is known but its logs: it has no joints."""
+
+    schema_version: Literal[1] = 1
+    joints: tuple[JointSection, ...] = Field(default=(), max_length=0)
+
+
 def assumed_names(robot: RobotFile) -> tuple[str, ...]:
     """Collects all `assumed` lists as dotted names that start with a joint's or spring's name."""
     names = (f"{prefix}{name}" for prefix, _, section in assumed_sections(robot) for name in section.assumed)

@@ -1,4 +1,4 @@
-"""What the variables of a log are: channels with their units and signs, and the log's own time."""
+"""What the variables of a log are: channels with their units and signs."""
 
 from __future__ import annotations
 
@@ -60,19 +60,6 @@ _UNIT = {"description": "Unit in the log; `counts` and `counts/s` need `counts_p
 
 
 @dataclass(frozen=True)
-class TimeChannel:
-    """The log's own time, against which the sampling period is checked."""
-
-    variable: str = field(metadata={"description": "Name of the variable in the log."})
-    unit: Literal["s", "ms", "us"] = field(default="s", metadata={"description": "Unit of the time."})
-
-    @property
-    def to_seconds(self) -> float:
-        """Factor to seconds."""
-        return {"s": 1.0, "ms": 1e-3, "us": 1e-6}[self.unit]
-
-
-@dataclass(frozen=True)
 class LogChannel:
     """A variable of a log, and how its numbers are to be read."""
 
@@ -103,6 +90,13 @@ class LogChannel:
     )
     resolution_m: float | None = field(
         default=None, metadata={"description": "Length of one count, of a translation in counts [m].", "gt": 0}
+    )
+    unwrap: bool | None = field(
+        default=None,
+        metadata={
+            "description": "Whether jumps by a turn are taken out, as from 180 to -180 degrees; of a tool's angles when"
+            " not given."
+        },
     )
     file: str | None = field(
         default=None, metadata={"description": "Its log, written as `file` above, where a recording has several."}
@@ -136,6 +130,11 @@ class LogChannel:
         return Channel(self.name, self.quantity or self._usual[self.si_unit], self.si_unit, side)
 
     @property
+    def unwraps(self) -> bool:
+        """Whether jumps by a turn are taken out."""
+        return (self.si_unit == "rad" and self.side == "tool") if self.unwrap is None else self.unwrap
+
+    @property
     def _usual(self) -> dict[str, QuantityName]:
         """Quantity that a unit stands for where none is stated."""
         return _MEASURED
@@ -153,6 +152,8 @@ class LogChannel:
         if self.quantity is not None and self.si_unit not in QUANTITIES[self.quantity].units:
             known = " or ".join(units_of(self.quantity))
             found.append(f"{self.unit} is no unit of a {self.quantity.replace('_', ' ')}: use {known}")
+        if self.unwrap and self.si_unit != "rad":
+            found.append(f"only angles jump by a turn: `unwrap` does not belong to {self.unit}")
         return found
 
 
@@ -245,37 +246,3 @@ class ReferenceChannel(LogChannel):
     @property
     def _usual(self) -> dict[str, QuantityName]:
         return _COMMANDS
-
-
-@dataclass(frozen=True, kw_only=True)
-class LogOptions:
-    """What the variables of a log mean, and which part of it is used."""
-
-    format: Literal["mat", "csv"] = field(
-        metadata={"description": "Format of the log: MAT (version 5), or a table with a header."}
-    )
-    sampling_period_s: float = field(metadata={"description": "Sampling period of the log [s].", "gt": 0})
-    inputs: tuple[InputChannel, ...] = field(
-        metadata={"description": "What drives the robot: motor torques in the order of the joints.", "min_length": 1}
-    )
-    outputs: tuple[OutputChannel, ...] = field(metadata={"description": "What was measured.", "min_length": 1})
-    references: tuple[ReferenceChannel, ...] = field(
-        default=(),
-        metadata={
-            "description": "What the motors were told, in the order of the joints; the excitation is then designed"
-            " here, and each log is matched to it."
-        },
-    )
-    time: TimeChannel | None = field(default=None, metadata={"description": "The log's own time, if it has one."})
-    drop_periods: int = field(default=0, metadata={"description": "Periods dropped at the start of the log.", "ge": 0})
-    one_shot: bool = field(
-        default=False,
-        metadata={
-            "description": "The log does not repeat, as a trajectory: it is read whole, without excitation, periods and"
-            " frequency response."
-        },
-    )
-    take: Literal["first", "last"] = field(
-        default="first",
-        metadata={"description": "Which whole periods are used: the first after those dropped, or the last."},
-    )

@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from robid.design.excitation.excitation import CampaignExcitation
+from robid.logs.columns import check_turns
 from robid.logs.importing import import_log, import_shot, join_experiments, join_shots
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
-from robid.signals.log_channels import LogOptions
+from robid.signals.log_options import LogOptions
 from robid.signals.record import Record
 from robid.stages.chain.simulate_or_acquire import experiment_count
 
 
 def acquire_shots(campaign: Campaign, acquire: Acquire, folder: Path) -> Record:
-    """Imports the logs of a campaign that does not repeat: one shot for each realization.
+    """Imports the logs of a campaign that does not repeat: one shot for each experiment of each realization.
 
     Args:
         campaign: The campaign.
@@ -29,8 +30,9 @@ def acquire_shots(campaign: Campaign, acquire: Acquire, folder: Path) -> Record:
     Raises:
         DataError: If a log is not what was said.
     """
-    shots = [_mapping(acquire, folder, 0, realization, 0) for realization in range(campaign.realizations)]
-    record = join_shots([import_shot(shot) for shot in shots])
+    n_exp = experiment_count(campaign, acquire)
+    shots = [_mapping(acquire, folder, 0, *place) for place in np.ndindex(campaign.realizations, n_exp)]
+    record = join_shots([import_shot(shot) for shot in shots], n_exp)
     return replace(record, notes=(f"Imported from {Path(acquire.file).name}, as one shot.", *record.notes))
 
 
@@ -71,6 +73,8 @@ def acquire_configuration(
         for realization, experiment in np.ndindex(campaign.realizations, n_exp)
     ]
     record = join_experiments(records, n_exp)
+    if acquire.takes_turns:
+        check_turns(record, acquire.file)
     told = f"Imported from {Path(acquire.file).name}, periods dropped: {acquire.drop_periods}, used: {campaign.periods}"
     return replace(
         record, joint_units=joint_units, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes)

@@ -34,12 +34,14 @@ def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapp
         inputs: Where the designs of `design_inputs` lie.
 
     Returns:
-        Arm-side joint positions (n_conf, n_joint) [rad, or m].
+        Arm-side joint positions (n_conf, n_joint) [rad, or m]; one without joints where there is no robot.
 
     Raises:
         SettingsError: If a listed or mirrored configuration is out of reach, or too few that are drawn or on the grid
             are in reach; what was measured on a real robot is taken as it is.
     """
+    if loaded.experiment.robot is None:
+        return np.zeros((1, 0))
     robot = loaded.robot.to_robot(campaign.payload_kg)
     measured = campaign.source is not None and campaign.source.acquire is not None
     reach = Reach(robot) if measured else reach_of(loaded, robot)
@@ -59,7 +61,8 @@ def _chosen(path: Path) -> FloatArray:
 
 
 def _shapes(loaded: LoadedExperiment) -> Shapes | None:
-    path = loaded.robot.model_path((loaded.path.parent / loaded.experiment.robot).parent)
+    file = loaded.robot_path
+    path = None if file is None else loaded.robot.model_path(file.parent)
     if path is None:
         return None
     return Shapes(path, [joint.name for joint in loaded.robot.joints], loaded.robot.locked)

@@ -168,7 +168,7 @@ def stated_laws(
     loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions
 ) -> tuple[tuple[TorqueLaw, ...] | None, float]:
     """Returns the robot file's torque laws and the delay [s], where these options compensate."""
-    if options.compensation == "none":
+    if options.compensation == "none" or loaded.experiment.robot is None:
         return None, 0.0
     laws = tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints)
     acquire = None if campaign.source is None else campaign.source.acquire

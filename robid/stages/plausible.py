@@ -20,6 +20,8 @@ def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) 
         campaign: The campaign's name.
         evidence: What it shows.
     """
+    if loaded.experiment.robot is None:
+        return ()
     settings = loaded.experiment.campaigns[campaign]
     try:
         robot, declared_s = loaded.robot.to_robot(settings.payload_kg), delay_s(loaded, settings)

@@ -78,9 +78,10 @@ def outputs_at(plan: Plan, output: Path) -> tuple[Path, ...]:
 
 def settings_files(loaded: LoadedExperiment) -> dict[str, Path]:
     """Returns the files with the settings, by what they are."""
-    robot = loaded.path.parent / loaded.experiment.robot
-    model = loaded.robot.model_path(robot.parent)
-    found = {"the experiment file": loaded.path, "the robot file": robot}
+    found, robot = {"the experiment file": loaded.path}, loaded.robot_path
+    if robot is None:
+        return found
+    found["the robot file"], model = robot, loaded.robot.model_path(robot.parent)
     return found if model is None else {**found, "the robot's model": model}
 
 

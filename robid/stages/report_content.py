@@ -86,7 +86,7 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], cha
     content = ReportContent(
         title=loaded.experiment.name,
         verdict=_verdict(fits),
-        robot=loaded.robot.name,
+        robot=loaded.robot.name if loaded.experiment.robot is not None else "known by its logs alone",
         headlines=tuple(fit.headline for fit in fits),
         warnings=warnings,
         sections=(

@@ -21,6 +21,9 @@ CAUSES = {
     "missing_spring": "a spring that the robot file lacks",
     "friction": "friction of another kind or size",
     "gear_nonlinearity": "gears with hysteresis, backlash or stiffening that the model lacks",
+    "coupling": "commands of other channels, which move this one too",
+    "saturation": "a limit of range, speed or acceleration that was reached",
+    "band": "motions that are faster or larger than those of the fit",
     "model": "something that the model lacks",
 }
 """Likely causes, in words."""

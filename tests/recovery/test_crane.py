@@ -10,7 +10,8 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.logs.importing import import_log
 from robid.logs.mapping import LogMapping
-from robid.signals.log_channels import InputChannel, OutputChannel, TimeChannel
+from robid.signals.log_channels import InputChannel, OutputChannel
+from robid.signals.log_options import TimeChannel
 from robid.signals.quantities import describe
 
 N_SAMPLE, STEP_S, LINES = 8192, 0.02, np.arange(1, 820)  # 163.84 s; all lines to 5 Hz are excited

@@ -52,6 +52,14 @@ CASES = {
         ("estimation/frf.h5", "validation/frf.h5"),
         code=5,  # small motions of an elastic arm
     ),
+    "external": Case(
+        FAMILIES["external"],
+        "{family: external, from: estimation, validate_on: validation, poles: 3, zeros: 2, delay_samples: 1}",
+        ("delay_samples: 1", "delay_samples: 2"),
+        "Parameters",
+        ("estimation/frf.h5", "validation/frf.h5"),
+        code=5,  # two places with other resonances, one model
+    ),
     "inertia": Case(
         INERTIA,
         "{family: inertia, from: estimation, validate_on: validation}",

@@ -57,5 +57,18 @@ robid.choices = (() => {
     });
   });
 
+  // Parts of which one is shown; figures are drawn when they come into sight.
+  document.querySelectorAll("[data-options]").forEach((frame) => {
+    const host = frame.firstElementChild;
+    const parts = [...frame.children].slice(1);
+    const show = () => {
+      parts.forEach((part, index) => { part.hidden = index !== made.state.option; });
+      robid.redraw();
+    };
+    const made = choices(host, [{ key: "option", label: frame.dataset.options, look: "steps", options: () => parts.map((part) => part.dataset.option) }], show);
+    if (parts.length < 2) host.remove();
+    show();
+  });
+
   return choices;
 })();

@@ -1,8 +1,10 @@
 "use strict";
-// Curves or points over one axis, with a legend.
+// Curves or points over one axis, with bands, straight lines and a legend.
 (() => {
   const { colour, names, axis, layout, title, logTicks, hover, onFigures } = robid;
   const DASHES = ["solid", "dash", "dot", "dashdot"];
+  const SYMBOLS = { dot: "circle", small: "circle", cross: "x-thin", ring: "circle-open", square: "square", diamond: "diamond" };
+  const BAND = 0.2;
 
   function scale(values, isLog, text, given) {
     const known = (given || values).filter((value) => value !== null && (!isLog || value > 0));
@@ -20,22 +22,61 @@
     return axis({ showgrid: false, showline: true, range: [-0.6, labels.length - 0.4], ...(labels.length > 30 ? {} : { tickvals: places, ticktext: labels }) });
   }
 
+  function shadeOf(curve, index) {
+    const series = names("series"), place = curve.shade === undefined ? index : curve.shade;
+    return colour(series[place % series.length]);
+  }
+
   function trace(curve, index) {
-    const series = names("series"), shade = colour(series[index % series.length]);
+    const shade = shadeOf(curve, index);
     const hovertemplate = curve.texts ? "%{text}<extra></extra>" : `${curve.name}: %{y:.3g}<extra></extra>`;
     const drawn = { type: "scatter", name: curve.name, x: curve.x, y: curve.y, text: curve.texts, hovertemplate };
-    return curve.points ? { ...drawn, mode: "markers", marker: { size: 9, color: shade } }
-      : { ...drawn, mode: "lines", line: { color: shade, width: 1.8, dash: DASHES[index % DASHES.length] } };
+    if (!curve.points) return { ...drawn, mode: "lines", line: { color: shade, width: 1.8, dash: curve.shade === undefined ? DASHES[index % DASHES.length] : DASHES[curve.dashed ? 1 : 0] } };
+    return { ...drawn, mode: "markers", marker: { size: curve.symbol === "small" ? 4 : 9, color: shade, symbol: SYMBOLS[curve.symbol], line: { color: shade, width: ["dot", "small"].includes(curve.symbol) ? 0 : 1.8 } } };
+  }
+
+  // The outline of a band, one for each run without a gap.
+  function bandOf(curve, index) {
+    if (!curve.lower) return [];
+    const x = [], y = [];
+    let start = 0;
+    for (let end = 0; end <= curve.x.length; end += 1) {
+      if (end < curve.x.length && curve.lower[end] !== null && curve.upper[end] !== null) continue;
+      if (end - start > 1) {
+        x.push(...curve.x.slice(start, end), ...curve.x.slice(start, end).reverse(), null);
+        y.push(...curve.upper.slice(start, end), ...curve.lower.slice(start, end).reverse(), null);
+      }
+      start = end + 1;
+    }
+    return [{ type: "scatter", mode: "lines", x, y, fill: "toself", fillcolor: shadeOf(curve, index), opacity: BAND, line: { width: 0 }, hoverinfo: "skip", showlegend: false }];
+  }
+
+  function straight(line) {
+    const [own, other] = line.along === "x" ? ["x", "y"] : ["y", "x"];
+    return { type: "line", [`${own}ref`]: own, [`${other}ref`]: "paper", [`${own}0`]: line.at, [`${own}1`]: line.at, [`${other}0`]: 0, [`${other}1`]: 1, line: { color: colour("muted"), width: 1, dash: "dot" } };
+  }
+
+  function labelOf(line, isLog, index) {
+    const at = isLog ? Math.log10(line.at) : line.at;
+    const place = line.along === "x" ? { x: at, xref: "x", y: 1, yref: "paper", xanchor: "left", yanchor: "top", xshift: 3, yshift: -15 * index } : { y: at, yref: "y", x: 1, xref: "paper", xanchor: "right", yanchor: "bottom" };
+    return { ...place, text: line.name, showarrow: false, font: { size: 11, color: colour("muted") } };
   }
 
   function draw(host, figure) {
-    const x = figure.curves.flatMap((curve) => curve.x), y = figure.curves.flatMap((curve) => curve.y);
-    Plotly.react(host, figure.curves.map(trace), layout({
+    if (!host.clientWidth) return;
+    const x = figure.curves.flatMap((curve) => curve.x);
+    const y = figure.curves.flatMap((curve) => [...curve.y, ...(curve.lower || []), ...(curve.upper || [])]);
+    const across = figure.x_labels.length ? { ...labelled(figure.x_labels), title: title(figure.x_title) } : { ...scale(x, figure.log_x, figure.x_title, figure.x_range), hoverformat: ".4~r" };
+    const upright = scale(y, figure.log_y, figure.y_title, figure.y_range);
+    const bands = figure.curves.flatMap(bandOf);
+    Plotly.react(host, [...bands, ...figure.curves.map(trace)], layout({
       width: host.clientWidth, height: figure.height, hovermode: figure.curves.some((curve) => curve.points) ? "closest" : "x", showlegend: figure.legend,
       margin: { l: figure.y_title ? 72 : 46, r: 10, t: figure.legend ? 34 : 6, b: figure.x_title ? 46 : 26 },
       legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 12 } },
-      xaxis: figure.x_labels.length ? { ...labelled(figure.x_labels), title: title(figure.x_title) } : { ...scale(x, figure.log_x, figure.x_title), hoverformat: ".4~r" },
-      yaxis: scale(y, figure.log_y, figure.y_title, figure.y_range),
+      shapes: figure.lines.map(straight),
+      annotations: figure.lines.filter((line) => line.name).map((line, index) => labelOf(line, line.along === "x" ? figure.log_x : figure.log_y, index)),
+      xaxis: across,
+      yaxis: figure.equal ? { ...upright, scaleanchor: "x", scaleratio: 1 } : upright,
     }), hover);
   }
 

@@ -97,5 +97,5 @@ const robid = (() => {
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   window.matchMedia("print").addEventListener("change", redraw);
 
-  return { data, colour, names, still, hover, zoomable, axis, layout, title, logTicks, element, key, onDraw, onFigures, palette, colourscale };
+  return { data, redraw, colour, names, still, hover, zoomable, axis, layout, title, logTicks, element, key, onDraw, onFigures, palette, colourscale };
 })();

@@ -16,9 +16,9 @@ _LIMIT_TOLERANCE = 1e-9
 
 
 def configuration_count(experiment: Experiment, campaign: Campaign) -> int | None:
-    """Returns the number of a campaign's configurations, None where its design is unknown; of a shot without any 1."""
+    """Returns the number of a campaign's configurations, None where its design is unknown; of logs without any 1."""
     if campaign.configurations is None:
-        return 1 if campaign.is_one_shot else None
+        return 1 if campaign.is_one_shot or experiment.robot is None else None
     return _count(experiment, campaign.configurations)
 
 

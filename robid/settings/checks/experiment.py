@@ -15,6 +15,7 @@ from robid.settings.checks.handed_on import check_handed_on
 from robid.settings.checks.limits import check_limits
 from robid.settings.checks.logs import check_channels, check_logs
 from robid.settings.checks.truth import check_truth
+from robid.settings.checks.without_robot import check_without_robot
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import Families, FitSettings
 from robid.settings.problems import SettingsProblem, problem_at, suggest
@@ -38,6 +39,7 @@ def check_experiment(
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
     found: list[Iterable[tuple[FieldPath, str]]] = [
         _folders(experiment),
+        check_without_robot(experiment, families),
         check_designs(experiment, robot),
         check_cycles(experiment),
         check_handed_on(experiment),
@@ -46,7 +48,8 @@ def check_experiment(
     for name, campaign in experiment.campaigns.items():
         found.append(_campaign(experiment, name, campaign))
         if robot is not None:
-            found.append(_campaign_of_robot(name, campaign, robot))
+            of = _campaign_of_robot if experiment.robot is not None else _campaign_of_logs
+            found.append(of(name, campaign, robot))
     for name, fit in experiment.fits.items():
         found.append(_fit(experiment, name, fit, families))
         if robot is not None:
@@ -86,7 +89,7 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
         for place, design in named_designs((*field, "configurations"), campaign.configurations):
             if design not in experiment.designs:
                 yield place, _unknown("design", design, experiment.designs)
-    elif not campaign.is_one_shot:
+    elif not campaign.is_one_shot and experiment.robot is not None:
         yield (*field, "configurations"), "is missing: only logs of one shot go without"
     if isinstance(campaign.excitation, TrajectoryOptions):
         if campaign.experiments is not None:
@@ -123,6 +126,13 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
         if robot.controller is None:
             yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
         yield from check_truth((*field, "source", "simulate"), campaign, campaign.source.simulate, robot)
+
+
+def _campaign_of_logs(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
+    field, acquire = ("campaigns", name), None if campaign.source is None else campaign.source.acquire
+    if acquire is not None and not campaign.is_one_shot and not campaign.is_trajectory:
+        yield from _experiments(field, campaign, len(acquire.inputs))
+        yield from _lines(field, campaign, robot)
 
 
 def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:

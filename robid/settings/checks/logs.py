@@ -29,7 +29,7 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         n_configuration: Its number of configurations, None where that is not known.
     """
     inside = (*field, "source", "acquire")
-    n_experiment = 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
+    n_experiment = campaign.experiments or 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
     counts = {"configuration": n_configuration or 1, "realization": campaign.realizations, "experiment": n_experiment}
     yield from _file((*inside, "file"), acquire.file, counts)
     if acquire.one_shot:
@@ -59,6 +59,8 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
             yield (*inside, "references", index, "unit"), message
     for problem in input_problems(acquire.inputs):
         yield (*inside, "inputs"), problem
+    for key, problem in acquire.pose_problems():
+        yield (*inside, key), problem
     if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
         message = "friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message

@@ -73,8 +73,11 @@ def log_files(loaded: LoadedExperiment, campaign: Campaign, acquire: Acquire) ->
 
 
 def experiment_count(campaign: Campaign, acquire: Acquire) -> int:
-    """Returns the number of logged experiments of each block: as many as motors unless the campaign says less."""
-    return 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
+    """Returns the number of logged experiments of each block: as many as inputs unless the campaign says less.
+
+    Shots that do not repeat are one unless the campaign says more.
+    """
+    return campaign.experiments or 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
 
 
 def _vouched(outputs: Sequence[Path]) -> str:

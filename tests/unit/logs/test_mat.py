@@ -12,7 +12,8 @@ from robid.errors import DataError, SettingsError
 from robid.logs.checks import format_lines
 from robid.logs.importing import import_log, import_shot, join_shots
 from robid.logs.mapping import LogMapping
-from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel, TimeChannel
+from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
+from robid.signals.log_options import TimeChannel
 
 STEP = 1e-3
 PERIOD = 1000

@@ -11,22 +11,10 @@ from dataclasses import replace
 import pytest
 
 from robid.report.bode import BodeMatrix, BodeResponse, Mark
+from robid.report.charts import Ratio, RatioChart
 from robid.report.content import ReportContent, Verdict
 from robid.report.page import render
-from robid.report.section import (
-    Bars,
-    Beside,
-    Cell,
-    Curve,
-    Figure,
-    Folded,
-    Notes,
-    Ratio,
-    RatioChart,
-    Row,
-    Section,
-    Table,
-)
+from robid.report.section import Bars, Beside, Cell, Choice, Curve, Figure, Folded, Line, Notes, Row, Section, Table
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 
@@ -145,6 +133,53 @@ def test_every_kind_of_figure_is_drawn_in_any_section(tmp_path, bench):
     assert re.search(r'class="annotation-text"[^>]*>(<tspan[^>]*>)?new<', html)
 
 
+def chosen_content():
+    """Curves with bands, lines and symbols, of which the reader sees one at a time."""
+    nan = float("nan")
+    band = Curve(
+        "model", (1.0, 2.0, 3.0, 4.0), (1.0, 2.0, nan, 2.0), lower=(0.5, 1.5, nan, 1.0), upper=(2.0, 3.0, nan, 4.0)
+    )
+    poles = Curve("poles", (-1.0,), (2.0,), points=True, symbol="cross", shade=1)
+    first = Figure("Gain", "f [Hz]", "Gain", (band,), lines=(Line("y", 2.0, "limit"), Line("x", 3.0)))
+    second = Figure("Plane", "Re", "Im", (poles,), log_x=False, log_y=False, equal=True, x_range=(-2.0, 0.0))
+    table = Table(("Channel", "Gain"), (("X", "1"),))
+    choice = Choice("Channel", (("X", (first,)), ("Y", (second, table))))
+    return ReportContent("chosen", Verdict("It fits.", "ok"), "an arm", sections=(Section("One", "", (choice,)),))
+
+
+def test_a_choice_holds_figures_and_tables():
+    content = chosen_content()
+    html = render(content)
+    assert re.findall(r'data-option="(\w)"', html) == ["X", "Y"]
+    gain, plane = json.loads(re.search(r'id="data">(.*?)</script>', html, re.DOTALL).group(1))["figures"]
+    assert gain["curves"][0]["lower"] == [0.5, 1.5, None, 1.0]
+    assert gain["lines"] == [{"along": "y", "at": 2.0, "name": "limit"}, {"along": "x", "at": 3.0, "name": ""}]
+    assert plane["curves"][0] == {
+        "name": "poles",
+        "x": [-1.0],
+        "y": [2.0],
+        "points": True,
+        "symbol": "cross",
+        "shade": 1,
+        "dashed": False,
+    }
+    assert plane["equal"]
+    assert [table.columns for table in content.sections[0].tables] == [("Channel", "Gain")]
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_what_is_chosen_is_drawn_and_the_rest_when_its_turn_comes(tmp_path):
+    html = dumped(tmp_path, chosen_content())
+    assert len(re.findall(r'class="chart js-plotly-plot"', html)) == 1
+    assert ">limit<" in html
+    assert html.count('hidden=""') == 1
+    step = "document.querySelector('[aria-label=\"next channel\"]').click();"
+    later = dumped(tmp_path, chosen_content(), f"<script>{step}</script>")
+    assert len(re.findall(r'class="chart js-plotly-plot"', later)) == 2
+    assert re.search(r'data-option="X" hidden=""', later)
+
+
 @pytest.mark.browser
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_curves_are_drawn_without_a_complaint(tmp_path):
@@ -153,10 +188,10 @@ def test_curves_are_drawn_without_a_complaint(tmp_path):
     assert len(re.findall(r'class="legendtext"', html)) >= 4
 
 
-def dumped(tmp_path, content):
+def dumped(tmp_path, content, script=""):
     """The page as a browser shows it, without a complaint."""
     page = tmp_path / "report.html"
-    page.write_text(render(content), encoding="utf-8")
+    page.write_text(render(content).replace("</body>", f"{script}</body>"), encoding="utf-8")
     flags = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync")
     quiet = ("--disable-background-networking", "--disable-component-update", "--enable-logging=stderr")
     command = [CHROMIUM, *flags, *quiet, "--virtual-time-budget=8000", f"--user-data-dir={tmp_path / 'profile'}"]

@@ -1,0 +1,83 @@
+"""The external family: transfer functions from commands to positions.
+
+Read `settings.py`, `fitting.py`, `files.py`, then what goes out: `page/`, `exports.py`, `control.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from robid.families.external.exports import EXPORTS
+from robid.families.external.settings import ExternalFit, model_settings, problems
+from robid.families.family import Data, Family, Shown, Work
+
+if TYPE_CHECKING:
+    from robid.artifacts.artifact import Artifact
+    from robid.report.content import FitReport
+    from robid.settings.fits import FitSettings
+    from robid.settings.load import LoadedExperiment
+    from robid.simulate.truth import TrueRobot
+
+
+def _fit(data: Data, work: Work) -> Artifact:
+    from robid.families.external.fitting import fit
+
+    return fit(data, work)
+
+
+def _validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
+    from robid.families.external.fitting import validate
+
+    del true  # no robot file states poles and zeros
+    return validate(data, model)
+
+
+def _true_values(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str, float]:
+    del loaded, name, true
+    return {}
+
+
+def _phrase(model: Artifact) -> str:
+    from robid.families.external.fitting import phrase_of_model
+
+    return phrase_of_model(model)
+
+
+def _verdict(validation: Artifact) -> str:
+    from robid.artifacts.validation import outcome_from_artifact
+
+    return outcome_from_artifact(validation).verdict
+
+
+def _report(shown: Shown) -> FitReport:
+    from robid.families.external.page.report import report
+
+    return report(shown)
+
+
+def _compare(_every: Sequence[Shown]) -> dict[str, float]:
+    return {}
+
+
+def _seed(_settings: FitSettings) -> int | None:
+    return None
+
+
+EXTERNAL = Family(
+    name="external",
+    settings=ExternalFit,
+    reads=("record",),
+    problems=problems,
+    decides=model_settings,
+    fit=_fit,
+    validate=_validate,
+    seed=_seed,
+    true_values=_true_values,
+    phrase=_phrase,
+    verdict=_verdict,
+    report=_report,
+    compare=_compare,
+    exports=EXPORTS,
+    needs_robot=False,
+)

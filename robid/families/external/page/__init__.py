@@ -1,0 +1,1 @@
+"""What of an external fit stands on the page, in the terminal and in the summary."""

@@ -1,0 +1,108 @@
+"""What a log is: its format, its channels, its own time, its poses, and which part of it is used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, ReferenceChannel
+from robid.signals.pose import ANGLES, POSE
+from robid.signals.quantities import DRIVES
+
+
+@dataclass(frozen=True)
+class TimeChannel:
+    """The log's own time, against which the sampling period is checked."""
+
+    variable: str = field(metadata={"description": "Name of the variable in the log."})
+    unit: Literal["s", "ms", "us"] = field(default="s", metadata={"description": "Unit of the time."})
+
+    @property
+    def to_seconds(self) -> float:
+        """Factor to seconds."""
+        return {"s": 1.0, "ms": 1e-3, "us": 1e-6}[self.unit]
+
+
+@dataclass(frozen=True)
+class PoseOptions:
+    """Which channels of a log are absolute poses, to become displacements in the tool frame of the home pose."""
+
+    absolute: tuple[Literal["inputs", "outputs"], ...] = field(
+        default=("outputs",),
+        metadata={
+            "description": "Which of `inputs` and `outputs` are absolute poses, channels X Y Z A B C: turns A about Z,"
+            " B about the new Y, C about the new X. Displacements along the home pose's axes are left as they are.",
+            "min_length": 1,
+        },
+    )
+    home: tuple[float, float, float, float, float, float] | None = field(
+        default=None,
+        metadata={
+            "description": "The home pose, X Y Z [m] and A B C [deg]; the first sample that is used when not given."
+        },
+    )
+
+    @property
+    def stated(self) -> FloatArray | None:
+        """The home pose (6,) [m, rad] where it is stated."""
+        return None if self.home is None else np.concatenate([self.home[:3], np.deg2rad(self.home[3:])])
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """What the variables of a log mean, and which part of it is used."""
+
+    format: Literal["mat", "csv"] = field(
+        metadata={"description": "Format of the log: MAT (version 5), or a table with a header."}
+    )
+    sampling_period_s: float = field(metadata={"description": "Sampling period of the log [s].", "gt": 0})
+    inputs: tuple[InputChannel, ...] = field(
+        metadata={"description": "What drives the robot: motor torques in the order of the joints.", "min_length": 1}
+    )
+    outputs: tuple[OutputChannel, ...] = field(metadata={"description": "What was measured.", "min_length": 1})
+    references: tuple[ReferenceChannel, ...] = field(
+        default=(),
+        metadata={
+            "description": "What the motors were told, in the order of the joints; the excitation is then designed"
+            " here, and each log is matched to it."
+        },
+    )
+    pose: PoseOptions | None = field(
+        default=None, metadata={"description": "Which channels are absolute poses of the tool."}
+    )
+    time: TimeChannel | None = field(default=None, metadata={"description": "The log's own time, if it has one."})
+    drop_periods: int = field(default=0, metadata={"description": "Periods dropped at the start of the log.", "ge": 0})
+    one_shot: bool = field(
+        default=False,
+        metadata={
+            "description": "The log does not repeat, as a trajectory: it is read whole, without excitation, periods and"
+            " frequency response."
+        },
+    )
+    take: Literal["first", "last"] = field(
+        default="first",
+        metadata={"description": "Which whole periods are used: the first after those dropped, or the last."},
+    )
+
+    @property
+    def takes_turns(self) -> bool:
+        """Whether a log may move some of its channels only: it has several commands, no torques."""
+        return len(self.inputs) > 1 and not any(one.channel.quantity in DRIVES for one in self.inputs)
+
+    def pose_problems(self) -> list[tuple[str, str]]:
+        """Finds channels that make no pose: `inputs` or `outputs`, and what is wrong with them."""
+        found: list[tuple[str, str]] = []
+        for key in () if self.pose is None else self.pose.absolute:
+            channels: tuple[LogChannel, ...] = getattr(self, key)
+            units = {one.name: one.si_unit for one in channels if not one.problems()}
+            lacking = [name for name in POSE if units.get(name) != ("rad" if name in ANGLES else "m")]
+            if lacking:
+                found.append(
+                    (key, f"a pose has X Y Z in m or mm and A B C in rad or deg: {', '.join(lacking)} lacking")
+                )
+            if any(one.name in POSE and getattr(one, "zero", 0.0) for one in channels):
+                found.append((key, "a pose is seen from its home: leave `zero` out"))
+        return found

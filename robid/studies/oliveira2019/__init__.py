@@ -1,0 +1,1 @@
+"""The study of external dynamics of Oliveira et al. (2019)."""

@@ -1,0 +1,187 @@
+"""Validation of transfer functions on shots that their fit never saw."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from robid.errors import DataError
+from robid.fit.external.agreement import Agreement, agreements
+from robid.fit.external.data import Shot
+from robid.fit.external.solution import ExternalSolution
+from robid.fit.external.whiteness import whiteness
+from robid.validation.doubt import Doubt
+from robid.validation.external.grading import grade_external
+from robid.validation.external.limits import NRMSE_LIMIT, excess_doubts, expected_std
+from robid.validation.external.novelty import novelty_doubts
+from robid.validation.external.prediction import (
+    NewShots,
+    PredictedShot,
+    PredictedTraces,
+    new_shots,
+    predict_shots,
+    traces_of,
+)
+from robid.validation.outcome import Outcome
+from robid.validation.recovery import recover
+
+_SAME_RATE = 1e-6
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """How an output's error compares with its bounds, in the order of the agreements.
+
+    Attributes:
+        output: Name of the channel, or of the output of a matrix.
+        place: Campaign and configuration.
+        fpe: Akaike's final prediction error, over the output's variance.
+        own_nrmse: NRMSE of the fit on its own shots, in the place where it is worst.
+        parameter_std: Root mean square of the prediction's standard deviation by the parameters.
+        expected_std: Error that noise, parameters and the assumed model error give.
+        inside: Share of the samples inside the bounds of parameters and noise.
+        whiteness_p: Chance of a white error to look as coloured.
+    """
+
+    output: str
+    place: str
+    fpe: float
+    own_nrmse: float
+    parameter_std: float
+    expected_std: float
+    inside: float
+    whiteness_p: float
+
+
+@dataclass(frozen=True)
+class ExternalValidation:
+    """How well transfer functions predict other motions.
+
+    Attributes:
+        outcome: Whether they hold, their grade.
+        agreements: How well each output is predicted.
+        bounds: The same against its bounds.
+        traces: Measured and predicted outputs.
+        confidence: Level of the bounds.
+        untested: Channels that do not move in the new shots.
+    """
+
+    outcome: Outcome
+    agreements: tuple[Agreement, ...]
+    bounds: tuple[Bounds, ...]
+    traces: PredictedTraces
+    confidence: float
+    untested: tuple[str, ...]
+
+
+def validate_external(
+    solution: ExternalSolution, shots: Sequence[Shot], doubts: Sequence[Doubt] = ()
+) -> ExternalValidation:
+    """Validates transfer functions on new shots.
+
+    The limits are absolute: an NRMSE below 0.9 is a failure, an error beyond what noise, parameters and a model error
+    of one per cent of the motion give is a reason for doubt.
+
+    Args:
+        solution: What the fit found.
+        shots: What was recorded anew.
+        doubts: Doubts about the fit.
+
+    Raises:
+        DataError: If the shots are sampled otherwise than those of the fit, or none of its commands moves.
+    """
+    _refuse_other(solution, shots)
+    found = new_shots(solution, shots)
+    if not found:
+        message = "none of the fit's commands moves in the validation"
+        raise DataError(message, where="validation", remedy="validate on a campaign that excites the same channels")
+    traces = [predict_shots(solution, one) for one in found]
+    agreed = tuple(each for pair in zip(found, traces, strict=True) for each in _agreements(*pair))
+    bounds = tuple(each for pair in zip(found, traces, strict=True) for each in _bounds(solution, *pair))
+    tested = {solution.transfers.blocks[one.block] for one in found}
+    untested = tuple(name for name in solution.transfers.blocks if name not in tested)
+    failures = _failures(agreed)
+    excess = excess_doubts(agreed, [one.expected_std for one in bounds])
+    every = [*doubts, *novelty_doubts(solution, found), *excess, *_untested(untested)]
+    return ExternalValidation(
+        outcome=Outcome(
+            ok=not failures,
+            verdict=_verdict(agreed, bounds, failures),
+            grade=grade_external(solution, every, failures),
+            recovery=recover(solution.estimate, {}),
+        ),
+        agreements=agreed,
+        bounds=bounds,
+        traces=traces_of(solution, found, traces),
+        confidence=solution.estimate.confidence,
+        untested=untested,
+    )
+
+
+def _agreements(one: NewShots, traces: Sequence[PredictedShot]) -> tuple[Agreement, ...]:
+    measured, errors = [each.measured for each in traces], [each.measured - each.predicted for each in traces]
+    found = agreements(one.names, one.shots, one.outputs, measured, errors, one.inputs)
+    noise = {(shot.place, name): each.noise_std[index]
+             for shot, each in zip(one.shots, traces, strict=True) for index, name in enumerate(one.names)}  # fmt: skip
+    return tuple(replace(each, noise_std=float(noise[each.place, each.output])) for each in found)
+
+
+def _bounds(solution: ExternalSolution, one: NewShots, traces: Sequence[PredictedShot]) -> Iterator[Bounds]:
+    """Yields how the outputs of a block compare with their bounds, place by place."""
+    confidence = solution.estimate.confidence
+    quantile = norm.ppf(0.5 + 0.5 * confidence)
+    for agreed in _agreements(one, traces):
+        index = one.names.index(agreed.output)
+        there = [each for shot, each in zip(one.shots, traces, strict=True) if shot.place == agreed.place]
+        errors = [(each.measured - each.predicted)[:, index] for each in there]
+        error, std = np.concatenate(errors), np.concatenate([each.std[:, index] for each in there])
+        parameter_std = float(np.sqrt(np.mean(np.concatenate([each.parameter_std[:, index] for each in there]) ** 2)))
+        ratio = float(solution.quality.n_parameter[one.block]) / len(error)
+        yield Bounds(
+            output=agreed.output,
+            place=agreed.place,
+            fpe=(1 - agreed.nrmse) ** 2 * (1 + ratio) / max(1 - ratio, 1e-3),
+            own_nrmse=float(solution.quality.nrmse[solution.quality.first_output[one.block] + index]),
+            parameter_std=parameter_std,
+            expected_std=expected_std(agreed, parameter_std),
+            inside=float(np.mean(np.abs(error) <= quantile * std)),
+            whiteness_p=min(whiteness(each, np.zeros(len(each) // 2, bool), 0.0) for each in errors),
+        )
+
+
+def _failures(agreed: Sequence[Agreement]) -> tuple[str, ...]:
+    return tuple(
+        f"{one.output} is predicted with an NRMSE of {one.nrmse:.3g} in `{one.place}`, limit {NRMSE_LIMIT:g}"
+        for one in agreed
+        if one.nrmse < NRMSE_LIMIT
+    )
+
+
+def _untested(names: Sequence[str]) -> tuple[Doubt, ...]:
+    if not names:
+        return ()
+    told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
+    return (Doubt("excitation", told, decisive=False, strength=2.0),)
+
+
+def _refuse_other(solution: ExternalSolution, shots: Sequence[Shot]) -> None:
+    period = solution.ports.sampling_period_s
+    other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
+    if other:
+        message = (
+            f"the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every {period:g} s"
+        )
+        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
+
+
+def _verdict(agreed: Sequence[Agreement], bounds: Sequence[Bounds], failures: Sequence[str]) -> str:
+    if failures:
+        return f"does not hold on new motions: {'; '.join(failures)}"
+    worst = min(agreed, key=lambda one: one.nrmse)
+    return (
+        f"holds on new motions: NRMSE {worst.nrmse:.3g} or more ({worst.output}), "
+        f"{min(one.inside for one in bounds):.0%} of the samples or more inside their bounds"
+    )

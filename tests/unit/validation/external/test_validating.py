@@ -1,0 +1,175 @@
+"""Transfer functions are trusted where they hold, and not where a robot does what they cannot."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from external_loops import BANDS, NEW_BAND, PERIOD_S, channels, limited_rate, linear, play, shot_of
+from robid.errors import DataError
+from robid.fit.external.fitting import fit_external
+from robid.fit.external.options import ExternalOptions
+from robid.validation.external.grading import assess_external
+from robid.validation.external.validating import validate_external
+from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST
+
+KNOWN = ExternalOptions(poles=2, zeros=1, delay_samples=3)
+NUMERATOR, DENOMINATOR = [3.0, 400.0], [1.0, 22.0, 400.0]
+SOUND = linear(NUMERATOR, DENOMINATOR, 3)
+
+
+def fitted(plants, names=("X",), options=KNOWN, bands=BANDS):
+    shots = [shot_of(plants, band, moving=index) for band in bands for index in range(len(plants))]
+    return fit_external(shots, channels(names, "position_command"), channels(names), "zoh", options)
+
+
+def held(solution, plants, options=KNOWN, band=NEW_BAND, **other):
+    new = [shot_of(plants, band, 77, moving=index, **other) for index in range(len(plants))]
+    return validate_external(solution, new, assess_external(solution, options).doubts)
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return fitted([SOUND])
+
+
+def test_a_right_model_is_trusted_and_its_bounds_hold_what_they_say(sound):
+    found = held(sound, [SOUND])
+    assert found.outcome.grade.value == TRUST, found.outcome.grade.sentence
+    assert found.outcome.ok
+    assert found.bounds[0].inside == pytest.approx(0.95, abs=0.02)
+    assert found.agreements[0].nrmse > 0.99
+    assert found.bounds[0].own_nrmse == pytest.approx(sound.quality.nrmse[0])
+    assert found.traces.measured.size == found.traces.std.size == 2500
+    assert assess_external(sound, KNOWN).value == PREDICTS, "by itself it predicts at best"
+
+
+def test_measures_are_those_of_the_table(sound):
+    found = held(sound, [SOUND])
+    measured, predicted = found.traces.measured, found.traces.predicted
+    left = np.sum((measured - predicted) ** 2) / np.sum((measured - measured.mean()) ** 2)
+    assert found.agreements[0].r_squared == pytest.approx(1 - left)
+    assert found.agreements[0].nrmse == pytest.approx(1 - np.sqrt(left))
+    ratio = sound.quality.n_parameter[0] / measured.size
+    assert found.bounds[0].fpe == pytest.approx(left * (1 + ratio) / (1 - ratio))
+
+
+def test_a_missing_pole_is_a_doubt():
+    slow = linear(np.multiply(15.0, NUMERATOR), np.polymul(DENOMINATOR, [1.0, 15.0]), 3)
+    found = held(fitted([slow]), [slow])
+    assert found.outcome.grade.value < TRUST
+    assert "what noise and a model error of 1% of the motion explain" in found.outcome.grade.sentence
+
+
+def test_a_delay_that_is_too_long_is_a_doubt():
+    options = replace(KNOWN, delay_samples=5)
+    found = held(fitted([SOUND], options=options), [SOUND], options)
+    assert found.outcome.grade.value < TRUST
+
+
+def test_a_delay_that_zeros_take_up_is_open():
+    # A stated delay that is too short is taken up by a zero without any trace: only a search can tell.
+    options = replace(KNOWN, delay_samples=None, max_delay_samples=5)
+    solution = fitted([SOUND], options=options)
+    near = [one for one in solution.tried if one.poles == 2 and one.zeros == 1 and not one.chosen]
+    open_ = min(one.bic for one in near) < next(one.bic for one in solution.tried if one.chosen) + 10
+    assert open_ == ("other delays explain X about as well" in " ".join(assess_external(solution, options).messages))
+    short = replace(options, max_delay_samples=1)
+    longest = assess_external(fitted([SOUND], options=short), short)
+    assert "is the longest that was searched" in " ".join(longest.messages)
+
+
+@pytest.mark.parametrize(
+    ("defect", "grade"),
+    [(play(2e-4), PREDICTS), (play(2e-3), DO_NOT_USE), (limited_rate(0.02), DO_NOT_USE)],
+)
+def test_what_is_not_linear_is_not_trusted(defect, grade):
+    def robot(command):
+        return defect(SOUND(command))
+
+    found = held(fitted([robot]), [robot])
+    assert found.outcome.grade.value <= grade
+
+
+def test_a_limit_that_only_the_new_motion_reaches_fails_it(sound):
+    def robot(command):
+        return limited_rate(0.02)(SOUND(command))
+
+    found = held(sound, [robot])
+    assert not found.outcome.ok
+    assert found.outcome.grade.value == DO_NOT_USE
+    assert "limit 0.9" in found.outcome.verdict
+
+
+@pytest.mark.parametrize(("factor", "words"), [(1000.0, "metres were read as millimetres"), (-1.0, "wrong sign")])
+def test_wrong_units_and_signs_are_named(factor, words):
+    def robot(command):
+        return factor * SOUND(command)
+
+    grade = assess_external(fitted([robot]), KNOWN)
+    assert grade.value == DO_NOT_USE
+    assert words in grade.sentence
+
+
+def test_a_record_in_other_units_than_the_fits_fails(sound):
+    found = held(sound, [lambda command: 57.3 * SOUND(command)])
+    assert found.outcome.grade.value == DO_NOT_USE
+
+
+def test_swapped_channels_fail():
+    other = linear([900.0], [1.0, 40.0, 900.0], 3)
+    both = [SOUND, other]
+    shots = [shot_of(both, band, moving=index) for band in BANDS for index in (0, 1)]
+    together = [
+        replace(one, inputs=one.inputs + two.inputs[::-1], outputs=one.outputs + two.outputs[::-1])
+        for one, two in zip(shots[::2], shots[1::2], strict=True)
+    ]
+    swapped = [replace(shot, outputs=shot.outputs[:, ::-1]) for shot in together]
+    named = channels(("X", "Y"), "position_command"), channels(("X", "Y"))
+    one_by_one = [replace(shot, outputs=shot.outputs[:, ::-1]) for shot in shots]
+    for wrong in (swapped, one_by_one):
+        assert assess_external(fit_external(wrong, *named, "zoh", KNOWN), KNOWN).value == DO_NOT_USE
+
+
+def test_new_motions_beyond_those_of_the_fit_are_told(sound):
+    slow = fitted([SOUND], bands=BANDS[:1])
+    faster = held(slow, [SOUND], band=(5.2, 0.02))
+    assert "lie outside the band of its fit" in " ".join(faster.outcome.grade.messages)
+    larger = held(sound, [SOUND], band=(2.08, 0.1))
+    assert "times as large as any of its fit" in " ".join(larger.outcome.grade.messages)
+    assert larger.outcome.grade.value == PREDICTS
+
+
+def test_the_motion_of_the_fit_proves_nothing(sound):
+    found = held(sound, [SOUND], band=BANDS[0])
+    assert "repeats a motion of the fit" in found.outcome.grade.sentence
+    assert found.outcome.grade.value == PREDICTS
+
+
+def test_coupling_is_a_doubt_of_a_diagonal_fit_and_none_of_a_full_one():
+    def run(options):
+        shots = [shot_of([SOUND, SOUND], band, moving=index) for band in BANDS for index in (0, 1)]
+        mixed = [replace(shot, outputs=shot.outputs + 0.5 * shot.outputs[:, ::-1]) for shot in shots]
+        names = ("X", "Y")
+        solution = fit_external(mixed, channels(names, "position_command"), channels(names), "zoh", options)
+        return solution, assess_external(solution, options)
+
+    solution, grade = run(KNOWN)
+    assert "coupling" in grade.causes
+    assert "matrix: full" in solution.coupling.sentence
+    solution, grade = run(replace(KNOWN, matrix="full"))
+    assert "coupling" not in grade.causes
+    gains = dict(zip(solution.estimate.names, solution.estimate.value, strict=True))
+    assert gains["X.gain"] == pytest.approx(1, abs=1e-3)
+    assert gains["Y/X.gain"] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_what_the_validation_does_not_move_is_told_and_nothing_at_all_refused(sound):
+    both = fitted([SOUND, SOUND], ("X", "Y"))
+    found = validate_external(both, [shot_of([SOUND, SOUND], NEW_BAND, 77)])
+    assert found.untested == ("Y",)
+    assert found.outcome.grade.value == PREDICTS
+    with pytest.raises(DataError, match="none of the fit's commands moves"):
+        validate_external(sound, [shot_of([SOUND], (2.08, 0.0))])
+    with pytest.raises(DataError, match="sampled every"):
+        validate_external(sound, [replace(shot_of([SOUND], NEW_BAND), sampling_period_s=PERIOD_S / 3)])
