@@ -45,6 +45,7 @@ def find_spread(
     noise: FloatArray,
     period: float,
     hold: Hold,
+    unseen: float = np.pi,
 ) -> Spread:
     """Computes residuals and the coefficients' covariance.
 
@@ -58,6 +59,7 @@ def find_spread(
         noise (n_shot, n_out): Weights' standard deviations.
         period: Sampling period times the reference frequency.
         hold: What commands do between samples.
+        unseen: How fast, per sample, the fastest pole must be for samples not to tell it from an immediate answer.
 
     Source:
         White (1980), "A heteroskedasticity-consistent covariance matrix estimator"; Ljung (1999), eq. 9.42.
@@ -66,7 +68,7 @@ def find_spread(
     ends = np.cumsum([0, *(each.n_sample for each in experiments)]).tolist()
     spans = [slice(first, last) for first, last in pairwise(ends)]
     linear = [_linear_part(rows, point, sought, noise[:, output], output) for output in range(noise.shape[1])]
-    projected, triangle = _orthogonal(np.concatenate([each.tilt for each in linear]), point, period)
+    projected, triangle = _orthogonal(np.concatenate([each.tilt for each in linear]), point, period, unseen)
     residuals = [np.zeros((each.n_sample, noise.shape[1])) for each in experiments]
     chances, taken = np.ones(noise.shape), np.zeros(noise.shape)
     meats = []
@@ -169,11 +171,11 @@ def _root(
     return np.concatenate(columns, axis=1)
 
 
-def _orthogonal(tilts: FloatArray, point: Point, period: float) -> tuple[FloatArray, FloatArray]:
+def _orthogonal(tilts: FloatArray, point: Point, period: float, unseen: float) -> tuple[FloatArray, FloatArray]:
     """Orthogonalises what the poles do (n_row, n_pole); the factor (n_pole, n_pole) is triangular but for its order.
 
     Of poles above the Nyquist frequency samples say the less the faster they are: where even one that answers at once
-    is not excluded, their slope now says nothing of how far they may be off, and they count as known to their own size.
+    is not excluded, their slope now says nothing of how far they may be off: down to where samples see them.
     """
     sizes, stages = natural_steps(point), point.basis.single.stages
     beyond = [stage for stage in stages if abs(stage.pole) * period > np.pi]
@@ -184,7 +186,9 @@ def _orthogonal(tilts: FloatArray, point: Point, period: float) -> tuple[FloatAr
         corner = slice(len(sizes) - n_beyond, None)
         left, values, turned = np.linalg.svd(triangle[corner, corner])
         reach = max(abs(stage.pole) for stage in beyond) * period
-        values = np.where(values < _EXCLUDED * reach, 1.0, values)
+        # Its time constant lies anywhere from zero to the longest unseen, here over what was found.
+        longest = reach / unseen
+        values = np.where(values < _EXCLUDED * reach, 1 / np.hypot(longest / np.sqrt(12), longest / 2 - 1), values)
         triangle[corner, corner] = (left * values) @ turned
     back = np.argsort(order)
     return projected, triangle[:, back] / sizes

@@ -13,7 +13,8 @@ from robid.fit.levenberg import Status
 
 _FIRST_DAMPING = 1e-3
 _DAMPING_LIMIT = 1e8
-_ROUNDED = 0.03  # standard deviations that rounding may keep from being found
+_ROUNDED = 0.1  # standard deviations that rounding may keep from being found
+_AT_LIMIT = 0.999
 _LARGEST_STEP = 0.5  # of a pole, about
 
 
@@ -65,7 +66,7 @@ def descend(
     """
     here, damping, growth, reflected = start, 0.0, 2.0, False
     for iteration in range(1, max_iterations + 1):
-        model = _Model(here)
+        model = _Model(here, limit)
         if damping == 0.0:
             damping = _FIRST_DAMPING * model.values[0] ** 2
         _, reachable = model.step(0.0)
@@ -89,9 +90,18 @@ def descend(
 class _Model:
     """Quadratic model of the cost, in steps that change poles by about their own size."""
 
-    def __init__(self, point: Point) -> None:
+    def __init__(self, point: Point, limit: float) -> None:
         self._size = natural_steps(point)
-        left, self.values, self._turned = np.linalg.svd(point.slope * self._size, full_matrices=False)
+        self._factorise(point, point.slope * self._size)
+        fastest = point.basis.single.stages[0]
+        if abs(fastest.pole) >= _AT_LIMIT * limit and (fastest.is_pair or self.step(0.0)[0][0] > 0):
+            # The fastest pole is pushed against its limit: the others go on without it.
+            held = point.slope * self._size
+            held[:, fastest.states] = 0.0
+            self._factorise(point, held)
+
+    def _factorise(self, point: Point, slope: FloatArray) -> None:
+        left, self.values, self._turned = np.linalg.svd(slope, full_matrices=False)
         self._pull = left.T @ point.residual
 
     def step(self, damping: float) -> tuple[FloatArray, float]:

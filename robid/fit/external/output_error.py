@@ -13,7 +13,7 @@ from robid.fit.external.covariance import find_spread
 from robid.fit.external.descent import Descent
 from robid.fit.external.linear import Point
 from robid.fit.external.problem import Problem, Structure, count_free, log_likelihood, pose
-from robid.fit.external.search import search
+from robid.fit.external.search import search, settle, slowest_unseen
 from robid.fit.external.transfer import TransferMatrix, scaled
 from robid.fit.levenberg import Status
 
@@ -85,7 +85,7 @@ def fit_block(
         inputs: Which of their inputs.
         outputs: Which of their outputs.
         structure: Numbers of poles and zeros, delay, and the rest of what is held fixed.
-        start: A model to start from, beside the starts found from the data.
+        start: A model with as many poles to start from, instead of starts found from the data.
         names: Names of inputs and outputs.
 
     Raises:
@@ -94,8 +94,8 @@ def fit_block(
     """
     problem = pose(shots, inputs, outputs, structure)
     starts = [] if start is None else [scaled(start.denominator, problem.scale)]
-    found, noise = search(problem, starts)
-    return conclude(problem, found, noise, names or default_names(problem))
+    found, noise = search(problem, starts, linear=start is None)
+    return conclude(problem, settle(problem, found, noise), noise, names or default_names(problem))
 
 
 def conclude(
@@ -103,7 +103,8 @@ def conclude(
 ) -> BlockFit:
     """Turns a search's end into a fit with its covariance."""
     structure, point = problem.structure, found.point
-    spread = find_spread(problem.experiments, point, problem.sought, noise, problem.period, structure.hold)
+    unseen = slowest_unseen(problem, point, noise)
+    spread = find_spread(problem.experiments, point, problem.sought, noise, problem.period, structure.hold, unseen)
     model = model_of(problem, point, names)
     powers = _powers(problem, len(names[1]))
     parameters = np.concatenate([model.numerator.ravel(), model.denominator[1:]])

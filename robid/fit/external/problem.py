@@ -18,7 +18,7 @@ from robid.fit.external.sufficiency import check_block
 if TYPE_CHECKING:
     from robid.fit.external.data import Shot
 
-_FASTEST = 300.0  # per sample: a pole beyond answers at once
+_FASTEST = 20.0  # per sample: of what a pole beyond answers nothing is left after one
 
 
 @dataclass(frozen=True)

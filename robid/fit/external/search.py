@@ -10,11 +10,14 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.external.descent import Descent, admit, descend
+from robid.fit.external.linear import Point, natural_steps
 from robid.fit.external.problem import Problem, first_noise, output_size, residual_noise
 from robid.fit.external.starting import guess, refine
 
 _GUESSES = (0.4, 1.5, 5.0)  # times the outputs' own frequency
 _SOFT = 0.01  # of an output
+_ALIKE = 1.0  # rise of the cost, in variances
+_UNSEEN = 20.0
 _WEIGHT_PASSES = 6
 _WEIGHT_TOLERANCE = 0.01
 
@@ -65,6 +68,52 @@ def search(
         if np.abs(np.log(noise / before)).max() < _WEIGHT_TOLERANCE:
             break
     return best, noise
+
+
+def settle(problem: Problem, found: Descent, noise: FloatArray) -> Descent:
+    """Puts a pole of which samples only tell that it is fast where it answers at once.
+
+    Where it came to rest is chance, and so would be all that moves with it.
+
+    Args:
+        problem: Data and structure.
+        found: Where the search ended.
+        noise (n_shot, n_out): Weights' standard deviations.
+    """
+    fastest = found.point.basis.single.stages[0]
+    if abs(fastest.pole) * problem.period <= np.pi:
+        return found
+    here = _descend(problem, found.point.basis.denominator, noise, 1e-3, reflected=found.reflected)
+    trial = _descend(problem, _with_fastest(here.point, problem.limit), noise, 1e-3, reflected=found.reflected)
+    worse = (trial.point.cost - here.point.cost) / here.point.cost * problem.n_sample
+    return trial if worse <= _ALIKE else here
+
+
+def slowest_unseen(problem: Problem, point: Point, noise: FloatArray) -> float:
+    """Returns about how fast, per sample, the fastest pole must be for samples not to tell it from an immediate answer.
+
+    What a pole of rate x per sample leaves after one falls with exp(-x).
+
+    Args:
+        problem: Data and structure.
+        point: The fit.
+        noise (n_shot, n_out): Weights' standard deviations.
+    """
+    seen = problem.evaluate(_with_fastest(point, np.pi / problem.period), noise)
+    if seen is None:
+        return float(np.pi)
+    slopes = seen.slope * natural_steps(seen)
+    triangle = np.linalg.qr(np.roll(slopes, -1, axis=1))[1]
+    strength = abs(triangle[-1, -1]) / (np.pi * np.exp(-np.pi))
+    return float(np.clip(np.log(max(strength, 1.0)), np.pi, _UNSEEN))
+
+
+def _with_fastest(point: Point, size: float) -> FloatArray:
+    """The denominator (n_pole + 1,) with its fastest pole or pair moved to a magnitude."""
+    poles = [stage.pole for stage in point.basis.single.stages]
+    poles[0] *= size / abs(poles[0])
+    whole = [each for pole in poles for each in ([pole, pole.conjugate()] if pole.imag else [pole])]
+    return np.real(np.poly(whole))
 
 
 def _descend(
