@@ -64,7 +64,7 @@ def test_claimed_deviation_is_the_one_over_noise(estimator):
         claimed.append(np.sqrt(np.diag(solution.internal.covariance)))
         blamed.append(solution.model_error.share_correlated)
         separate = fit_elastic(ROBOT, replace(frf, line_correlation=None), OPTIONS, DELAY_S)
-        alone.append(np.sqrt(np.diag(separate.covariance)))
+        alone.append(np.sqrt(np.diag(separate.internal.covariance)))
     spread = np.std(estimates, axis=0, ddof=1)
     ratio = spread / np.mean(claimed, axis=0)
     before = spread / np.mean(alone, axis=0)
