@@ -4,6 +4,7 @@ Schema history:
     1.0: first version.
     1.1: in the plan, crest factor of the motor speed, signal-to-noise ratio of the response, and duration.
     1.2: in the plan of a trajectory, condition number of its regressor.
+    1.3: `channels` of what is no motor: commands of the tool's pose.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from robid.artifacts.mapping import Column, from_datasets, to_datasets
 if TYPE_CHECKING:
     from robid.design.excitation.excitation import CampaignExcitation
 
-EXCITATION = Kind("excitation", "1.2", "robid design-excitation")
+EXCITATION = Kind("excitation", "1.3", "robid design-excitation")
 
 
 def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) -> Artifact:
@@ -33,6 +34,7 @@ def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) 
         "excitation/spectrum": Column(unit, (*block, "frequency", "motor"), "Complex amplitudes of the excited lines"),
         "excitation/rms": Column(unit, ("motor",), "RMS of each motor's signal"),
         "excitation/crest_factor": Column("1", (*block, "motor"), "Peak over RMS"),
+        "excitation/channels": Column("1", ("motor",), "What each column is where it is no motor"),
     }
     if content.excitation.plan is not None:
         table |= _plan_columns()

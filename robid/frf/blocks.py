@@ -94,9 +94,13 @@ NEEDS_SQUARE_BLOCKS = frozenset({"arithmetic", "logarithmic", "indirect", "robus
 
 
 def logarithmic_mean(per_block: ComplexArray) -> ComplexArray:
-    """Averages block responses (n_real, ...) by their logarithm, branch relative to the arithmetic mean."""
+    """Averages block responses (n_real, ...) by their logarithm, branch relative to the arithmetic mean.
+
+    Elements without any response, of channels that never left one step of their resolution, stay zero.
+    """
     mean = per_block.mean(axis=0)
-    return np.asarray(mean * np.exp(np.log(per_block / mean).mean(axis=0)))
+    relative = np.divide(per_block, mean, out=np.ones_like(per_block), where=mean != 0)
+    return np.asarray(mean * np.exp(np.log(relative).mean(axis=0)))
 
 
 def _projected(blocks: Blocks, instrument: ComplexArray) -> BlockEstimate:

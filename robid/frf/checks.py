@@ -212,7 +212,9 @@ def _still(record: Record) -> list[Finding]:
 
 
 def _shows_motion(record: Record, name: str) -> bool:
-    return record.output_channels[record.output_names.index(name)].quantity in ("angle", "position")
+    """Whether an output is the motion of a motor or arm; a tool rests in the channels that are not commanded."""
+    channel = record.output_channels[record.output_names.index(name)]
+    return channel.side != "tool" and channel.quantity in ("angle", "position")
 
 
 def _noise(step: FloatArray) -> FloatArray:

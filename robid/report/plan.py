@@ -10,7 +10,7 @@ from rich.text import Text
 from robid.arrays import FloatArray
 from robid.design.excitation.excitation import UNITS, Excitation
 from robid.report.numbers import duration, significant
-from robid.signals.positions import readable, readable_units
+from robid.signals.positions import METRES, readable, readable_units
 
 
 def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str, ...] | None = None) -> Group | None:
@@ -29,9 +29,8 @@ def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str,
         return None
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("plan", no_wrap=True)
-    columns = [
-        (f"rms\n[{UNITS[excitation.kind]}]", [significant(value) for value in excitation.rms]),
-        ("crest", [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]),
+    columns = [] if excitation.channels else _injected(excitation)
+    columns += [
         ("speed\n[rad/s]", _reached(plan.speed_rms, plan.speed_peak, plan.speed_limit)),
         ("torque\n[N m]", _reached(plan.torque_rms, plan.torque_peak, plan.torque_limit)),
         (
@@ -51,7 +50,29 @@ def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str,
         table.add_column(header, justify="right", no_wrap=True)
     for motor, name in enumerate(names):
         table.add_row(f"  {name}", *(cells[motor] for _, cells in columns))
-    return Group(table, Text("\n".join(_notes(excitation, names)), style="dim"))
+    return Group(table, Text("\n".join([*_commands(excitation), *_notes(excitation, names)]), style="dim"))
+
+
+def _injected(excitation: Excitation) -> list[tuple[str, list[str]]]:
+    """Columns with what each motor is told."""
+    return [
+        (f"rms\n[{UNITS[excitation.kind]}]", [significant(value) for value in excitation.rms]),
+        ("crest", [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]),
+    ]
+
+
+def _commands(excitation: Excitation) -> list[str]:
+    """A line with what each channel that is not a motor is told."""
+    channels = excitation.channels
+    if not channels:
+        return []
+    peaks = np.abs(excitation.reference).max(axis=(0, 1, 2))
+    units = [("mm", 1e3) if channel.unit == METRES else ("deg", float(np.rad2deg(1.0))) for channel in channels]
+    told = [
+        f"{channel.name} {significant(peak * factor)} {unit}"
+        for channel, peak, (unit, factor) in zip(channels, peaks.tolist(), units, strict=True)
+    ]
+    return [f"commanded one after the other, at most: {', '.join(told)}; excursions are from the middle of the range"]
 
 
 def _reached(rms: FloatArray, peak: FloatArray, limit: FloatArray) -> list[str]:

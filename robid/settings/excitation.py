@@ -12,6 +12,7 @@ from robid.design.excitation.options import (
     ChirpOptions,
     FourierOptions,
     MultisineOptions,
+    PoseChirpOptions,
     SteppedSineOptions,
     TrajectoryOptions,
 )
@@ -43,7 +44,8 @@ ExcitationSettings: TypeAlias = Annotated[
     | Annotated[ChirpOptions, Tag("chirp")]
     | Annotated[SteppedSineOptions, Tag("stepped_sine")]
     | Annotated[FourierOptions, Tag("fourier")]
-    | Annotated[TrajectoryOptions, Tag("trajectory")],
+    | Annotated[TrajectoryOptions, Tag("trajectory")]
+    | Annotated[PoseChirpOptions, Tag("pose_chirp")],
     Discriminator(signal),
     _KeyUnlessDefault(),
 ]

@@ -10,7 +10,7 @@ import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions
-from robid.design.excitation.options import MultisineOptions, TrajectoryOptions
+from robid.design.excitation.options import MultisineOptions, PoseChirpOptions, TrajectoryOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.acquire import Acquire
 from robid.settings.base import STRICT, Name, Section
@@ -153,9 +153,30 @@ class Campaign(Section):
         """Whether it plays large motions, which have no frequency response."""
         return isinstance(self.excitation, TrajectoryOptions)
 
-    def block_size(self, n_motor: int) -> int:
-        """Number of experiments in a realization: as many as motors unless it says less, a single trajectory."""
-        return 1 if self.is_trajectory else self.experiments or n_motor
+    @property
+    def moves_poses(self) -> bool:
+        """Whether it commands poses of the tool, position in and position out."""
+        return isinstance(self.excitation, PoseChirpOptions)
+
+    def block_size(self, n_input: int) -> int:
+        """Number of experiments in a realization: as many as inputs unless it says less, a single trajectory."""
+        if isinstance(self.excitation, PoseChirpOptions):
+            return len(self.excitation.channels) or n_input
+        return 1 if self.is_trajectory else self.experiments or n_input
+
+    @model_validator(mode="before")
+    @classmethod
+    def _poses_have_no_friction(cls, values: Any) -> Any:  # noqa: ANN401
+        """Compensates pose commands by `none` unless told otherwise: they are no torques."""
+        excitation = values.get("excitation") if isinstance(values, Mapping) else None
+        if isinstance(excitation, PoseChirpOptions):
+            excitation = {"signal": excitation.signal}
+        if not isinstance(excitation, Mapping) or excitation.get("signal") != "pose_chirp":
+            return values
+        estimate = values.get("estimate", {})
+        if not isinstance(estimate, Mapping) or "compensation" in estimate:
+            return values
+        return {**values, "estimate": {**estimate, "compensation": "none"}}
 
     @model_validator(mode="before")
     @classmethod
@@ -164,6 +185,9 @@ class Campaign(Section):
         if not isinstance(values, Mapping) or not isinstance(values.get("source"), Mapping):
             return values
         estimate = values.get("estimate", {})
+        excitation = values.get("excitation")
+        if isinstance(excitation, Mapping) and excitation.get("signal") == "pose_chirp":
+            return values
         if "acquire" not in values["source"] or not isinstance(estimate, Mapping) or "compensation" in estimate:
             return values
         return {**values, "estimate": {**estimate, "compensation": "auto"}}

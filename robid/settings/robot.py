@@ -19,7 +19,7 @@ from robid.settings.loop_links import LoopLinkSection
 from robid.settings.robot_sections import Body, JointSection, SensorSection, SpringSection, given
 from robid.settings.yaml import FieldPath
 from robid.signals.positions import METRES, RADIANS
-from robid.simulate.options import Controller
+from robid.simulate.options import Controller, PoseInterface
 
 
 class RobotFile(Assumed):
@@ -41,6 +41,9 @@ class RobotFile(Assumed):
         default="spong", description="Whether the rotors' motion with the links is neglected or not."
     )
     controller: Controller | None = Field(default=None, description="The controller of a simulated robot.")
+    pose_interface: PoseInterface | None = Field(
+        default=None, description="How the controller takes commands of the tool's pose, and reports it."
+    )
     model: str | None = Field(
         default=None,
         description="A rigid MJCF or URDF that brings frames, links and limits; `${ROBID_DATA}` stands for the data "

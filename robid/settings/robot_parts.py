@@ -22,6 +22,7 @@ Part: TypeAlias = Literal[
     "timing",
     "controller",
     "sensors",
+    "pose",
 ]
 
 _MOTOR: dict[str, Part] = {
@@ -64,6 +65,7 @@ _ROBOT: dict[str, Part] = {
     "loop_links": "rigid",
     "controller": "controller",
     "sensors": "sensors",
+    "pose_interface": "pose",
     "floor_m": "range",
 }
 

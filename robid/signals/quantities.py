@@ -54,6 +54,7 @@ INJECTED: dict[str, QuantityName] = {
     "speed_reference": "speed_reference",
     "position_reference": "position_command",
     "torque": "torque",
+    "pose_reference": "position_command",
 }
 """What an excitation is, by where it is injected."""
 

@@ -31,6 +31,58 @@ class Controller:
 
 
 @dataclass(frozen=True)
+class PoseInterface:
+    """How the controller takes commands of the tool's pose and reports where it is, beside its own loops."""
+
+    sampling_period_s: float = field(
+        default=0.012,
+        metadata={"description": "Time between commands, a whole multiple of the controller's [s].", "gt": 0},
+    )
+    delay_samples: int = field(
+        default=1, metadata={"description": "Transport delay of the commands, in samples of the interface.", "ge": 0}
+    )
+    moving_average: int = field(
+        default=1, metadata={"description": "Samples over which commands are averaged; 1 is none.", "ge": 1}
+    )
+    speed_feedforward: float = field(
+        default=0.0,
+        metadata={"description": "Share of the commanded motor speed that the speed loops are told.", "ge": 0, "le": 1},
+    )
+    resolution_m: float = field(
+        default=1e-5, metadata={"description": "Step of reported positions; 0 for none [m].", "ge": 0}
+    )
+    resolution_rad: float = field(
+        default=1.7453292519943296e-5,
+        metadata={"description": "Step of reported angles, 0.001 degrees unless given; 0 for none [rad].", "ge": 0},
+    )
+    noise_m: float = field(
+        default=0.0,
+        metadata={
+            "description": "Standard deviation of the noise of reported positions, before rounding [m].",
+            "ge": 0,
+        },
+    )
+    noise_rad: float = field(
+        default=0.0,
+        metadata={"description": "Standard deviation of the noise of reported angles, before rounding [rad].", "ge": 0},
+    )
+    external_axes: tuple[str, ...] = field(
+        default=(),
+        metadata={
+            "description": "Prismatic joints that carry the robot's root and have commands of their own, the first of"
+            " the chain; a single one is the channel R, several go by their names."
+        },
+    )
+    tool_m: tuple[float, float, float] = field(
+        default=(0.0, 0.0, 0.0), metadata={"description": "Tool point in the last link's frame [m]."}
+    )
+    tool_abc_deg: tuple[float, float, float] = field(
+        default=(0.0, 0.0, 0.0),
+        metadata={"description": "Turns of the tool about the last link's z, its new y and newest x axis [deg]."},
+    )
+
+
+@dataclass(frozen=True)
 class Imperfections:
     """What the simulated robot does beyond the linear model; zero or false is off."""
 
@@ -155,4 +207,11 @@ class SimulateOptions:
         },
     )
     transient_periods: int = field(default=1, metadata={"description": "Periods dropped before recording.", "ge": 0})
+    measured_pose: Literal["motors", "tool"] = field(
+        default="motors",
+        metadata={
+            "description": "Of a `pose_chirp`: the pose that motor encoders and rigid arm give, as controllers report"
+            " it, or where the tool truly is, seen from the carriage of the rail."
+        },
+    )
     seed: int = field(default=1, metadata={"description": "Seed of the noise.", "ge": 0})

@@ -13,7 +13,9 @@ from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.excitation.excitation import CampaignExcitation, Excitation
 from robid.design.excitation.lines import samples_per_period
 from robid.design.excitation.loop import nominal_loop
-from robid.design.excitation.options import TrajectoryOptions
+from robid.design.excitation.options import PoseChirpOptions, TrajectoryOptions
+from robid.design.excitation.pose.design import design_pose_chirp
+from robid.design.excitation.pose.motion import PoseRobot
 from robid.design.excitation.prediction import predict
 from robid.design.excitation.signal import design_signal
 from robid.design.excitation.trajectory.criterion import BaseModel
@@ -25,6 +27,7 @@ from robid.robot.regressor.model import build_rigid_model
 from robid.robot.regressor.options import FrictionForm, RigidOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
+from robid.settings.pose import commanded_channels, input_count, require_pose_interface, tool_arm
 from robid.settings.robot_parts import require_controller
 from robid.stages.chain.design_excitation import STAGE, played_by_others, transient_periods
 from robid.stages.configurations import configurations_of, reach_of
@@ -53,7 +56,7 @@ def run(job: Job) -> str:
 
 def _declared(loaded: LoadedExperiment, campaign: Campaign, sampling_period_s: float) -> Excitation:
     """The lines of a log, which somebody else has played: there are no realizations of ours."""
-    options, n_motor = campaign.excitation, len(loaded.robot.joints)
+    options, n_motor = campaign.excitation, input_count(campaign, loaded.robot)
     excited, detection = campaign_lines(loaded, campaign)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     return Excitation(
@@ -69,8 +72,11 @@ def _declared(loaded: LoadedExperiment, campaign: Campaign, sampling_period_s: f
 
 
 def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
-    campaign, controller = job.campaign, require_controller(job.loaded)
-    options, period_s = campaign.excitation, controller.sampling_period_s
+    campaign, options = job.campaign, job.campaign.excitation
+    if isinstance(options, PoseChirpOptions):
+        return _pose_chirp(job, options, robot, configurations)
+    controller = require_controller(job.loaded)
+    period_s = controller.sampling_period_s
     if isinstance(options, TrajectoryOptions):
         return _trajectory(job, options, robot, configurations, period_s)
     lines, _ = campaign_lines(job.loaded, campaign)
@@ -79,6 +85,21 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     excitation = excitation.first_experiments(campaign.experiments)
     transient = next(iter(transient_periods(campaign).values()))
     return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
+
+
+def _pose_chirp(job: Job, options: PoseChirpOptions, robot: Robot, configurations: FloatArray) -> Excitation:
+    return design_pose_chirp(
+        options,
+        commanded_channels(job.campaign, job.loaded.robot) or (),
+        PoseRobot(
+            tool_arm(job.loaded.robot, robot), require_pose_interface(job.loaded.robot), build_rigid_model(robot)
+        ),
+        configurations,
+        job.campaign.realizations,
+        reach_of(job.loaded, robot),
+        periods=job.campaign.periods,
+        transient_periods=next(iter(transient_periods(job.campaign).values())),
+    )
 
 
 def _trajectory(
@@ -118,7 +139,8 @@ def phrase(output: Path) -> str:
 def show(output: Path, loaded: LoadedExperiment) -> Group | None:
     """Lays out what an excitation will do."""
     content = excitation_from_artifact(read_artifact(output, EXCITATION))
-    return plan_table(content.excitation, tuple(joint.name for joint in loaded.robot.joints), loaded.robot.joint_units)
+    names = tuple(joint.name for joint in loaded.robot.joints)
+    return plan_table(content.excitation, names, loaded.robot.joint_units)
 
 
 def excitation_phrase(excitation: Excitation, n_conf: int) -> str:

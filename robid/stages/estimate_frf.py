@@ -230,4 +230,5 @@ def _phrase(briefs: Sequence[_Brief]) -> str:
 
 
 def _relative(level: FloatArray, frf: Frf) -> FloatArray:
-    return np.asarray(np.diagonal(level / np.abs(frf.response), axis1=-2, axis2=-1))
+    own, size = (np.diagonal(each, axis1=-2, axis2=-1) for each in (level, np.abs(frf.response)))
+    return np.asarray(own / size)

@@ -11,7 +11,7 @@ import numpy as np
 import robid
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.design.excitation.excitation import UNITS, CampaignExcitation
+from robid.design.excitation.excitation import UNITS, CampaignExcitation, Excitation
 from robid.errors import ArtifactError, SettingsError
 from robid.families.encode import encode_mat, encode_table
 from robid.settings.experiment import Campaign
@@ -23,6 +23,7 @@ _HOW = {
     "speed_reference": "Add it to each motor's speed reference, and its integral of zero mean to the angle reference.",
     "position_reference": "Add it to each motor's angle reference.",
     "torque": "Add it to each motor's torque at the controller's output.",
+    "pose_reference": "Command it as displacement from the home pose, along and about the axes of the tool there.",
 }
 
 
@@ -128,12 +129,12 @@ def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joint
     n_real, n_exp, n_sample, _ = excitation.reference.shape
     blocks = f"{counted(n_real, 'realization')} of {counted(n_exp, 'experiment')}"
     lines = [
-        f"{excitation.kind} of all motors at once [{UNITS[excitation.kind]}]: {_HOW[excitation.kind]}",
+        f"{excitation.kind} of {_of(excitation)} [{UNITS[excitation.kind]}]: {_HOW[excitation.kind]}",
         f"One period: {n_sample} samples of {excitation.sampling_period_s:g} s, {excitation.period_s:g} s.",
         f"Repeat it without a gap, at least {counted(transient + periods, 'period')} and one to spare"
         f" ({transient} until the steady state, {periods} to record).",
-        f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log torque and angle of"
-        " every motor, and this reference, at this rate.",
+        f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log {_wanted(excitation)},"
+        " at this rate.",
     ]
     units = readable_units(joints.units, len(joints.names))
     for number, positions in enumerate(readable(content.configurations, joints.units), start=1):
@@ -143,12 +144,30 @@ def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joint
     return lines
 
 
+def _of(excitation: Excitation) -> str:
+    return "one channel after the other" if excitation.channels else "all motors at once"
+
+
+def _wanted(excitation: Excitation) -> str:
+    """What is to be logged."""
+    if excitation.channels:
+        return "the commands as they were sent and the measured pose"
+    return "torque and angle of every motor, and this reference"
+
+
+def _columns(excitation: Excitation, joints: Joints) -> list[str]:
+    """Name and unit of each column of the reference."""
+    if excitation.channels:
+        return [f"{channel.name} [{channel.unit}]" for channel in excitation.channels]
+    return [f"{name} [{UNITS[excitation.kind]}]" for name in joints.names]
+
+
 def _table(
     content: CampaignExcitation, campaign: Campaign, joints: Joints, origin: str, index: tuple[int, ...]
 ) -> bytes:
     excitation = content.excitation
     part = f"Realization {index[0] + 1}, experiment {index[1] + 1}."
-    columns = ["time [s]", *(f"{name} [{UNITS[excitation.kind]}]" for name in joints.names)]
+    columns = ["time [s]", *_columns(excitation, joints)]
     reference = excitation.reference[index]
     time = np.arange(len(reference)) * excitation.sampling_period_s
     notes = [origin, part, *_instructions(content, campaign, joints)]
@@ -165,6 +184,7 @@ def _arrays(content: CampaignExcitation, campaign: Campaign, joints: Joints, ori
         "reference_units": UNITS[excitation.kind],
         "kind": excitation.kind,
         "motor_names": joints.names,
+        "columns": _columns(excitation, joints),
         "time_s": np.arange(excitation.reference.shape[2]) * excitation.sampling_period_s,
         "sampling_period_s": excitation.sampling_period_s,
         "period_s": excitation.period_s,

@@ -217,7 +217,7 @@ def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> Excitatio
 
 
 def _motors(loaded: LoadedExperiment, run: _Run, campaign: str) -> tuple[str, ...]:
-    if campaign in run.frfs:
+    if campaign in run.frfs and not loaded.experiment.campaigns[campaign].moves_poses:
         return run.frfs[campaign].input_names
     return tuple(joint.name for joint in loaded.robot.joints)
 

@@ -20,10 +20,14 @@ from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
+from robid.settings.pose import require_pose_interface, tool_arm
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.settings.truth import true_robot_of
+from robid.signals.quantities import channel_names
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth
+from robid.simulate.pose_loop import PoseExperiment, simulate_poses, with_settled_pose_steps
+from robid.simulate.steps import Steps
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
 from robid.stages.acquire import acquire_configuration, acquire_shots
 from robid.stages.chain.simulate_or_acquire import STAGE, experiment_count
@@ -72,7 +76,7 @@ def _shots(count: int, period_s: float, notes: Sequence[str]) -> str:
 @dataclass(frozen=True)
 class _Task:
     parts: Parts
-    experiment: SimulatedExperiment
+    experiment: SimulatedExperiment | PoseExperiment
     configuration: FloatArray
     index: int
     threads: int
@@ -80,7 +84,10 @@ class _Task:
 
 
 def _simulate_part(task: _Task) -> None:
-    record = simulate(task.experiment, task.configuration, task.index, task.threads)
+    if isinstance(task.experiment, PoseExperiment):
+        record = simulate_poses(task.experiment, task.configuration, task.index, task.threads)
+    else:
+        record = simulate(task.experiment, task.configuration, task.index, task.threads)
     record = replace(record, truth_sha256=task.truth_sha256)
     task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
 
@@ -125,10 +132,9 @@ def _acquire_shots(job: Job) -> str:
 
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
-    experiment = simulated_experiment(job.loaded, job.campaign, options, content)
-    experiment, steps = with_settled_steps(experiment, content.configurations)
+    experiment, steps = _settled(job, options, content)
     n_conf = len(content.configurations)
-    truth = simulated_truth(experiment, delay_s(job.loaded, job.campaign))
+    truth = simulated_truth(experiment, _delay_s(job, experiment))
     digest = truth_sha256(truth)
     parts = Parts(job.output, RECORD, canonical_hash([job.key, digest, steps.count]))
     todo = [index for index in range(n_conf) if not parts.has(index)]
@@ -138,9 +144,45 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     write_truth(job.output.with_name("truth.json"), truth)
     parts.merge(n_conf, job.provenance(STAGE.name, options.seed))
     n_real, n_exp, n_sample, _ = experiment.reference.shape
-    period_s = n_sample * experiment.controller.sampling_period_s
+    period_s = n_sample * content.excitation.sampling_period_s
     said = f"{counted(steps.count, 'RK4 step')} per sample ({steps.reason})"
     return f"{record_phrase((n_conf, n_real, n_exp, experiment.periods), period_s)}, {said}"
+
+
+def _settled(
+    job: Job, options: SimulateOptions, content: CampaignExcitation
+) -> tuple[SimulatedExperiment | PoseExperiment, Steps]:
+    """What is simulated in each configuration, with the number of steps, and why it is that."""
+    if job.campaign.moves_poses:
+        poses = simulated_poses(job.loaded, job.campaign, options, content)
+        return with_settled_pose_steps(poses, content.configurations)
+    experiment = simulated_experiment(job.loaded, job.campaign, options, content)
+    return with_settled_steps(experiment, content.configurations)
+
+
+def _delay_s(job: Job, experiment: SimulatedExperiment | PoseExperiment) -> float:
+    """Delay from what is recorded to what it does [s]."""
+    if isinstance(experiment, PoseExperiment):
+        return experiment.interface.delay_samples * experiment.interface.sampling_period_s
+    return delay_s(job.loaded, job.campaign)
+
+
+def simulated_poses(
+    loaded: LoadedExperiment, campaign: Campaign, options: SimulateOptions, content: CampaignExcitation
+) -> PoseExperiment:
+    """Returns what is simulated in each configuration of a campaign of pose commands, on its true robot."""
+    nominal = loaded.robot.to_robot(campaign.payload_kg)
+    return PoseExperiment(
+        robot=true_robot_of(loaded.robot, campaign.payload_kg, options.truth),
+        arm=tool_arm(loaded.robot, nominal),
+        controller=require_controller(loaded),
+        interface=require_pose_interface(loaded.robot),
+        options=options,
+        channels=channel_names(content.excitation.channels),
+        reference=content.excitation.reference,
+        excited_lines=content.excitation.excited_lines,
+        periods=campaign.periods,
+    )
 
 
 def simulated_experiment(
@@ -160,12 +202,12 @@ def simulated_experiment(
     )
 
 
-def simulated_truth(experiment: SimulatedExperiment, delay_s: float) -> TrueRobot:
+def simulated_truth(experiment: SimulatedExperiment | PoseExperiment, delay_s: float) -> TrueRobot:
     """Returns the true robot of a simulated campaign.
 
     Args:
         experiment: What is simulated.
-        delay_s: Delay from recorded to applied torque [s].
+        delay_s: Delay from recorded to applied torque, or of pose commands [s].
     """
     options = experiment.options
     return TrueRobot(

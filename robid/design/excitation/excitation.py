@@ -15,11 +15,12 @@ from robid.design.excitation.shaping import sensitivity_amplitude
 from robid.errors import SettingsError
 from robid.signals.crest import reduce_crest, reduce_crest_with_motion
 from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
+from robid.signals.quantities import Channel
 
 _PLAYED_SHARE = 1e-6
 """Size of a line, relative to the largest, below which it holds only rounding."""
 
-UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m"}
+UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m", "pose_reference": "m, or rad"}
 
 
 @dataclass(frozen=True)
@@ -82,8 +83,9 @@ class Excitation:
     """What each motor is told to do, one period per realization and experiment.
 
     Attributes:
-        reference (n_real, n_exp, n_sample, n_motor): Injected signal [rad/s, rad or N m].
-        kind: `speed_reference`, `position_reference` or `torque`.
+        reference (n_real, n_exp, n_sample, n_motor): Injected signal [rad/s, rad or N m]; of a pose chirp the commands,
+            a channel of the pose in place of each motor [m, or rad].
+        kind: `speed_reference`, `position_reference`, `torque` or `pose_reference`.
         excited_lines (n_freq,): Excited DFT lines.
         detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
         sampling_period_s: Sampling period of the controller [s].
@@ -91,6 +93,7 @@ class Excitation:
         rms (n_motor,): RMS of each motor's signal, a slow motion left out [as reference].
         crest_factor (n_real, n_exp, n_motor): Peak over RMS, a slow motion left out.
         plan: Predicted motion against the limits, or None before `predict`.
+        channels: What each column of the reference is where it is no motor; empty for motors.
     """
 
     reference: FloatArray
@@ -102,6 +105,7 @@ class Excitation:
     rms: FloatArray
     crest_factor: FloatArray
     plan: ExcitationPlan | None = None
+    channels: tuple[Channel, ...] = ()
 
     @property
     def period_s(self) -> float:

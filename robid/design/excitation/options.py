@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import pi
 from typing import ClassVar, Literal, TypeAlias
+
+from robid.signals.pose import ANGLES
 
 _SIGNAL = {
     "description": "Kind of signal; a chirp excites all lines of the band, a stepped sine those near `count`"
     " frequencies, a Fourier series has random phases and may begin and end at rest. A trajectory moves far, for rigid"
-    " dynamics."
+    " dynamics. A pose chirp moves the tool, for position in and position out."
 }
+_DEG = pi / 180
 _COUNT = {"description": "Number of excited lines, of frequencies of a stepped sine.", "ge": 1}
 _SPACING = {"description": "How the excited lines, or a stepped sine's frequencies, are spaced."}
 
@@ -226,6 +230,50 @@ class TrajectoryOptions:
     decides_lines: ClassVar[tuple[str, ...]] = ("signal", "period_s", "harmonics")
 
 
+@dataclass(frozen=True)
+class PoseChirpOptions:
+    """A chirp of the commanded pose at the rate of the robot's `pose_interface`, one channel after the other.
+
+    Each channel is one experiment. Realizations repeat the same signal, and so do periods.
+    """
+
+    signal: Literal["pose_chirp"] = field(default="pose_chirp", metadata=_SIGNAL)
+    channels: tuple[str, ...] = field(
+        default=(),
+        metadata={
+            "description": "Channels that are moved, in the order of the experiments: X, Y, Z, A, B, C of the tool, R"
+            " of a rail or the names of several external axes; all that the robot has when empty."
+        },
+    )
+    amplitude_mm: float | dict[str, float] = field(
+        default=2.0, metadata={"description": "Largest amplitude of lengths, one for all channels or by channel [mm]."}
+    )
+    amplitude_deg: float | dict[str, float] = field(default=0.1, metadata={"description": "The same of angles [deg]."})
+    period_s: float = field(
+        default=99.996, metadata={"description": "Length of the sweep and of one period [s].", "gt": 0}
+    )
+    low_hz: float = field(default=0.01, metadata={"description": "Frequency at its beginning [Hz].", "gt": 0})
+    high_hz: float = field(default=5.2, metadata={"description": "Frequency at its end [Hz].", "gt": 0})
+    chirp_peak: float = field(
+        default=0.0,
+        metadata={
+            "description": "Where the amplitude is largest, as a share of the sweep; 0 lets it fall throughout.",
+            "ge": 0,
+            "lt": 1,
+        },
+    )
+
+    decides_lines: ClassVar[tuple[str, ...]] = ("signal", "period_s", "low_hz", "high_hz", "chirp_peak")
+    inject: ClassVar[Literal["pose_reference"]] = "pose_reference"
+    seed: ClassVar[None] = None
+
+    def amplitude(self, channel: str) -> float | None:
+        """Returns the largest amplitude of a channel, None where it is not stated [m, or rad]."""
+        stated, unit = (self.amplitude_deg, _DEG) if channel in ANGLES else (self.amplitude_mm, 1e-3)
+        value = stated.get(channel) if isinstance(stated, dict) else stated
+        return None if value is None else value * unit
+
+
 SweepOptions: TypeAlias = ChirpOptions | SteppedSineOptions
 PerturbationOptions: TypeAlias = MultisineOptions | ChirpOptions | SteppedSineOptions | FourierOptions
-ExcitationOptions: TypeAlias = PerturbationOptions | TrajectoryOptions
+ExcitationOptions: TypeAlias = PerturbationOptions | TrajectoryOptions | PoseChirpOptions

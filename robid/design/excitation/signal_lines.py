@@ -12,6 +12,7 @@ from robid.design.excitation.options import (
     ExcitationOptions,
     FourierOptions,
     PerturbationOptions,
+    PoseChirpOptions,
     SteppedSineOptions,
     SweepOptions,
     TrajectoryOptions,
@@ -41,13 +42,21 @@ def signal_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[
     if isinstance(options, TrajectoryOptions):
         return np.arange(1, options.harmonics + 1), np.zeros(0, int)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
-    magnitude = np.abs(np.fft.rfft(sweep(options, sampling_period_s)))
-    frequency = np.arange(n_sample // 2 + 1) / options.period_s
-    band = (frequency >= options.low_hz - 1e-9) & (frequency <= options.high_hz + 1e-9) & _not_slow(options, n_sample)
-    carrying = band & (magnitude >= LINE_SHARE * magnitude[band].max(initial=0.0)) & (magnitude > 0)
+    if isinstance(options, PoseChirpOptions):
+        everywhere = np.ones(n_sample // 2 + 1, bool)
+        return np.flatnonzero(_carrying(options, pose_chirp(options, sampling_period_s), everywhere)), np.zeros(0, int)
+    carrying = _carrying(options, sweep(options, sampling_period_s), _not_slow(options, n_sample))
     if options.grid == "odd":
         carrying[::2] = False
     return np.flatnonzero(carrying), np.zeros(0, int)
+
+
+def _carrying(options: SweepOptions | PoseChirpOptions, signal: FloatArray, allowed: BoolArray) -> BoolArray:
+    """Which lines (n_lines,) of the band, of those allowed, a sweep really carries."""
+    magnitude = np.abs(np.fft.rfft(signal))
+    frequency = np.arange(len(magnitude)) / options.period_s
+    band = (frequency >= options.low_hz - 1e-9) & (frequency <= options.high_hz + 1e-9) & allowed
+    return np.asarray(band & (magnitude >= LINE_SHARE * magnitude[band].max(initial=0.0)) & (magnitude > 0))
 
 
 def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
@@ -59,6 +68,8 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     if isinstance(options, TrajectoryOptions):
         problems = _trajectory_problems(options, n_sample)
+    elif isinstance(options, PoseChirpOptions):
+        problems = _band_problems(options, sampling_period_s)
     else:
         problems = _perturbation_problems(options, n_sample, sampling_period_s)
     if problems:
@@ -92,7 +103,7 @@ def _perturbation_problems(options: PerturbationOptions, n_sample: int, sampling
     return problems
 
 
-def _sweep_problems(options: SweepOptions, n_sample: int, sampling_period_s: float) -> list[str]:
+def _band_problems(options: SweepOptions | PoseChirpOptions, sampling_period_s: float) -> list[str]:
     problems = []
     if options.low_hz >= options.high_hz:
         problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
@@ -101,6 +112,11 @@ def _sweep_problems(options: SweepOptions, n_sample: int, sampling_period_s: flo
         problems.append(
             f"high_hz {options.high_hz:g} is not below the Nyquist frequency {nyquist:g} Hz (lower high_hz)"
         )
+    return problems
+
+
+def _sweep_problems(options: SweepOptions, n_sample: int, sampling_period_s: float) -> list[str]:
+    problems = _band_problems(options, sampling_period_s)
     if options.grid == "odd" and n_sample % 2:
         problems.append(f"a period of {n_sample} samples has no half, which odd lines need (change period_s or grid)")
     if isinstance(options, SteppedSineOptions) and not problems:
@@ -136,6 +152,13 @@ def _not_slow(options: PerturbationOptions, n_sample: int) -> BoolArray:
 def _steps_hz(options: SteppedSineOptions) -> FloatArray:
     spread = np.geomspace if options.spacing == "log" else np.linspace
     return np.asarray(spread(options.low_hz, options.high_hz, options.count))
+
+
+def pose_chirp(options: PoseChirpOptions, sampling_period_s: float) -> FloatArray:
+    """One period of a chirp of amplitude one that begins and ends at zero."""
+    n_sample = samples_per_period(options.period_s, sampling_period_s)
+    low, high = options.low_hz * sampling_period_s, options.high_hz * sampling_period_s
+    return chirp(low, high, n_sample, peak=options.chirp_peak)
 
 
 def sweep(options: SweepOptions, sampling_period_s: float) -> FloatArray:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
 
-from robid.design.excitation.options import TrajectoryOptions
+from robid.design.excitation.options import PoseChirpOptions, TrajectoryOptions
 from robid.design.excitation.signal_lines import check_signal
 from robid.errors import SettingsError
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
@@ -14,10 +14,12 @@ from robid.settings.checks.designs import check_designs
 from robid.settings.checks.handed_on import check_handed_on
 from robid.settings.checks.limits import check_limits
 from robid.settings.checks.logs import check_channels, check_logs
+from robid.settings.checks.pose import check_pose_campaign
 from robid.settings.checks.truth import check_truth
 from robid.settings.checks.without_robot import check_without_robot
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import Families, FitSettings
+from robid.settings.pose import commanded_channels
 from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import Document, FieldPath
@@ -60,9 +62,11 @@ def check_experiment(
 
 
 def sampling_period_s(campaign: Campaign, robot: RobotFile) -> float | None:
-    """Returns the sampling period of a campaign: the log's, else the controller's [s]."""
+    """Returns the sampling period of a campaign: the log's, else the pose interface's or the controller's [s]."""
     if campaign.source is not None and campaign.source.acquire is not None:
         return campaign.source.acquire.sampling_period_s
+    if campaign.moves_poses:
+        return None if robot.pose_interface is None else robot.pose_interface.sampling_period_s
     return None if robot.controller is None else robot.controller.sampling_period_s
 
 
@@ -70,7 +74,8 @@ def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
     """Returns the names of a campaign's outputs; a simulation measures every motor."""
     if campaign.source is not None and campaign.source.acquire is not None:
         return tuple(channel.name for channel in campaign.source.acquire.outputs)
-    return (*(joint.name for joint in robot.joints), *campaign.outputs[1:])
+    motors = tuple(joint.name for joint in robot.joints)
+    return (*(commanded_channels(campaign, robot) or motors), *campaign.outputs[1:])
 
 
 def _folders(experiment: Experiment) -> _Found:
@@ -94,7 +99,7 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
     if isinstance(campaign.excitation, TrajectoryOptions):
         if campaign.experiments is not None:
             yield (*field, "experiments"), "a trajectory is one experiment in each realization: leave it out"
-    else:
+    elif not isinstance(campaign.excitation, PoseChirpOptions):
         rms = campaign.excitation.rms
         if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
             yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
@@ -108,18 +113,19 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     n_joint = len(robot.joints)
     if campaign.configurations is not None:
         yield from check_reachable((*field, "configurations"), campaign.configurations, robot)
-    rms = () if isinstance(campaign.excitation, TrajectoryOptions) else campaign.excitation.rms
+    rms = () if isinstance(campaign.excitation, TrajectoryOptions | PoseChirpOptions) else campaign.excitation.rms
     if isinstance(rms, tuple) and rms and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
     acquire = None if campaign.source is None else campaign.source.acquire
     if not campaign.is_one_shot:
-        if not campaign.is_trajectory:
+        if not (campaign.is_trajectory or campaign.moves_poses):
             yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
         yield from _lines(field, campaign, robot)
     if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
         yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
     yield from _outputs(field, campaign, robot)
+    yield from check_pose_campaign(field, campaign, robot)
     if acquire is not None:
         yield from check_channels(field, acquire, robot)
     elif campaign.source is not None and campaign.source.simulate is not None:

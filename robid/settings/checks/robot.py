@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from robid.robot.description import Inertial
 from robid.robot.inertia import remove
 from robid.robot.parameters import PARAMETER_KINDS
+from robid.settings.checks.pose import check_pose_interface
 from robid.settings.checks.rigid import check_counterbalances, check_loop_links
 from robid.settings.checks.robot_missing import missing
 from robid.settings.plausible import implausible
@@ -38,6 +39,7 @@ def check_robot(
     checks = (_names, missing, _joints, _values, _couplings, _splits, _payload, _loop_bodies, _base, _sensors, _assumed)
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
     found += check_counterbalances(robot)
+    found += check_pose_interface(robot)
     # Whether loops close is asked of a robot that is otherwise right.
     found += check_loop_links(robot) if not found else []
     found += implausible(robot)

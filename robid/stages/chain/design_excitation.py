@@ -28,7 +28,9 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
         settings |= {f"{section}.{key}": plain[key] for key in read}
         settings |= {f"{section}.source.{key}": value for key, value in transient_periods(campaign).items()}
         settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
-        if campaign.is_trajectory:
+        if campaign.moves_poses:
+            settings |= robot_settings(loaded, "mechanics", "rigid", "range", "motor_limits", "friction", "pose")
+        elif campaign.is_trajectory:
             settings |= robot_settings(loaded, "mechanics", "rigid", "range", "motor_limits", "friction", "controller")
     else:
         settings[f"{section}.excitation"] = line_settings(campaign)

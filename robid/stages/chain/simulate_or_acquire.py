@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.artifacts.record import RECORD
 from robid.artifacts.truth import check_vouched
-from robid.settings.robot_parts import require_controller, robot_settings
+from robid.settings.robot_parts import Part, require_controller, robot_settings
 from robid.simulate.options import STEP_LIMITS
 from robid.stages.stage import Job, Plan, Stage, measured_campaigns
 
@@ -37,18 +37,26 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     simulated = None if campaign.source is None else campaign.source.simulate
     if simulated is None or simulated.steps_per_sample is None:
         settings["steps_per_sample"] = dict(STEP_LIMITS)
-    settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", "sensors")
+    settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", _told(campaign))
     return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
 
 
-def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
-    """Torque and angle of all samples, once in the parts and once merged."""
-    from robid.settings.checks.configurations import configuration_count
+def _told(campaign: Campaign) -> Part:
+    """The part of the robot file that says what is recorded."""
+    return "pose" if campaign.moves_poses else "sensors"
 
-    n_motor, period_s = len(loaded.robot.joints), require_controller(loaded).sampling_period_s
-    n_channel = 2 * n_motor + len(campaign.outputs) - 1
+
+def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
+    """Inputs and outputs of all samples, once in the parts and once merged."""
+    from robid.settings.checks.configurations import configuration_count
+    from robid.settings.checks.experiment import sampling_period_s
+    from robid.settings.pose import input_count
+
+    n_input = input_count(campaign, loaded.robot)
+    period_s = sampling_period_s(campaign, loaded.robot) or require_controller(loaded).sampling_period_s
+    n_channel = 2 * n_input + len(campaign.outputs) - 1
     blocks = (configuration_count(loaded.experiment, campaign) or 0) * campaign.realizations
-    experiments = blocks * campaign.block_size(n_motor)
+    experiments = blocks * campaign.block_size(n_input)
     samples = experiments * campaign.periods * campaign.excitation.period_s / period_s
     return 2 * _BYTES_PER_SAMPLE * samples * n_channel
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robid.arrays import FloatArray
 from robid.signals.pose import displaced_pose, displacement, rotation_from_zyx, zyx_from_rotation
-from tests.tolerances import IDENTITY
+from tolerances import IDENTITY
 
 _ABC = np.random.default_rng(1).uniform([-3, -1.5, -3], [3, 1.5, 3], (20, 3))
 

@@ -1,0 +1,1 @@
+"""Chirps of the commanded pose. Read `motion`, `limits`, then `design`."""

@@ -1,0 +1,178 @@
+"""Whether a robot can follow pose commands: reach, joint limits, motor speeds and torques, floor and shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.design.excitation.pose.motion import PoseMotion
+from robid.errors import SettingsError
+from robid.robot.description import Robot
+from robid.robot.reach import Reach
+from robid.signals.pose import ANGLES
+
+_LOOKED_AT = 12
+"""Poses of each experiment that are held against floor and shapes."""
+
+
+@dataclass(frozen=True)
+class PoseLimits:
+    """What a motion may use.
+
+    Attributes:
+        lower (n_joint,): Least joint positions [rad, or m].
+        upper (n_joint,): Greatest joint positions [rad, or m].
+        speed (n_joint,): Motor speeds [rad/s].
+        torque (n_joint,): Motor torques [N m].
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    speed: FloatArray
+    torque: FloatArray
+
+    @property
+    def middle(self) -> FloatArray:
+        """Middles of the joints' ranges (n_joint,) [rad, or m]."""
+        return np.asarray((self.lower + self.upper) / 2)
+
+    @property
+    def whole(self) -> FloatArray:
+        """Limits (3, n_joint) of speed, torque and distance from the middle of the range."""
+        return np.array([self.speed, self.torque, (self.upper - self.lower) / 2])
+
+
+def pose_limits(robot: Robot) -> PoseLimits:
+    """Returns the limits of a robot file."""
+    return PoseLimits(
+        lower=robot.lower,
+        upper=robot.upper,
+        speed=np.array([joint.motor.max_speed_rad_s for joint in robot.joints]),
+        torque=np.array([joint.motor.max_torque_nm for joint in robot.joints]),
+    )
+
+
+def used(motion: PoseMotion, limits: PoseLimits) -> tuple[FloatArray, FloatArray]:
+    """Returns least and greatest speed, torque and distance from the middle (3, n_exp, n_joint) of a motion."""
+    every = np.stack([motion.speed, motion.torque, motion.path.positions - limits.middle])
+    return every.min(axis=2), every.max(axis=2)
+
+
+def check_poses(
+    robot: Robot,
+    channels: Sequence[str],
+    configurations: FloatArray,
+    motions: Sequence[PoseMotion],
+    commands: FloatArray,
+    reach: Reach,
+) -> None:
+    """Refuses commands that the robot cannot follow from one of its homes.
+
+    Args:
+        robot: The nominal robot.
+        channels: Names of the commands, one experiment each.
+        configurations (n_conf, n_joint): Homes, arm side [rad, or m].
+        motions: The motion from each.
+        commands (n_exp, n_sample, n_channel): One period [m, rad].
+        reach: Floor and shapes.
+
+    Raises:
+        SettingsError: With the worst of each channel, its home and the amplitude that would do.
+    """
+    limits, found = pose_limits(robot), []
+    for column, channel in enumerate(channels):
+        own = commands[column, :, column]
+        told = [
+            (share, index, text)
+            for index, motion in enumerate(motions)
+            for share, text in _problems(robot, limits, motion, column, own, reach)
+        ]
+        if told:
+            share, index, text = min(told)
+            homes = {home for _, home, _ in told}
+            others = f" and {len(homes) - 1} more" if len(homes) > 1 else ""
+            admissible = _floor(share) * float(np.abs(own).max()) * _factor(channel)
+            found.append(
+                f"channel {channel}, configuration {index + 1} ({robot.shown(configurations[index])}){others}: {text};"
+                f" about {admissible:.3g} {_unit(channel)} would do"
+            )
+    if found:
+        raise SettingsError(
+            "The robot cannot follow the commanded poses:\n  " + "\n  ".join(found),
+            where="excitation",
+            remedy="lower `amplitude_mm` and `amplitude_deg` of these channels or `high_hz`, or begin from other homes",
+        )
+
+
+def _problems(
+    robot: Robot, limits: PoseLimits, motion: PoseMotion, experiment: int, own: FloatArray, reach: Reach
+) -> Iterator[tuple[float, str]]:
+    """Admissible share of the amplitude, and what keeps the robot from more."""
+    share = motion.path.share[experiment]
+    if share.min() < 1:
+        yield float(share.min()), _unreached(robot, motion)
+        return
+    least, most = (each[:, experiment] for each in used(motion, limits))
+    offset = np.zeros_like(least)
+    home = motion.path.positions[experiment, np.argmin(np.abs(own))]
+    offset[1], offset[2] = motion.static, home - limits.middle
+    room = admissible(least, most, offset, limits.whole)
+    for index, quantity in enumerate(("speed", "torque", "position")):
+        joint = int(np.argmin(room[index]))
+        if room[index, joint] < 1:
+            yield float(room[index, joint]), _exceeded(robot, limits, quantity, joint, least[index], most[index])
+    order = np.argsort(own)
+    looked = motion.path.positions[experiment, order[np.linspace(0, len(order) - 1, _LOOKED_AT).astype(int)]]
+    hits = reach.problems(np.clip(looked, limits.lower, limits.upper)) if _looks(reach) else []
+    amounts = np.abs(np.sort(own)[np.linspace(0, len(order) - 1, _LOOKED_AT).astype(int)])
+    for hit, amount in zip(hits, amounts.tolist(), strict=False):
+        if hit:
+            yield max(amount / float(np.abs(own).max()) - 2 / _LOOKED_AT, 0.0), hit
+
+
+def admissible(least: FloatArray, most: FloatArray, offset: FloatArray, limits: FloatArray) -> FloatArray:
+    """Factor on a motion about an offset at which each quantity meets its limit; arrays of one shape."""
+    with np.errstate(divide="ignore"):
+        upward = (limits - offset) / np.maximum(most - offset, 0)
+        downward = (limits + offset) / np.maximum(offset - least, 0)
+    return np.asarray(np.maximum(np.minimum(upward, downward), 0))
+
+
+def _unreached(robot: Robot, motion: PoseMotion) -> str:
+    names = [f"`{joint.name}`" for joint, loose in zip(robot.joints, motion.path.loose.tolist(), strict=True) if loose]
+    if names:
+        return f"the arm is stretched out or singular on the way: {', '.join(names)} turn without moving the tool"
+    return "the pose is out of the arm's reach"
+
+
+def _exceeded(robot: Robot, limits: PoseLimits, quantity: str, joint: int, least: FloatArray, most: FloatArray) -> str:
+    name = robot.joints[joint].name
+    if quantity != "position":
+        unit, limit = ("rad/s", limits.speed) if quantity == "speed" else ("N m", limits.torque)
+        peak = max(float(most[joint]), -float(least[joint]))
+        return f"motor {name}: {quantity} peak {peak:.4g} {unit} exceeds {limit[joint]:.4g} {unit}"
+    unit, factor = ("m", 1.0) if robot.joints[joint].type == "prismatic" else ("deg", 180 / np.pi)
+    side = most[joint] if most[joint] + least[joint] > 0 else least[joint]
+    at = float(side + limits.middle[joint]) * factor
+    ends = f"{limits.lower[joint] * factor:.4g} to {limits.upper[joint] * factor:.4g} {unit}"
+    return f"joint `{name}` would go to {at:.4g} {unit}, but moves from {ends}"
+
+
+def _looks(reach: Reach) -> bool:
+    return reach.floor_m is not None or reach.shapes is not None
+
+
+def _unit(channel: str) -> str:
+    return "deg" if channel in ANGLES else "mm"
+
+
+def _factor(channel: str) -> float:
+    return 180 / np.pi if channel in ANGLES else 1e3
+
+
+def _floor(share: float) -> float:
+    """Rounds a share down to two digits."""
+    return float(np.floor(share * 100) / 100)
