@@ -11,6 +11,7 @@ from robid.frf.options import EstimateOptions
 from robid.frf.residual import EstimatorKind
 from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
+from robid.settings.external_study import OliveiraStudy
 from robid.validation.step_options import StepOptions
 
 PaperFile: TypeAlias = Annotated[
@@ -282,7 +283,8 @@ class JanotStudy(Section):
 
 
 Study: TypeAlias = Annotated[
-    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy, Field(discriminator="kind")
+    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy | OliveiraStudy,
+    Field(discriminator="kind"),
 ]
 
 

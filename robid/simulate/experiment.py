@@ -19,6 +19,7 @@ from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.outputs import FurtherOutputs, further_channels
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
 from robid.simulate.truth import recorded_torque_factor
+from robid.simulate.varying import VaryingStiffness
 
 
 @dataclass(frozen=True)
@@ -136,10 +137,14 @@ class _Run:
         self._motor, self._turns = model.motor, model.turns
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
+        self._varying = VaryingStiffness(model, batch, experiment.controller.sampling_period_s)
+        self._varying.follow()
         batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
         self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
+        resolution = self._further.resolution(experiment.options.imperfections)
+        self._stepped, self._step = np.flatnonzero(resolution), resolution[resolution > 0]
         self._rest = model.motor_angles(batch.qpos)
         zero = np.zeros_like(self._reference)
         speed, angle, torque = zero, zero, zero
@@ -177,12 +182,16 @@ class _Run:
             angle[sample, :, : self._motor.size], torque[sample] = measured, command
             self._pending.append(command)
             ctrl[:] = self._pending.pop(0) + disturbance[sample]
+            self._varying.follow()
             if not self.names:
                 batch.step(nstep=steps)
                 continue
             arms = self._further.arms()
             batch.step(nstep=1)  # sensors show the state at its beginning
-            angle[sample, :, self._motor.size :] = self._further.read(arms) + further[sample]
+            shown = self._further.read(arms) + further[sample]
+            if self._stepped.size:
+                shown[:, self._stepped] = np.rint(shown[:, self._stepped] / self._step) * self._step
+            angle[sample, :, self._motor.size :] = shown
             if steps > 1:
                 batch.step(nstep=steps - 1)
 

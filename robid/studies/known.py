@@ -13,6 +13,7 @@ from robid.settings.yaml import FieldPath
 from robid.studies.frf import FRF_STUDY
 from robid.studies.janot2009 import JANOT2009
 from robid.studies.mistakes import MISTAKES
+from robid.studies.oliveira2019 import OLIVEIRA2019
 from robid.studies.study import Study
 from robid.studies.wernholt2008 import WERNHOLT2008
 from robid.studies.zimmermann2023 import ZIMMERMANN2023
@@ -23,6 +24,7 @@ STUDIES: Mapping[str, Study] = {
     "zimmermann2023": ZIMMERMANN2023,
     "mistakes": MISTAKES,
     "janot2009": JANOT2009,
+    "oliveira2019": OLIVEIRA2019,
 }
 
 

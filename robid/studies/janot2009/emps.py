@@ -14,8 +14,9 @@ from robid.pipeline import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table
 from robid.settings.yaml import load_yaml
-from robid.studies.janot2009.elsewhere import missing_log, run_of
-from robid.studies.janot2009.part import Asked, PartFound, study_of
+from robid.studies.elsewhere import missing_log, run_of
+from robid.studies.janot2009.section import study_of
+from robid.studies.part import Asked, PartFound
 
 _FITS = ("axis", "asymmetric")
 _KINDS = {"inertia": "M", "mass": "M", "viscous": "Fv", "coulomb": "Fc", "torque_offset": "offset"}

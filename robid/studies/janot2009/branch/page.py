@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.section import Section
-from robid.studies.janot2009.part import PartFound, study_of
+from robid.studies.janot2009.section import study_of
 from robid.studies.janot2009.seeded.chunks import FILTERS, gather
 from robid.studies.janot2009.seeded.figures import (
     VERDICTS,
@@ -16,6 +16,7 @@ from robid.studies.janot2009.seeded.figures import (
     verdict_figures,
     verdict_parts,
 )
+from robid.studies.part import PartFound
 
 
 def conclude_branch(run: Run, results: Sequence[Artifact]) -> PartFound | None:

@@ -10,7 +10,7 @@ from robid.settings.robot_parts import require_controller, robot_settings
 from robid.stages.configurations import configurations_of
 from robid.studies.janot2009.branch.motion import Branch
 from robid.studies.janot2009.branch.rig import make_rig, record_branch
-from robid.studies.janot2009.part import study_of
+from robid.studies.janot2009.section import study_of
 from robid.studies.janot2009.seeded.chunks import Chunk, chunk_tasks, judge_chunk
 from robid.studies.tasks import Content, Task
 

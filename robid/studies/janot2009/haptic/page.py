@@ -13,7 +13,7 @@ from robid.pipeline import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Section, Table
 from robid.settings.study import SeededCase
-from robid.studies.janot2009.part import Asked, PartFound, study_of
+from robid.studies.janot2009.section import study_of
 from robid.studies.janot2009.seeded.chunks import BENDS, FILTERS, Judged, gather
 from robid.studies.janot2009.seeded.figures import (
     VERDICTS,
@@ -27,6 +27,7 @@ from robid.studies.janot2009.seeded.figures import (
     verdict_parts,
 )
 from robid.studies.paper import paper_figures
+from robid.studies.part import Asked, PartFound
 
 _PLAIN, _HUBER, _PAPERS_BEND = range(3)
 _SIGMA = "sigma"

@@ -11,7 +11,8 @@ from robid.pipeline import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.studies.janot2009.kr300.runs import JOINTS
-from robid.studies.janot2009.part import Asked, PartFound, study_of
+from robid.studies.janot2009.section import study_of
+from robid.studies.part import Asked, PartFound
 
 _FRICTION = (".viscous", ".coulomb")
 

@@ -24,8 +24,8 @@ from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, SimulateOptions, Truth
 from robid.simulate.truth import true_robot
 from robid.stages.configurations import configurations_of
-from robid.studies.janot2009.elsewhere import run_of
-from robid.studies.janot2009.part import study_of
+from robid.studies.elsewhere import run_of
+from robid.studies.janot2009.section import study_of
 from robid.studies.simulated import simulate_options
 from robid.studies.tasks import Content, Task
 

@@ -13,8 +13,8 @@ from robid.fit.rigid.solution import RowResiduals
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Figure, Notes, Part, Table
 from robid.settings.study import SeededCase
-from robid.studies.janot2009.part import Asked
 from robid.studies.janot2009.seeded.chunks import FILTERS, TESTS, Judged
+from robid.studies.part import Asked
 
 VERDICTS = {"good": Asked(lower=0.95), "bad": Asked(lower=0.95)}
 _BIAS_ALLOWED = 2.0  # per cent

@@ -11,9 +11,10 @@ from robid.families.rigid.files import solution_from_artifact
 from robid.pipeline import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table
-from robid.studies.janot2009.elsewhere import missing_log, run_of
-from robid.studies.janot2009.part import Asked, PartFound, study_of
+from robid.studies.elsewhere import missing_log, run_of
+from robid.studies.janot2009.section import study_of
 from robid.studies.janot2009.tx40.published import published_rows, tx40_figures
+from robid.studies.part import Asked, PartFound
 
 _ASKED = {
     "tx40.max_inertia_error_percent": Asked(upper=15.0),

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from robid.studies.janot2009.haptic.page import variations
-from robid.studies.janot2009.part import Asked
 from robid.studies.janot2009.seeded.chunks import Judged
 from robid.studies.janot2009.seeded.figures import errors_of, verdict_figures
+from robid.studies.part import Asked
 
 TRUTH = np.array([2.0, 3.0, 4.0])
 

@@ -1,17 +1,15 @@
-"""What a part of the study is: its tasks, and what it found."""
+"""What a part of a study is: its tasks, what it found, and what is asked of that."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.section import Section
-from robid.settings.load import LoadedExperiment
-from robid.settings.study import JanotStudy
-from robid.studies.study import Step
-from robid.studies.tasks import Content, Function, Task
+from robid.studies.study import Earlier, Step
+from robid.studies.tasks import Content, Function, Results, Task
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class PartFound:
-    """What a part of the study found.
+    """What a part of a study found.
 
     Attributes:
         figures: Figures by their name in summary.json.
@@ -62,7 +60,7 @@ def _none_further(_run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the study.
+    """A part of a study of several.
 
     Attributes:
         name: Its name, and that of the folder of its tasks.
@@ -70,6 +68,7 @@ class Part:
         tasks: Its tasks.
         function: Does one of them.
         further: Other experiments that it reads, each with outputs of its chain.
+        following: Its tasks where these need what parts before it found, by their name; in the place of `tasks`.
     """
 
     name: str
@@ -77,17 +76,14 @@ class Part:
     tasks: Callable[[Run], list[Task]] = _no_tasks
     function: Function = _nothing
     further: Callable[[Run], tuple[tuple[Run, tuple[str, ...]], ...]] = _none_further
+    following: Callable[[Run, Mapping[str, Results]], list[Task]] | None = None
 
-    @property
-    def step(self) -> Step:
-        """Its tasks as a step of the study; they wait for no others."""
-        return Step(self.name, lambda run, _: self.tasks(run), self.function)
+    def step(self, before: Sequence[str]) -> Step:
+        """Returns its tasks as a step of the study, the parts before it named."""
 
+        def tasks(run: Run, earlier: Earlier) -> list[Task]:
+            if self.following is None:
+                return self.tasks(run)
+            return self.following(run, dict(zip(before, earlier, strict=True)))
 
-def study_of(loaded: LoadedExperiment) -> JanotStudy:
-    """Returns the study of an experiment that has one of this kind."""
-    study = loaded.experiment.study
-    if not isinstance(study, JanotStudy):
-        message = "the study is of another kind"
-        raise TypeError(message)
-    return study
+        return Step(self.name, tasks, self.function)

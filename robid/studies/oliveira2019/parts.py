@@ -1,0 +1,23 @@
+"""The parts of the study, in the order of its page."""
+
+from __future__ import annotations
+
+from robid.settings.load import LoadedExperiment
+from robid.studies.oliveira2019.plants.coverage import conclude_coverage, cover, coverage_tasks
+from robid.studies.oliveira2019.plants.page import conclude_plants
+from robid.studies.oliveira2019.plants.runs import identify, plants_tasks
+from robid.studies.oliveira2019.section import study_of
+from robid.studies.oliveira2019.synthetic import conclude_synthetic, find, synthetic_tasks
+from robid.studies.paper import paper_figures
+from robid.studies.part import Part
+
+PARTS = (
+    Part("plants", conclude_plants, plants_tasks, identify),
+    Part("coverage", conclude_coverage, function=cover, following=coverage_tasks),
+    Part("synthetic", conclude_synthetic, synthetic_tasks, find),
+)
+
+
+def prepare(loaded: LoadedExperiment) -> None:
+    """Refuses a file of the paper's figures that cannot be read."""
+    paper_figures(study_of(loaded).paper, loaded)

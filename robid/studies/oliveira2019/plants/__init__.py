@@ -1,0 +1,1 @@
+"""The paper's transfer functions as plants. Read `bench`, `identification`, `runs`, `coverage`, then `page`."""
