@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _ROUNDS = 4
 _HOPELESS = 0.02  # per sample, difference of the criterion past which nothing is polished
+_EVEN = 2.0  # difference of the criterion that is not worth a mention
 _STRONG = 10.0  # difference of the criterion that counts as strong evidence
 
 
@@ -72,7 +73,8 @@ def choose_structure(
         shots, inputs, outputs, common, choose_on, hopeless if options.rule == "evidence" else np.inf
     )
     delays, orders = _delays(options), _orders(options)
-    delay = _profile(candidates, orders[-1], delays, hopeless)
+    # Zeros of a rich structure stand in for delay; the longest that explains as much leaves them the least to do.
+    delay = _profile(candidates, orders[-1], delays, hopeless, slack=_STRONG)
     for _ in range(_ROUNDS):
         best = _select(candidates, orders, delay, options)
         again = _profile(candidates, _order(best), delays, hopeless)
@@ -89,15 +91,20 @@ def _order(candidate: Candidate) -> tuple[int, int]:
     return candidate.structure.poles, candidate.structure.zeros
 
 
-def _profile(candidates: Candidates, order: tuple[int, int], delays: Sequence[int], hopeless: float) -> int:
-    """Returns the best delay of a structure; past it a longer one soon has to foresee the command."""
+def _profile(
+    candidates: Candidates, order: tuple[int, int], delays: Sequence[int], hopeless: float, slack: float = 0.0
+) -> int:
+    """Returns the longest delay of a structure that is as good as the best but for a slack.
+
+    Past it a longer one soon has to foresee the command.
+    """
     fits: list[Candidate] = []
     for delay in delays:
         fits.append(candidates.fit(*order, delay))
         least = min(each.bic for each in fits)
         if all(each.bic > least + hopeless for each in fits[-2:]):
             break
-    return min(fits, key=lambda each: each.bic).structure.delay_samples
+    return max(each.structure.delay_samples for each in fits if each.bic <= least + slack)
 
 
 def _look_about(
@@ -105,14 +112,25 @@ def _look_about(
 ) -> Candidate:
     """Tries simpler structures at other delays that explain the data as well: zeros may have stood in for delay."""
     seen = {best.structure.delay_samples}
-    while True:
-        alike = {each.structure.delay_samples for each in candidates.tried if each.bic < best.bic + _STRONG} - seen
-        if not alike:
-            return best
-        for delay in alike:
-            simpler = [order for order in orders if order <= _order(best) or sum(order) < sum(_order(best))]
+    while alike := _delays_alike(candidates) - seen:
+        for delay in sorted(alike):
+            simpler = [order for order in orders if order[0] <= best.structure.poles]
             best = min(best, _select(candidates, simpler, delay, options), key=lambda each: each.bic)
         seen |= alike
+    # What evidence cannot tell apart is decided for the fewer poles.
+    even = [each for each in candidates.tried if each.bic <= best.bic + _EVEN]
+    return min(even, key=lambda each: (each.structure.poles, each.bic))
+
+
+def _delays_alike(candidates: Candidates) -> set[int]:
+    """Returns the delays at which some structure explains the data about as well as at any other."""
+    found = set()
+    for order in {_order(each) for each in candidates.tried}:
+        fits = [each for each in candidates.tried if _order(each) == order]
+        least = min(each.bic for each in fits)
+        if len(fits) > 1:
+            found |= {each.structure.delay_samples for each in fits if each.bic < least + _STRONG}
+    return found
 
 
 def _delays(options: ExternalOptions) -> list[int]:

@@ -16,7 +16,7 @@ from robid.fit.external.starting import guess, refine
 
 _GUESSES = (0.4, 1.5, 5.0)  # times the outputs' own frequency
 _SOFT = 0.01  # of an output
-_ALIKE = 1.0  # rise of the cost, in variances
+_ALIKE = 4.0  # rise of the cost, in variances
 _UNSEEN = 20.0
 _WEIGHT_PASSES = 6
 _WEIGHT_TOLERANCE = 0.01
