@@ -30,7 +30,9 @@ def readable_units(units: Sequence[str] | None, n_joint: int) -> tuple[str, ...]
 
 
 def shown(positions: FloatArray, units: Sequence[str] | None) -> str:
-    """Writes the positions (n_joint,) of one configuration."""
+    """Writes the positions (n_joint,) of one configuration; without any joint it is where the robot was."""
+    if not len(positions):
+        return "home"
     values = readable(positions, units)
     if units is None:
         return f"{np.array2string(values, precision=1)} deg"

@@ -56,8 +56,10 @@ def _report(shown: Shown) -> FitReport:
     return report(shown)
 
 
-def _compare(_every: Sequence[Shown]) -> dict[str, float]:
-    return {}
+def _compare(every: Sequence[Shown]) -> dict[str, float]:
+    from robid.families.external.fitting import compare
+
+    return compare(every)
 
 
 def _seed(_settings: FitSettings) -> int | None:

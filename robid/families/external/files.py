@@ -105,6 +105,7 @@ _SOLUTION = {
     "external/excitation/command_resolution": Column("as of the command", _OWN_CHANNEL),
     "external/excitation/answer_resolution": Column(_OWN, _OWN_CHANNEL),
     "external/findings": Column("1", ("finding",), "What is doubtful about the data"),
+    "external/homes": Column("rad; m", ("home", "joint"), "Configurations of the fit's records"),
     "external/remarks": Column("1", ("remark",), "What else is to be known of the models"),
 }
 _VALIDATION = {

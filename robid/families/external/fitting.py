@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.grade import grade_from_artifact
 from robid.errors import DataError
 from robid.families.external.files import model_of, solution_from_artifact, validation_of
 from robid.families.external.settings import external_fit
-from robid.families.family import Data, Work
-from robid.fit.external.data import Shot, commands_of, shots_of
+from robid.families.family import Data, Shown, Work
+from robid.fit.external.data import commands_of, shots_of
 from robid.fit.external.fitting import fit_external
 from robid.fit.external.options import ExternalOptions
-from robid.signals.quantities import describe
+from robid.fit.external.solution import Ports
+from robid.signals.quantities import Channel, channel_names, describe
 from robid.signals.record import Record
 from robid.validation.external.grading import assess_external
+from robid.validation.external.homes import compare_homes
 from robid.validation.external.validating import validate_external
+
+_SAME_HOME = 1e-6  # rad, or m
 
 
 def fit(data: Data, work: Work) -> Artifact:
@@ -28,11 +34,16 @@ def fit(data: Data, work: Work) -> Artifact:
     options = settings.options()
     work.progress.expect(1, "fits")
     refuse_other_channels(data.records, settings.campaigns, options)
-    shots = shots_in(settings.campaigns, data.records, options, data.configurations)
+    records = selected(data.records, data.configurations)
+    shots = {
+        name: () if record is None else shots_of(record, options, name)
+        for name, record in zip(settings.campaigns, records, strict=True)
+    }
     own = [shot for name, group in shots.items() if name != settings.choose_on for shot in group]
     held_back = shots.get(settings.choose_on or "", ())
     told = commands_of(data.records[0], options)
     solution = fit_external(own, told.channels, data.records[0].output_channels, told.hold, options, held_back)
+    solution = replace(solution, homes=homes_of(records))
     work.progress.advance()
     return model_of(solution, assess_external(solution, options))
 
@@ -43,16 +54,26 @@ def validate(data: Data, model: Artifact) -> Artifact:
     options = settings.options()
     campaign = settings.validate_on or settings.campaign
     solution = solution_from_artifact(model)
-    told = commands_of(data.records[0], options)
-    expected = solution.ports.inputs, solution.ports.outputs
-    if (tuple(each.name for each in told.channels), data.records[0].output_names) != expected:
-        message = (
-            f"the validation has {describe(told.channels)} and {describe(data.records[0].output_channels)}, the fit "
-            f"{', '.join(expected[0])} and {', '.join(expected[1])}"
-        )
-        raise DataError(message, where="validation", remedy="validate on a record of the same channels")
-    shots = shots_in((campaign,), data.records, options)[campaign]
+    record = at_homes(data.records[0], solution.homes)
+    refuse_other_ports(solution.ports, record, options)
+    shots = shots_of(record, options, campaign)
     return validation_of(validate_external(solution, shots, grade_from_artifact(model).doubts))
+
+
+def compare(every: Sequence[Shown]) -> dict[str, float]:
+    """Returns how far fits, of several home positions, differ in the channels that they share, by dotted name."""
+    found: dict[str, float] = {}
+    for one, other in combinations(every, 2):
+        for each in compare_homes(solution_from_artifact(one.model), solution_from_artifact(other.model)):
+            key = f"differences.{one.data.name}.{other.data.name}.{each.channel}"
+            found |= {
+                f"{key}.relative": each.relative,
+                f"{key}.at_hz": each.at_hz,
+                f"{key}.magnitude_db": each.magnitude_db,
+                f"{key}.phase_deg": each.phase_deg,
+                f"{key}.significant": float(each.significant),
+            }
+    return found
 
 
 def phrase_of_model(model: Artifact) -> str:
@@ -67,40 +88,69 @@ def phrase_of_model(model: Artifact) -> str:
     return f"{solution.estimate.status}, {structures}, NRMSE {np.min(solution.quality.nrmse):.4g} or more"
 
 
-def shots_in(
-    campaigns: Sequence[str],
-    records: Sequence[Record],
-    options: ExternalOptions,
-    configurations: Sequence[int] = (),
-) -> dict[str, tuple[Shot, ...]]:
-    """Returns the shots of the records of some campaigns, by campaign.
+def selected(records: Sequence[Record], configurations: Sequence[int]) -> tuple[Record | None, ...]:
+    """Returns the records of some configurations, None where a record has none of them.
 
     Args:
-        campaigns: Names of the campaigns.
-        records: Their records.
-        options: Options of the fit.
-        configurations: Indices of the configurations to use, those of further campaigns counted on; all where empty.
+        records: The records.
+        configurations: Indices of the configurations, those of further records counted on; all where empty.
     """
-    found, first = {}, 0
-    for name, record in zip(campaigns, records, strict=True):
+    found: list[Record | None] = []
+    first = 0
+    for record in records:
         count = len(record.inputs)
-        chosen = [index - first for index in configurations if first <= index < first + count]
-        part = record if not configurations else _selected(record, chosen)
-        found[name] = () if configurations and not chosen else shots_of(part, options, name)
+        rows = [index - first for index in configurations if first <= index < first + count]
+        found.append(record if not configurations else _rows(record, rows) if rows else None)
         first += count
-    return found
+    return tuple(found)
 
 
-def _selected(record: Record, chosen: Sequence[int]) -> Record:
-    rows = list(chosen)
+def homes_of(records: Sequence[Record | None]) -> FloatArray:
+    """Returns the configurations (n_home, n_joint) of records, each once; none where they are unknown."""
+    known = [one.configurations for one in records if one is not None and one.configurations is not None]
+    return np.unique(np.concatenate(known), axis=0) if known else np.zeros((0, 0))
+
+
+def at_homes(record: Record, homes: FloatArray) -> Record:
+    """Returns a record in those of its configurations that are homes; all of it where none is."""
+    if record.configurations is None or homes.shape[1] != record.configurations.shape[1]:
+        return record
+    apart = np.abs(record.configurations[:, None] - homes).max(axis=2).min(axis=1, initial=np.inf)
+    rows = np.flatnonzero(apart < _SAME_HOME).tolist()
+    return _rows(record, rows) if rows else record
+
+
+def _rows(record: Record, rows: Sequence[int]) -> Record:
+    chosen = list(rows)
     return replace(
         record,
-        inputs=record.inputs[rows],
-        outputs=record.outputs[rows],
-        output_offset=record.output_offset[rows],
-        configurations=None if record.configurations is None else record.configurations[rows],
-        reference=None if record.reference is None else record.reference[rows],
+        inputs=record.inputs[chosen],
+        outputs=record.outputs[chosen],
+        output_offset=record.output_offset[chosen],
+        configurations=None if record.configurations is None else record.configurations[chosen],
+        reference=None if record.reference is None else record.reference[chosen],
     )
+
+
+def refuse_other_ports(ports: Ports, record: Record, options: ExternalOptions) -> None:
+    """Refuses a record of other channels than those of a fit.
+
+    Raises:
+        DataError: If it has such.
+    """
+    told = commands_of(record, options)
+    found = _ports(told.channels), _ports(record.output_channels), told.hold
+    own = (ports.inputs, ports.input_units), (ports.outputs, ports.output_units), ports.hold
+    if found != own:
+        message = (
+            f"the validation has {describe(told.channels)} ({told.hold}) and {describe(record.output_channels)}, the "
+            f"fit {', '.join(ports.inputs)} ({ports.hold}) and {', '.join(ports.outputs)}, or in other units"
+        )
+        raise DataError(message, where="validation", remedy="validate on a record of the same channels")
+
+
+def _ports(channels: Sequence[Channel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    return channel_names(channels), tuple(channel.unit for channel in channels)
 
 
 def refuse_other_channels(records: Sequence[Record], campaigns: Sequence[str], options: ExternalOptions) -> None:

@@ -174,7 +174,7 @@ def _scatter(answers: FloatArray, *, offset: bool) -> FloatArray | None:
     if offset:
         apart = apart - apart.mean(axis=1, keepdims=True)
     deviation = np.sqrt((apart**2).sum(axis=0).mean(axis=0) / (count - 1) / count)
-    return np.asarray(deviation) if deviation.all() else None
+    return np.asarray(deviation) if deviation.any() else None
 
 
 def _words(place: Sequence[int], counts: Sequence[int]) -> list[str]:

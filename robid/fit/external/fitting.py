@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,10 +16,12 @@ from robid.fit.external.data import Shot, refuse_unlike
 from robid.fit.external.etfe import estimate_etfe, floors
 from robid.fit.external.hold import Hold
 from robid.fit.external.options import CouplingOptions, ExternalOptions
-from robid.fit.external.output_error import fit_block
+from robid.fit.external.output_error import BlockFit, fit_block
 from robid.fit.external.result import FittedBlock, make_solution
 from robid.fit.external.solution import ExternalSolution, Ports
 from robid.signals.quantities import Channel, channel_names
+
+_NO_BETTER = 0.1  # of the criterion, of which 10 are strong evidence
 
 
 def fit_external(
@@ -112,4 +115,17 @@ def _fitted(
     choice = choose_structure(used, block.inputs, block.outputs, options, held_back, hold=hold)
     names = tuple(ports.inputs[index] for index in block.inputs), tuple(ports.outputs[index] for index in block.outputs)
     fit = fit_block(used, block.inputs, block.outputs, choice.structure, choice.best.model, names=names)
+    if fit.status == "stalled":
+        again = fit_block(used, block.inputs, block.outputs, choice.structure, fit.model, names=names)
+        fit = settled(fit, again)
     return FittedBlock(block, used, choice, fit)
+
+
+def settled(fit: BlockFit, again: BlockFit) -> BlockFit:
+    """Judges a fit that stalled by one that began where it ended.
+
+    A pole that samples hardly tell, or one at its limit, stalls the search in the best place that there is: that has
+    converged as far as data can tell.
+    """
+    better = again if again.bic < fit.bic else fit
+    return replace(better, status="converged") if fit.bic - better.bic < _NO_BETTER else better

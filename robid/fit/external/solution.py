@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -249,6 +249,7 @@ class ExternalSolution:
         remarks: What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept
             stable, how sure the choice of a structure is.
         excitation: Commands and their own outputs in the fit's shots.
+        homes (n_home, n_joint): Configurations that these were recorded in; none where they are unknown [rad, or m].
     """
 
     estimate: Estimate
@@ -266,6 +267,7 @@ class ExternalSolution:
     findings: tuple[Finding, ...]
     remarks: tuple[str, ...]
     excitation: Excitation
+    homes: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def transfer(self, block: int) -> TransferMatrix:
         """Returns the transfer functions of one block."""

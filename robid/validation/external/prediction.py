@@ -15,6 +15,8 @@ from robid.fit.external.etfe import moved_inputs
 from robid.fit.external.solution import ExternalSolution
 from robid.fit.external.uncertainty import output_deviation
 
+_ROUNDED = 12**-0.5  # of a step: repeats of what hardly moves are rounded alike
+
 
 @dataclass(frozen=True)
 class NewShots:
@@ -136,7 +138,8 @@ def traces_of(
 def _noise(solution: ExternalSolution, one: NewShots, shot: Shot) -> FloatArray:
     """Standard deviation (n_out,) of the outputs' noise in a shot."""
     if shot.noise_std is not None:
-        return np.asarray(shot.noise_std[list(one.outputs)])
+        steps = np.zeros(len(shot.noise_std)) if shot.quantum is None else shot.quantum
+        return np.asarray(np.maximum(shot.noise_std, _ROUNDED * steps)[list(one.outputs)])
     found = []
     for name, output in zip(one.names, one.outputs, strict=True):
         size = max(float(shot.outputs[:, output].std()), np.finfo(float).tiny)

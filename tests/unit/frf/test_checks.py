@@ -134,6 +134,8 @@ def test_motor_that_stands_still_is_named(good):
     assert (found.kind, found.fatal) == ("still", False)
     assert found.what.startswith("second: the motor stood still for")
     assert "realization 4, experiment 1" in found.what
+    told = [replace(channel, side="tool") for channel in good.output_channels]
+    assert check_record(replace(good, outputs=position, output_channels=tuple(told))) == []
     position[..., 0] = NOISE * np.random.default_rng(1).standard_normal(position.shape[:-1])
     found = check_record(replace(good, outputs=position))
     assert "first: the motor did not move beyond the noise of its angle" in [one.what for one in found]

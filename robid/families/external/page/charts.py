@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Literal
 
@@ -92,7 +92,7 @@ def response_figures(solution: ExternalSolution, channel: int) -> tuple[Figure, 
 def step_figure(found: StepResponses, channel: int, final: float, confidence: float) -> Figure:
     """One channel's response to a unit step, with its bounds and its final value."""
     time, value = found.time_s[:, channel], found.value[:, channel]
-    course = _banded("output", time, value, quantile(confidence) * found.std[:, channel], MODEL)
+    course = replace(_banded("output", time, value, quantile(confidence) * found.std[:, channel], MODEL), dashed=False)
     lines = (Line("y", 0.0), Line("y", final)) if np.isfinite(final) else (Line("y", 0.0),)
     return Figure(
         "Step response", "Time [s]", "Output per step", (course,), log_x=False, log_y=False, height=380, lines=lines

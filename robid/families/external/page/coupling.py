@@ -9,7 +9,7 @@ from robid.fit.external.coupling import CouplingMap
 from robid.fit.external.options import CouplingOptions
 from robid.fit.external.solution import Ports
 from robid.report.numbers import MISSING, significant
-from robid.report.section import Cell, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
+from robid.report.section import Cell, ColumnStyle, Curve, Figure, Line, Notes, Row, Section, Table
 
 _MOST_GROUPS = 6
 _LEAD = (
@@ -18,18 +18,18 @@ _LEAD = (
 )
 
 
-def coupling_section(found: CouplingMap, ports: Ports, options: CouplingOptions) -> Section:
-    """Lays out the decoupling map.
+def coupling_section(found: CouplingMap, ports: Ports, options: CouplingOptions) -> tuple[Section, ...]:
+    """Lays out the decoupling map; nothing where there is nothing to be coupled.
 
     Args:
         found: The map.
         ports: Commands and outputs.
         options: Thresholds.
     """
-    parts: list[Part] = [_map(found, ports, options), Notes((found.sentence,))]
-    if not found.own.all():
-        parts += [_pairs(found, ports), _limits(found, ports)]
-    return Section("Decoupling", _LEAD, tuple(parts), "decoupling")
+    if found.own.all():
+        return ()
+    parts = (_map(found, ports, options), Notes((found.sentence,)), _pairs(found, ports), _limits(found, ports))
+    return (Section("Decoupling", _LEAD, parts, "decoupling"),)
 
 
 def _map(found: CouplingMap, ports: Ports, options: CouplingOptions) -> Figure:

@@ -42,4 +42,4 @@ def _term(value: float, power: int) -> str:
 
 
 def _wrapped(text: str) -> str:
-    return f"({text})" if " " in text else text
+    return f"({text})" if " + " in text or MINUS in text else text

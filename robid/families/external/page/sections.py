@@ -44,7 +44,7 @@ def sections(
         *_parameters(solution, estimates),
         _responses(solution),
         _dynamics(solution),
-        coupling_section(solution.coupling, solution.ports, options),
+        *coupling_section(solution.coupling, solution.ports, options),
         _excitation(solution),
     )
 
@@ -103,11 +103,19 @@ def _tried(solution: ExternalSolution) -> Table:
 def _behaviour(solution: ExternalSolution) -> list[str]:
     """Says which channels go the wrong way first."""
     return [
-        f"{name}: a step goes the wrong way first, by {percent(float(share))} of its final value (a zero in the right"
-        " half plane)."
-        for name, share in zip(solution.transfers.names, solution.steps.undershoot, strict=True)
-        if share > _VISIBLE
+        f"{name}: a step goes the wrong way first, by {percent(share)} of its final value (a zero in the right half"
+        " plane)."
+        for name, share, own in zip(
+            solution.transfers.names, solution.steps.undershoot.tolist(), _own(solution), strict=True
+        )
+        if own and share > _VISIBLE
     ]
+
+
+def _own(solution: ExternalSolution) -> list[bool]:
+    """Whether each channel leads from a command to its own output; others may end anywhere near zero."""
+    transfers = solution.transfers
+    return [bool(own) for own in solution.coupling.own[transfers.outputs, transfers.inputs]]
 
 
 def _parameters(solution: ExternalSolution, estimates: Estimates) -> tuple[Section, ...]:
@@ -155,7 +163,8 @@ def _dynamics(solution: ExternalSolution) -> Section:
             percent(float(steps.overshoot[channel])),
             duration(float(steps.rise_s[channel])) if np.isfinite(steps.rise_s[channel]) else MISSING,
         )
-        for channel, name in enumerate(solution.transfers.names)
+        for channel, (name, own) in enumerate(zip(solution.transfers.names, _own(solution), strict=True))
+        if own
     )
     heads = ("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %")
     table = Table(heads, rows, title="Steps", styles=("name", *_numbers(3)), fit="compact")

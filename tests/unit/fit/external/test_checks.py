@@ -5,9 +5,9 @@ import pytest
 
 from robid.errors import DataError
 from robid.fit.external.channels import Block
-from robid.fit.external.checks import signal_findings, usable_blocks
+from robid.fit.external.checks import mixed_findings, signal_findings, usable_blocks
 from robid.fit.external.data import Shot, quantum_of
-from robid.fit.external.etfe import floors
+from robid.fit.external.etfe import estimate_etfe, floors
 from robid.fit.external.options import ExternalOptions
 from robid.signals.chirp import chirp
 
@@ -79,3 +79,26 @@ def test_the_grid_of_a_converter_is_found():
     for step in (1e-3, 0.05, 0.7):
         stored = np.float32(np.round(signal / step) * step).astype(float)
         assert quantum_of(stored) == pytest.approx(step, rel=1e-3)
+
+
+def test_commands_that_reach_another_output_are_told():
+    generator = np.random.default_rng(4)
+    told = generator.standard_normal((2, 1500, 2))
+    told[1, :, 1] *= -1
+    told *= 1e-3
+
+    def findings(share):
+        shots = []
+        for inputs in told:
+            outputs = inputs.copy()
+            outputs[:, 0] += share * inputs[:, 1]
+            shots.append(Shot(inputs, outputs, "free", None, 1, PERIOD_S, "both", place="home"))
+        floor = floors(shots, np.full(2, 1e-5))
+        return list(mixed_findings(BLOCKS[0], shots, floor, estimate_etfe(shots, floor, 0.95)))
+
+    assert findings(0.01) == []
+    (found,) = findings(0.5)
+    assert (found.kind, found.channel) == ("mixed", "X")
+    # Of two parts of size 1 and 0.5.
+    assert found.strength * 0.05 == pytest.approx(0.5 / np.hypot(1, 0.5), rel=0.05)
+    assert "matrix: full" in found.message
