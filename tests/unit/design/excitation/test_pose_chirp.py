@@ -157,6 +157,13 @@ def test_a_joint_near_its_limit_is_named(flat, channel, home, words):
     assert (0.9 < enough <= 1.0) if channel == "R" else (2 < enough < 4)
 
 
+def test_a_joint_that_rests_at_its_limit_hinders_no_other(flat):
+    home = np.array([[0.0, *FLAT_HOME[0, 1:]]])
+    assert designed(flat, channels=("X", "A"), homes=home).plan is not None
+    with pytest.raises(SettingsError, match="joint `rail` would go to"):
+        designed(flat, channels=("R",), homes=home)
+
+
 def test_the_amplitude_that_would_do_does(flat):
     with pytest.raises(SettingsError) as error:
         designed(flat, replace(OPTIONS, amplitude_deg=40.0), channels=("A",))
