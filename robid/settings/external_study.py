@@ -42,10 +42,10 @@ class SyntheticCase(Section):
 
 
 class CartesianCase(Section):
-    """A simulated arm whose Cartesian channels are identified."""
+    """The arm of this file, whose Cartesian channels are identified in simulation."""
 
-    experiment: str = Field(description="Experiment file, relative to this one.", min_length=1)
-    fit: Name = Field(description="Name of its external fit.")
+    fit: Name = Field(description="Name of the external fit, with a campaign to validate on.")
+    homes: Name = Field(description="Name of the simulated campaign of pose commands from several home positions.")
 
 
 class LoopCase(Section):

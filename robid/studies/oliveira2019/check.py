@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robid.settings.experiment import Experiment
-from robid.settings.external_study import OliveiraStudy, PlantsCase
+from robid.settings.external_study import CartesianCase, OliveiraStudy, PlantsCase
+from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 
@@ -15,8 +16,12 @@ _PLANTS: FieldPath = ("study", "plants")
 def check_oliveira2019(experiment: Experiment, _robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:
     """Yields the field and the message of everything that is wrong with a study of external dynamics."""
     study = experiment.study
-    if isinstance(study, OliveiraStudy) and study.plants is not None:
+    if not isinstance(study, OliveiraStudy):
+        return
+    if study.plants is not None:
         yield from _check_plants(study.plants)
+    if study.arm is not None:
+        yield from _check_arm(experiment, study.arm)
 
 
 def _check_plants(case: PlantsCase) -> Iterator[tuple[FieldPath, str]]:
@@ -32,3 +37,18 @@ def _check_plants(case: PlantsCase) -> Iterator[tuple[FieldPath, str]]:
     if case.delay_samples > case.max_delay_samples:
         message = f"the true delay of {case.delay_samples} samples would not be searched"
         yield (*_PLANTS, "max_delay_samples"), message
+
+
+def _check_arm(experiment: Experiment, case: CartesianCase) -> Iterator[tuple[FieldPath, str]]:
+    field = ("study", "arm")
+    fit, homes = experiment.fits.get(case.fit), experiment.campaigns.get(case.homes)
+    if fit is None:
+        yield (*field, "fit"), f"there is no fit `{case.fit}`; {suggest(case.fit, experiment.fits)}"
+    elif fit.family != "external":
+        yield (*field, "fit"), f"fit `{case.fit}` is of the family `{fit.family}`, not `external`"
+    elif fit.validate_on is None:
+        yield (*field, "fit"), f"fit `{case.fit}` names no campaign in `validate_on`"
+    if homes is None:
+        yield (*field, "homes"), f"there is no campaign `{case.homes}`; {suggest(case.homes, experiment.campaigns)}"
+    elif not homes.moves_poses or homes.source is None or homes.source.simulate is None:
+        yield (*field, "homes"), f"campaign `{case.homes}` does not simulate pose commands"

@@ -1,0 +1,1 @@
+"""A simulated arm on a rail, seen from outside. Read `homes`, then `page`."""

@@ -1,0 +1,184 @@
+"""The decoupling map of the arm in several homes, beside its linearised loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.artifacts.artifact import Artifact
+from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.store import read_artifact, read_header
+from robid.families.external.settings import external_fit
+from robid.fit.external.channels import blocks_of
+from robid.fit.external.coupling import CouplingMap, Pairs, map_coupling
+from robid.fit.external.data import commands_of, shots_of
+from robid.fit.external.etfe import Etfe, estimate_etfe
+from robid.fit.external.fitting import own_pairs, ports_of
+from robid.fit.external.options import ExternalOptions
+from robid.fit.external.solution import Ports
+from robid.pipeline import Run
+from robid.robot.description import Robot
+from robid.robot.kinematics import ToolArm
+from robid.settings.plain import plain_settings
+from robid.settings.pose import require_pose_interface, tool_arm
+from robid.settings.robot_parts import require_controller, robot_settings
+from robid.signals.record import Record
+from robid.simulate.options import Controller, PoseInterface
+from robid.simulate.pose_response import pose_response
+from robid.simulate.truth import true_robot
+from robid.studies.oliveira2019.section import study_of
+from robid.studies.simulated import simulate_options
+from robid.studies.tasks import Content, Task
+
+
+@dataclass(frozen=True)
+class Home:
+    """One home of the arm.
+
+    Attributes:
+        record: Where the record of all homes lies.
+        index: Which of its configurations this is.
+        robot: The true robot.
+        arm: The rigid arm as the controller knows it.
+        controller: Its controller.
+        interface: How it takes commands.
+        measured: What the poses are measured by.
+        options: Options of the maps.
+    """
+
+    record: Path
+    index: int
+    robot: Robot
+    arm: ToolArm
+    controller: Controller
+    interface: PoseInterface
+    measured: str
+    options: ExternalOptions
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """What was found in one home.
+
+    Attributes:
+        inputs: Names of the commands.
+        outputs: Names of the outputs.
+        map: The decoupling map.
+        response (n_freq, n_out, n_in): The empirical response, from samples to samples.
+        linear (n_freq, n_out, n_in): That of the linearised loop.
+        linear_gain (n_freq, n_out, n_in): Its magnitude in resolutions.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    map: CouplingMap
+    response: ComplexArray
+    linear: ComplexArray
+    linear_gain: FloatArray
+
+
+_BAND, _PAIR, _FREQUENCY = ("band",), ("output", "command"), ("frequency", "output", "command")
+_TABLE = {
+    "inputs": Column("1", ("command",)),
+    "outputs": Column("1", ("output",)),
+    "map/bands": Column("1", _BAND),
+    "map/highest_hz": Column("Hz", _BAND),
+    "map/coherence": Column("1", ("band", *_PAIR), "Root of the largest coherence"),
+    "map/limit": Column("1", _BAND),
+    "map/ratio": Column("1", ("band", *_PAIR), "Size of what follows, in resolutions"),
+    "map/own": Column("1", _PAIR),
+    "map/coupled": Column("1", ("band", *_PAIR)),
+    "map/frequency_hz": Column("Hz", ("frequency",)),
+    "map/gain": Column("1", _FREQUENCY, "In resolutions"),
+    "map/gain_radius": Column("1", _FREQUENCY, "In resolutions"),
+    "map/crossing_hz": Column("Hz", _PAIR),
+    "map/decoupled_up_to_hz": Column("Hz", ("command",)),
+    "response": Column("as the channels", _FREQUENCY),
+    "linear": Column("as the channels", _FREQUENCY),
+    "linear_gain": Column("1", _FREQUENCY, "In resolutions"),
+}
+
+
+def homes_tasks(run: Run) -> list[Task]:
+    """Returns the tasks: one home each; none where the study leaves the arm out."""
+    case = study_of(run.loaded).arm
+    if case is None:
+        return []
+    loaded, path = run.loaded, run.path(f"{case.homes}/record.h5")
+    campaign = loaded.experiment.campaigns[case.homes]
+    simulated, options = simulate_options(campaign), external_fit(loaded.experiment, case.fit).options()
+    nominal = loaded.robot.to_robot(campaign.payload_kg)
+    decides = {
+        **robot_settings(loaded, "mechanics", "friction", "controller"),
+        "record": read_header(path).content_sha256,
+        "simulated": plain_settings(simulated),
+        "options": plain_settings(options),
+    }
+    count = record_from_artifact(read_artifact(path, RECORD)).inputs.shape[0]
+    return [
+        Task(
+            f"home_{index + 1}",
+            {**decides, "home": index},
+            Home(
+                record=path,
+                index=index,
+                robot=true_robot(nominal, simulated.truth),
+                arm=tool_arm(loaded.robot, nominal),
+                controller=require_controller(loaded),
+                interface=require_pose_interface(loaded.robot),
+                measured=simulated.measured_pose,
+                options=options,
+            ),
+        )
+        for index in range(count)
+    ]
+
+
+def map_home(home: Home) -> Content:
+    """Maps one home, and holds the map beside the linearised loop."""
+    record = record_from_artifact(read_artifact(home.record, RECORD))
+    etfe, pairs, found = map_record(record, home.index, home.options)
+    if record.configurations is None:
+        message = "a simulated record names its configurations"
+        raise RuntimeError(message)
+    linear = pose_response(
+        home.robot,
+        home.arm,
+        home.controller,
+        home.interface,
+        record.configurations[home.index],
+        etfe.frequency_hz,
+        pairs.inputs,
+        home.measured,
+    )
+    mapped = Mapped(
+        inputs=pairs.inputs,
+        outputs=pairs.outputs,
+        map=found,
+        response=etfe.response,
+        linear=linear,
+        linear_gain=np.abs(linear) * pairs.per_resolution,
+    )
+    return Content(*to_datasets(mapped, _TABLE))
+
+
+def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Etfe, Pairs, CouplingMap]:
+    """Maps one configuration of a record of pose commands."""
+    told, places = commands_of(record, options), shots_of(record, options, "homes")
+    names = list(dict.fromkeys(shot.place for shot in places))
+    shots = [shot for shot in places if shot.place == names[index]]
+    ports: Ports = ports_of(shots, told.channels, record.output_channels, told.hold, options.coupling)
+    own = own_pairs(blocks_of(told.channels, record.output_channels, options), ports)
+    etfe = estimate_etfe(shots, ports.floor, options.confidence)
+    pairs = Pairs(ports.inputs, ports.outputs, ports.input_resolution, ports.output_resolution, own)
+    return etfe, pairs, map_coupling(shots, ports.floor, etfe, pairs, options.coupling)
+
+
+def homes_from(results: Sequence[Artifact]) -> list[Mapped]:
+    """Returns what the tasks kept."""
+    return [from_datasets(Mapped, one) for one in results]
