@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from robid.frf.frf import Frf
-from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring
+from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring, StiffnessLaw
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.signals.quantities import motor_channels
 
+SOFTENING = StiffnessLaw(0, "compliance", np.array([1.0, 0.9]))
 NO_PAYLOAD = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
@@ -60,6 +61,34 @@ def linear_axis(rotor_kgm2=2e-3, mass_kg=80.0, stiffness=5e6, damping=3e3, ratio
     joint = Joint("rail", np.array([0.0, 0.0, 0.3]), turn, carriage, 0.0, 2.0, motor, type="prismatic")
     spring = Spring("gear_rail", 0, "transmission", np.array([0.0, 0.0, 1.0]), stiffness, damping)
     return Robot("linear axis", np.array([0.0, 0.0, -9.81]), (joint,), (spring,), NO_PAYLOAD)
+
+
+def ball_screw(shafts=2, over=SOFTENING, **motor):
+    """A motor, lumps of a screw whose last section and nut soften along it, and a slide across gravity."""
+    robot = linear_axis(rotor_kgm2=1e-3, mass_kg=51.0, stiffness=3e7, damping=2e3, ratio=125.7, viscous=2e-3)
+    z = np.array([0.0, 0.0, 1.0])
+    twists = tuple(
+        Spring(f"twist_{number}", 0, "shaft", z, 1.5e3 * number, 0.05, inertia_kgm2=2e-4 * number)
+        for number in range(1, shafts + 1)
+    )
+    if twists:
+        twists = (*twists[:-1], replace(twists[-1], stiffness_over=over))
+    joint = replace(robot.joints[0], lower=-0.4, upper=0.4, motor=replace(robot.joints[0].motor, **motor))
+    nut = replace(robot.springs[0], name="nut", stiffness_over=over)
+    return replace(robot, name="ball screw", joints=(joint,), springs=(nut, *twists))
+
+
+def varying_arm(rotor="spong"):
+    """Two joints under gravity: gear and bearing of the shoulder depend on the elbow, the forearm on the shoulder."""
+    robot = two_joint_robot(rotor)
+    table = StiffnessLaw(1, "table", np.array([1.3, 1.0, 0.6]), np.array([-2.5, 0.2, 2.5]))
+    laws = {
+        "gear_1": table,
+        "bearing_1": StiffnessLaw(1, "stiffness", np.array([1.0, 0.2, -0.05])),
+        "forearm": StiffnessLaw(0, "compliance", np.array([1.0, 0.3, 0.1])),
+    }
+    springs = tuple(replace(spring, stiffness_over=laws.get(spring.name)) for spring in robot.springs)
+    return replace(robot, springs=springs)
 
 
 def arm_on_rail():

@@ -77,6 +77,8 @@ class Collocated:
         self._swept = set(kinds) <= {"stiffness", "damping", "delay"}
         self._configuration, line = np.nonzero(used)
         self._omega = (2 * np.pi * frequency_hz)[line]
+        self._factor = np.ascontiguousarray(model.rest.factor[self._configuration].T)
+        self._varies = bool((self._factor != 1).any())
         self._order = np.r_[model.n_motor : n, : model.n_motor]
         self._rows, self._columns = np.triu_indices(model.n_motor)
         self._work = np.empty((n, n, line.size), complex)
@@ -94,7 +96,8 @@ class Collocated:
         for row in range(len(work)):
             work[row, row:] = self._constant[row, row:]
         springs, motors = np.arange(n_spring), np.arange(n_spring, len(work))
-        work[springs, springs] += parameters.stiffness[:, None] + 1j * parameters.damping[:, None] * self._omega
+        stiffness = parameters.stiffness[:, None] * self._factor
+        work[springs, springs] += stiffness + 1j * parameters.damping[:, None] * self._omega
         if not self._swept:
             work[motors, motors] += 1j * parameters.viscous[:, None] * self._omega
         _eliminate(work, n_spring, self._products[:, 0])
@@ -154,10 +157,14 @@ class Collocated:
         key = mask.tobytes()
         if kind == "damping" and key in outer:
             np.multiply(self._buffer[outer[key]], 1j * self._omega, out=out)
+            if self._varies:
+                out /= self._factor[mask][:, None]
             return
         _outer(self._seen(kind)[mask], own, out)
         if kind == "stiffness":
             outer[key] = rows
+            if self._varies:
+                out *= self._factor[mask][:, None]
         elif kind.endswith("inertia"):
             out *= -(self._omega**2)
             if self._period is not None:

@@ -58,7 +58,7 @@ def _columns(
     if through_rest is not None:
         return through_rest
     if kind == "stiffness":
-        return scale * _outer(result, slice(n_motor, None))
+        return scale * _outer(result, slice(n_motor, None)) * model.rest.factor[:, None, None, None]
     if kind == "viscous":
         return scale * rate * _outer(result, slice(0, n_motor))
     if kind == "motor_inertia":

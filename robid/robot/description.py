@@ -12,7 +12,7 @@ from robid.arrays import BoolArray, FloatArray
 from robid.signals.positions import METRES, RADIANS, shown
 
 JointType = Literal["revolute", "prismatic"]
-SpringPlace = Literal["transmission", "bearing", "split", "base", "payload"]
+SpringPlace = Literal["transmission", "shaft", "bearing", "split", "base", "payload"]
 LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")
 """Places of springs whose location matters."""
 
@@ -183,13 +183,32 @@ class LoopLink:
 
 
 @dataclass(frozen=True)
+class StiffnessLaw:
+    """How a spring's stiffness depends on a joint's position: a factor on all of its torque but the damper's.
+
+    Attributes:
+        joint: Index of the joint.
+        form: `table`: factors at some positions; `stiffness`: the factor is a polynomial of the position;
+            `compliance`: its inverse is one.
+        values (n_value,): The factors, or the polynomial's coefficients, constant first.
+        positions (n_value,): Of a table, ascending; empty for a polynomial [rad, or m].
+    """
+
+    joint: int
+    form: Literal["table", "stiffness", "compliance"]
+    values: FloatArray
+    positions: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True)
 class Spring:
     """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint.
 
     Attributes:
         name: Name of the spring.
         joint: Index of the joint it belongs to; the first for the base, the last for the payload.
-        place: `transmission` between motor and arm, `bearing` about a further axis of the joint's
+        place: `transmission` between motor and arm, `shaft` between the motor and the transmission, on the
+            motor's side, `bearing` about a further axis of the joint's
             parent frame, `split` inside the joint's link, `base` beneath the first joint, `payload` between
             the last link and the payload.
         axis (3,): Unit axis: bearing, in the parent's frame turned by the joint's fixed rotation;
@@ -200,6 +219,8 @@ class Spring:
         point_m (3,): Where the link is split or the payload hinged, in the joint frame; where the base is
             hinged, in the world frame [m].
         outboard: Split only: mass properties of the part beyond the split, in the joint frame.
+        inertia_kgm2: Shaft only: inertia that it turns, before the next shaft or the transmission [kg m^2].
+        stiffness_over: How its stiffness depends on a joint's position; None where it does not.
     """
 
     name: str
@@ -211,6 +232,8 @@ class Spring:
     cubic: float = 0.0
     point_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     outboard: Inertial | None = None
+    inertia_kgm2: float = 0.0
+    stiffness_over: StiffnessLaw | None = None
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,8 @@ def inverse_motion(
 ) -> MotorMotion:
     """Finds the motor motion and torque that move the tool as a rigid robot would.
 
-    The springs beyond the transmissions deflect quasi-statically under the torques of the rigid motion, and the arm
-    angles make good what they do to the tool. The torque that the arm then needs deflects the transmissions, with
+    Stiffness that depends on a joint's position stays as it is at rest. The springs beyond the transmissions deflect
+    quasi-statically under the torques of the rigid motion, and the arm angles make good what they do to the tool. The torque that the arm then needs deflects the transmissions, with
     their dampers; the motors turn by arm angle and deflection.
 
     Args:
@@ -55,11 +55,14 @@ def inverse_motion(
         Motor angles and torques at all samples.
 
     Raises:
-        DataError: If the springs give way.
+        DataError: If the springs give way, or a shaft lies between a motor and its transmission.
 
     Source:
         METHODS sec. 10; Zimmermann et al. (2023), eq. 1 and sec. V-E.
     """
+    if any(spring.place == "shaft" for spring in model.robot.springs):
+        message, remedy = "the inverse dynamics know no shafts", "step robots whose transmissions follow their motors"
+        raise DataError(message, where=model.robot.name, remedy=remedy)
     n_time, n_joint = motion.shape[1:]
     to_motor = model.robot.motor_per_arm
     time = period_s * np.arange(n_time)
@@ -80,7 +83,7 @@ def inverse_motion(
     for _ in range(2 if model.robot.rotor == "on_link" else 1):
         needed = dynamics.torques(dynamics.whole(arm[:, moving], motor[:, moving], bend[:, moving]))[held]
         torque = np.asarray(make_interp_spline(time[coarse], needed, k=_SMOOTH)(time))
-        gear = _gear_deflection(model, torque[:, n_joint:], period_s)
+        gear = _gear_deflection(model, rest, torque[:, n_joint:], period_s)
         turned = make_interp_spline(time, gear - gear[0], k=_SMOOTH)
         before, motor = motor, (arm + np.array([turned(time, nu=order) for order in range(3)])) @ to_motor.T
     viscous = np.array([joint.motor.friction.viscous_nms_rad for joint in model.robot.joints])
@@ -101,8 +104,9 @@ class _Dynamics:
         self._elastic = np.setdiff1d(model.passive, model.arm)
         rows = [int(np.flatnonzero(model.deflection[:, index])[0]) for index in self._elastic]
         springs = [model.robot.springs[row] for row in rows]
-        self._linear = np.array([spring.stiffness for spring in springs])
-        self._cubic = np.array([spring.cubic for spring in springs])
+        factor = model.varying.factors(self._rest)[rows]
+        self._linear = factor * np.array([spring.stiffness for spring in springs])
+        self._cubic = factor * np.array([spring.cubic for spring in springs])
         self._name = model.robot.name
 
     def whole(self, arm: FloatArray, motor: FloatArray, elastic: FloatArray | None = None) -> FloatArray:
@@ -162,11 +166,14 @@ def _tool_effect(model: ElasticModel, rest: Equilibrium) -> FloatArray:
     return np.asarray(np.linalg.pinv(moving[:, model.arm], rcond=_SINGULAR) @ moving[:, elastic])
 
 
-def _gear_deflection(model: ElasticModel, torque: FloatArray, period_s: float) -> FloatArray:
+def _gear_deflection(
+    model: ElasticModel, rest: Equilibrium, torque: FloatArray, period_s: float
+) -> FloatArray:
     """Deflections (n_time, n_joint) of the transmissions under a torque that begins at rest, dampers included."""
-    gears = [spring for spring in model.robot.springs if spring.place == "transmission"]
-    linear = np.array([spring.stiffness for spring in gears])
-    cubic = np.array([spring.cubic for spring in gears])
+    rows = [row for row, spring in enumerate(model.robot.springs) if spring.place == "transmission"]
+    gears, factor = [model.robot.springs[row] for row in rows], model.varying.factors(rest.position[0])[rows]
+    linear = factor * np.array([spring.stiffness for spring in gears])
+    cubic = factor * np.array([spring.cubic for spring in gears])
     rate = np.array([spring.damping for spring in gears]) / (2 * period_s)
     whole, joints = np.zeros_like(torque), [spring.joint for spring in gears]
     torque = torque[:, joints]

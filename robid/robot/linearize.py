@@ -44,7 +44,8 @@ class LinearModel:
 
     Attributes:
         mass (n_conf, n, n): Inertia matrix without the rotors' and the links' own axial inertia.
-        gravity_stiffness (n_conf, n, n): Symmetrised gradient of gravity [N m/rad; N/m and N along lines].
+        gravity_stiffness (n_conf, n, n): Symmetrised gradient of gravity, and of what loaded springs do whose
+            stiffness depends on a joint's position [N m/rad; N/m and N along lines].
         link_inertia (n_conf, n_joint, n, n): Derivative of the inertia matrix with respect to each link's
             own inertia about its joint axis direction, or mass where its joint slides.
         output (n_conf, n_out, n): Angles and positions in these coordinates; of an accelerometer, its position.
@@ -101,9 +102,13 @@ def solve_statics(
     pairs = zip(configurations, slope, strict=True)
     position = np.array([_settle(model, data, own, third, configuration) for configuration, own in pairs])
     deflection = position @ model.deflection.T
-    torque = slope * deflection + third * deflection**3
+    torque = model.varying.factors(position) * (slope * deflection + third * deflection**3)
     load = torque @ model.deflection
-    load[:, model.arm] += np.where(model.robot.rigid, gravity_torque(model, position)[:, model.arm], 0.0)
+    besides = gravity_torque(model, position)
+    if model.varying:
+        energy = 0.5 * slope * deflection**2 + 0.25 * third * deflection**4
+        besides = besides + [model.varying.load(*each) for each in zip(position, energy, strict=True)]
+    load[:, model.arm] += np.where(model.robot.rigid, besides[:, model.arm], 0.0)
     return Equilibrium(position, load[:, model.motor] / model.turns, deflection, -torque)
 
 
@@ -129,8 +134,12 @@ def linearize(
     axial = axial_inertia(model)
     masses, gravities, links, outputs = [], [], [], []
     names = output_names or tuple(joint.name for joint in model.robot.joints)
-    for position in equilibrium.position:
-        gravities.append(to_spring.T @ _gravity_gradient(model, data, position) @ to_spring)
+    factor = model.varying.factors(equilibrium.position)
+    for row, position in enumerate(equilibrium.position):
+        load = _gravity_gradient(model, data, position)
+        if model.varying:
+            load = load + _varying_gradient(model, equilibrium, row, factor[row])
+        gravities.append(to_spring.T @ load @ to_spring)
         mass, moves = _inertia(model, data, position)
         moves = moves @ to_spring
         links.append((moves[..., :, None] * moves[..., None, :]).sum(axis=1))
@@ -154,8 +163,17 @@ def linearize(
             power=np.zeros((len(gravity), 0, len(model.robot.springs))),
             omega=np.zeros(0),
             shape=np.ones((len(gravity), len(model.robot.springs))),
+            factor=factor,
         ),
     )
+
+
+def _varying_gradient(model: ElasticModel, equilibrium: Equilibrium, row: int, factor: FloatArray) -> FloatArray:
+    """What loaded springs add to gravity's gradient as their stiffness moves; their loads are gravity's."""
+    deflection, torque = equilibrium.deflection[row], -equilibrium.spring_torque[row] / factor
+    # The cubic part's share of the energy is of second order here.
+    energy = 0.5 * torque * deflection
+    return model.varying.gradient(equilibrium.position[row], energy, torque, model.deflection)
 
 
 def gravity_torque(model: ElasticModel, positions: FloatArray) -> FloatArray:
@@ -175,9 +193,16 @@ def _settle(
         deflection = model.deflection @ position
         slope = linear + 3 * cubic * deflection**2
         torque = linear * deflection + cubic * deflection**3
-        residual = (model.deflection.T @ torque + _gravity(model, data, position))[free]
+        besides, gradient = _gravity(model, data, position), _gravity_gradient(model, data, position)
+        if model.varying:
+            energy = 0.5 * linear * deflection**2 + 0.25 * cubic * deflection**4
+            besides = besides + model.varying.load(position, energy)
+            gradient = gradient + model.varying.gradient(position, energy, torque, model.deflection)
+            factor = model.varying.factors(position)
+            torque, slope = factor * torque, factor * slope
+        residual = (model.deflection.T @ torque + besides)[free]
         hessian = model.deflection.T @ (slope[:, None] * model.deflection)
-        jacobian = (hessian + _gravity_gradient(model, data, position))[np.ix_(free, free)]
+        jacobian = (hessian + gradient)[np.ix_(free, free)]
         step = np.linalg.solve(jacobian, residual)
         position[free] -= step
         if np.abs(step).max(initial=0.0) < _NEWTON_TOLERANCE_RAD:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -13,6 +14,7 @@ from robid.robot.actuators import add_static_friction, add_torque, motor_drives,
 from robid.robot.description import Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.inertia import combine, remove
 from robid.robot.static_friction import StaticLaw
+from robid.robot.stiffness_law import VaryingSprings
 
 _MASSLESS_KG = 1e-6
 _ACROSS = 0.5 + 1e-9  # a thin disc's, and so much more that printing it leaves an inertia that a body can have
@@ -49,6 +51,11 @@ class ElasticModel:
     def motor_rows(self) -> FloatArray:
         """Motor angles per coordinate (n_joint, n_dof)."""
         return np.asarray(self.turns[:, None] * np.eye(self.mujoco.nv)[self.motor])
+
+    @cached_property
+    def varying(self) -> VaryingSprings:
+        """The springs whose stiffness depends on a joint's position."""
+        return VaryingSprings(self.robot.springs, self.arm)
 
     @property
     def to_spring(self) -> FloatArray:
@@ -108,7 +115,7 @@ def build_model(
         is_last = index == len(robot.joints) - 1
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
         if not robot.rigid[index]:
-            _add_motor(carrier, joint, offset, robot.rotor)
+            _add_shafts(_add_motor(carrier, joint, offset, robot.rotor), robot, index)
         parent, offset = _add_link(parent, joint, index, offset, robot, is_last=is_last)
         _add_sites(parent, robot, index, offset)
     parent, offset = _add_payload(parent, robot, offset)
@@ -146,6 +153,9 @@ def _check_known(robot: Robot) -> None:
 
 def _check_rigid(robot: Robot) -> None:
     rigid = [joint for joint, is_rigid in zip(robot.joints, robot.rigid, strict=True) if is_rigid]
+    if any(robot.rigid[spring.joint] for spring in robot.springs if spring.place == "shaft"):
+        message = "a shaft lies between a motor and its transmission, and a rigid joint has none"
+        raise ValueError(message)
     if rigid and robot.rotor == "on_link":
         message = "rotors of rigid joints cannot ride on the links: `rotor` must be `spong`"
         raise ValueError(message)
@@ -197,17 +207,34 @@ def _add_hinged(parent: mujoco.MjsBody, spring: Spring, offset: FloatArray) -> m
     return body
 
 
-def _add_motor(parent: mujoco.MjsBody, joint: Joint, offset: FloatArray, rotor: str) -> None:
-    inertia = joint.motor.inertia_kgm2
-    body = parent.add_body(name=f"motor_{joint.name}", mass=_MASSLESS_KG, explicitinertial=True)
-    body.inertia = np.array([_ACROSS, _ACROSS, 1.0]) * inertia
-    # Left open, MuJoCo takes the body's own pose in its parent for the pose of its inertia.
-    body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+def _add_motor(parent: mujoco.MjsBody, joint: Joint, offset: FloatArray, rotor: str) -> mujoco.MjsBody:
+    body = _add_disc(parent, f"motor_{joint.name}", joint.motor.inertia_kgm2)
     if rotor == "on_link":
         body.pos = joint.position_m - offset
         body.quat = _quaternion(joint.rotation)
     hinge = body.add_joint(name=f"q_m_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
     hinge.damping = np.array([joint.motor.friction.viscous_nms_rad, 0.0, 0.0])
+    return body
+
+
+def _add_disc(parent: mujoco.MjsBody, name: str, inertia_kgm2: float) -> mujoco.MjsBody:
+    """Adds a thin disc without weight that turns about z."""
+    body = parent.add_body(name=name, mass=_MASSLESS_KG, explicitinertial=True)
+    body.inertia = np.array([_ACROSS, _ACROSS, 1.0]) * inertia_kgm2
+    # Left open, MuJoCo takes the body's own pose in its parent for the pose of its inertia.
+    body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    return body
+
+
+def _add_shafts(rotor: mujoco.MjsBody, robot: Robot, index: int) -> None:
+    """Adds what twists between a motor and its transmission, each carried by the one before."""
+    for spring in _shafts(robot, index):
+        rotor = _add_disc(rotor, f"shaft_{spring.name}", spring.inertia_kgm2)
+        _add_elastic_hinge(rotor, spring)
+
+
+def _shafts(robot: Robot, index: int) -> list[Spring]:
+    return [spring for spring in robot.springs if spring.place == "shaft" and spring.joint == index]
 
 
 def _add_link(
@@ -263,9 +290,12 @@ def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) 
 def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlash: float, hysteresis: float) -> None:
     joint = robot.joints[spring.joint]
     tendon = spec.add_tendon(name=spring.name)
-    for (drive, turns), arm in zip(motor_drives(robot), robot.arm_per_motor[spring.joint].tolist(), strict=True):
+    for index, (drive, turns) in enumerate(motor_drives(robot)):
+        arm = float(robot.arm_per_motor[spring.joint, index])
         if arm != 0:
             tendon.wrap_joint(drive, arm * turns)
+            for shaft in _shafts(robot, index):
+                tendon.wrap_joint(f"q_e_{shaft.name}", arm)
     tendon.wrap_joint(f"q_a_{joint.name}", -1.0)
     tendon.stiffness = np.array([spring.stiffness, 0.0, spring.cubic])
     tendon.damping = np.array([spring.damping, 0.0, 0.0])
@@ -291,6 +321,9 @@ def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
         if spring.place == "transmission":
             deflection[row, motor] = robot.arm_per_motor[spring.joint] * turns
             deflection[row, arm[spring.joint]] = -1.0
+            for shaft in (each for each in robot.springs if each.place == "shaft"):
+                twist = model.joint(f"q_e_{shaft.name}").dofadr[0]
+                deflection[row, twist] = robot.arm_per_motor[spring.joint, shaft.joint]
         else:
             deflection[row, model.joint(f"q_e_{spring.name}").dofadr[0]] = 1.0
     passive = np.setdiff1d(np.arange(model.nv), motor)

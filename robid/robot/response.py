@@ -125,7 +125,7 @@ def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearMo
     """Returns the linear model where the parameters let it rest, to first order, and its springs there."""
     if not parameters.cubic.any() and model.rest.moves is None:
         rest = model.rest
-        stiffness = np.broadcast_to(parameters.stiffness, rest.deflection.shape)
+        stiffness = rest.factor * parameters.stiffness
         return model, Springs(stiffness, rest.deflection, np.zeros((len(stiffness), 0)))
     springs = settle_springs(model.rest, parameters.springs)
     moves = model.rest.moves

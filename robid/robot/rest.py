@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class Rest:
         omega (n_line,): Angular frequencies of these [rad/s].
         shape (n_conf, n_spring): The swing's effect on the slope over that of a normal signal: `E[x^4] / (3 E[x^2]^2)`,
             less what mixes back from lines that are not excited.
+        factor (n_conf, n_spring): What the joints' positions multiply the linear and cubic coefficients by.
         moves: How the linearised matrices move; None where they are taken as constant.
     """
 
@@ -56,6 +57,7 @@ class Rest:
     power: FloatArray
     omega: FloatArray
     shape: FloatArray
+    factor: FloatArray
     moves: Moves | None = None
 
 
@@ -79,8 +81,8 @@ class SpringValues:
     """The parameters that decide where springs rest.
 
     Attributes:
-        stiffness (n_spring,): Linear coefficients [N m/rad].
-        cubic (n_spring,): Cubic coefficients [N m/rad^3].
+        stiffness (n_spring,) or (n_conf, n_spring): Linear coefficients [N m/rad].
+        cubic (n_spring,) or (n_conf, n_spring): Cubic coefficients [N m/rad^3].
         damping (n_spring,): Dampings [N m s/rad].
         location (3 n_spring,): Locations [m].
     """
@@ -138,6 +140,7 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
     Source:
         METHODS sec. 1 (Linearisation), for signals that need not be normal.
     """
+    values = _here(rest, values)
     deflection, shift = rest.deflection.copy(), _shift(rest, values)
     n = deflection.shape[1]
     ratio = 1 + 3 * values.cubic / values.stiffness * deflection**2
@@ -164,6 +167,7 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
         values: Parameter values.
         springs: What `settle_springs` found for them.
     """
+    values = _here(rest, values)
     d, k1, k3 = springs.deflection, values.stiffness, values.cubic
     n = d.shape[1]
     ratio = springs.stiffness / k1
@@ -189,9 +193,11 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
     slopes = {}
     for kind, (force, own) in right.items():
         moved = -np.linalg.solve(matrix, np.concatenate([force, own], axis=1))
-        stiffness = k1[:, None] * moved[:, n:]
+        if kind in ("stiffness", "cubic"):
+            moved = moved * rest.factor[:, None]
+        stiffness = k1[..., None] * moved[:, n:]
         if kind == "stiffness":
-            stiffness = stiffness + _diagonal(ratio)
+            stiffness = stiffness + _diagonal(rest.factor * ratio)
         slopes[kind] = SpringSlopes(stiffness, _displacement_slopes(rest, moved[:, :n], kind))
     return slopes
 
@@ -204,6 +210,11 @@ def swing_of(rest: Rest, values: SpringValues, stiffness: FloatArray) -> Swing:
     by_dynamic = -2 * lines / dynamic
     by_damping = (square * by_dynamic).sum(axis=1) * values.damping
     return Swing(lines.sum(axis=1), stiffness * by_dynamic.sum(axis=1), by_damping)
+
+
+def _here(rest: Rest, values: SpringValues) -> SpringValues:
+    """Returns the coefficients (n_conf, n_spring) in each configuration."""
+    return replace(values, stiffness=rest.factor * values.stiffness, cubic=rest.factor * values.cubic)
 
 
 def _springs(rest: Rest, values: SpringValues, deflection: FloatArray, ratio: FloatArray) -> Springs:

@@ -19,6 +19,7 @@ from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.outputs import FurtherOutputs, further_channels
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
 from robid.simulate.truth import recorded_torque_factor
+from robid.simulate.varying import VaryingStiffness
 
 
 @dataclass(frozen=True)
@@ -136,6 +137,8 @@ class _Run:
         self._motor, self._turns = model.motor, model.turns
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
+        self._varying = VaryingStiffness(model, batch, experiment.controller.sampling_period_s)
+        self._varying.follow()
         batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
@@ -177,6 +180,7 @@ class _Run:
             angle[sample, :, : self._motor.size], torque[sample] = measured, command
             self._pending.append(command)
             ctrl[:] = self._pending.pop(0) + disturbance[sample]
+            self._varying.follow()
             if not self.names:
                 batch.step(nstep=steps)
                 continue

@@ -17,6 +17,7 @@ from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.steps import settled
+from robid.simulate.varying import VaryingStiffness
 
 _TOOL = "tool_point"
 _BAND = (1e-3, 0.1)  # over the sampling rate: where a step moves the robot
@@ -101,6 +102,7 @@ def play(
     tool = flaws.tracker_noise_m * generator.standard_normal((n_time, n_sim, 3))
     torque = np.empty_like(motion.angle)
     speed = np.diff(motion.angle, axis=0, prepend=motion.angle[:1]) / controller.sampling_period_s
+    varying = VaryingStiffness(model, batch, controller.sampling_period_s)
     watched = batch.sensordata  # bound before the first step, or that one is missed
     start = int(model.mujoco.sensor(model.robot.sensors[0].name).adr[0])
     with quiet_mujoco():
@@ -112,6 +114,7 @@ def play(
             torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
             pending.append(torque[sample])
             batch.ctrl[:, :n_motor] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
+            varying.follow()
             batch.step(nstep=1)  # sensors show the state at its beginning
             tool[sample] += watched[:, start : start + 3]
             if steps > 1:

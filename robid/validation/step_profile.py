@@ -102,9 +102,10 @@ def _demands(model: ElasticModel, rest: Equilibrium, index: int) -> list[tuple[F
     robot = model.robot
     inertia = robot.motor_inertia_kgm2[:, None] * robot.motor_per_arm
     slope = np.full(len(model.arm), np.inf)
-    for spring, deflection in zip(robot.springs, rest.deflection[index].tolist(), strict=True):
+    factors = model.varying.factors(rest.position[index]).tolist()
+    for spring, deflection, factor in zip(robot.springs, rest.deflection[index].tolist(), factors, strict=True):
         if spring.place == "transmission":
-            slope[spring.joint] = spring.stiffness + 3 * spring.cubic * deflection**2
+            slope[spring.joint] = factor * (spring.stiffness + 3 * spring.cubic * deflection**2)
     rigid, elastic = inertia + robot.arm_per_motor.T @ arm, inertia @ (arm / slope[:, None])
     return list(zip(np.abs(rigid.T), np.abs(elastic.T), strict=True))
 

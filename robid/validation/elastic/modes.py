@@ -76,7 +76,7 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
     motors, springs = x[: model.n_motor] ** 2, x[model.n_motor :] ** 2
     inertias = _seen(model.link_inertia[configuration], x)
     change = {
-        "stiffness": springs,
+        "stiffness": model.rest.factor[configuration][:, None] * springs,
         "damping": s * springs,
         "viscous": s * motors,
         "motor_inertia": s**2 * motors,

@@ -104,6 +104,7 @@ def lone_spring(torque, power=(0.0,), stiffness=1e6, per_rad2=5e4, damping=300.0
         power=np.reshape(power, (1, -1, 1)),
         omega=20 * np.pi * np.arange(1.0, len(power) + 1),
         shape=np.array([[shape]]),
+        factor=np.ones((1, 1)),
     )
     values = SpringValues(np.array([stiffness]), np.array([per_rad2 * stiffness]), np.array([damping]), np.zeros(3))
     return rest, values, settle_springs(rest, values)
