@@ -40,8 +40,9 @@ def inverse_motion(
     """Finds the motor motion and torque that move the tool as a rigid robot would.
 
     Stiffness that depends on a joint's position stays as it is at rest. The springs beyond the transmissions deflect
-    quasi-statically under the torques of the rigid motion, and the arm angles make good what they do to the tool. The torque that the arm then needs deflects the transmissions, with
-    their dampers; the motors turn by arm angle and deflection.
+    quasi-statically under the torques of the rigid motion, and the arm angles make good what they do to the tool. The
+    torque that the arm then needs deflects the transmissions, with their dampers; the motors turn by arm angle and
+    deflection.
 
     Args:
         model: The elastic model of a robot with its tool point as its first sensor.
@@ -166,9 +167,7 @@ def _tool_effect(model: ElasticModel, rest: Equilibrium) -> FloatArray:
     return np.asarray(np.linalg.pinv(moving[:, model.arm], rcond=_SINGULAR) @ moving[:, elastic])
 
 
-def _gear_deflection(
-    model: ElasticModel, rest: Equilibrium, torque: FloatArray, period_s: float
-) -> FloatArray:
+def _gear_deflection(model: ElasticModel, rest: Equilibrium, torque: FloatArray, period_s: float) -> FloatArray:
     """Deflections (n_time, n_joint) of the transmissions under a torque that begins at rest, dampers included."""
     rows = [row for row, spring in enumerate(model.robot.springs) if spring.place == "transmission"]
     gears, factor = [model.robot.springs[row] for row in rows], model.varying.factors(rest.position[0])[rows]

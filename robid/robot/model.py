@@ -13,11 +13,10 @@ from robid.errors import DataError
 from robid.robot.actuators import add_static_friction, add_torque, motor_drives, set_passive
 from robid.robot.description import Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.inertia import combine, remove
+from robid.robot.rotors import MASSLESS_KG, add_elastic_hinge, add_motor, add_shafts, quaternion_of, shafts_of
 from robid.robot.static_friction import StaticLaw
 from robid.robot.stiffness_law import VaryingSprings
 
-_MASSLESS_KG = 1e-6
-_ACROSS = 0.5 + 1e-9  # a thin disc's, and so much more that printing it leaves an inertia that a body can have
 _LEAST_KG = 1e-12  # MuJoCo wants some
 _HYSTERESIS_SHARE = 0.1  # bristle stiffness over transmission stiffness
 
@@ -115,7 +114,7 @@ def build_model(
         is_last = index == len(robot.joints) - 1
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
         if not robot.rigid[index]:
-            _add_shafts(_add_motor(carrier, joint, offset, robot.rotor), robot, index)
+            add_shafts(add_motor(carrier, joint, offset, robot.rotor), robot, index)
         parent, offset = _add_link(parent, joint, index, offset, robot, is_last=is_last)
         _add_sites(parent, robot, index, offset)
     parent, offset = _add_payload(parent, robot, offset)
@@ -202,60 +201,30 @@ def _at(robot: Robot, place: str) -> list[Spring]:
 def _add_hinged(parent: mujoco.MjsBody, spring: Spring, offset: FloatArray) -> mujoco.MjsBody:
     """Adds a body of no weight on an elastic hinge."""
     body = parent.add_body(name=f"{spring.place}_{spring.name}", pos=offset)
-    _add_elastic_hinge(body, spring)
-    _set_inertial(body, Inertial(_MASSLESS_KG, np.zeros(3), _MASSLESS_KG * np.eye(3)), np.zeros(3))
+    add_elastic_hinge(body, spring)
+    _set_inertial(body, Inertial(MASSLESS_KG, np.zeros(3), MASSLESS_KG * np.eye(3)), np.zeros(3))
     return body
-
-
-def _add_motor(parent: mujoco.MjsBody, joint: Joint, offset: FloatArray, rotor: str) -> mujoco.MjsBody:
-    body = _add_disc(parent, f"motor_{joint.name}", joint.motor.inertia_kgm2)
-    if rotor == "on_link":
-        body.pos = joint.position_m - offset
-        body.quat = _quaternion(joint.rotation)
-    hinge = body.add_joint(name=f"q_m_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-    hinge.damping = np.array([joint.motor.friction.viscous_nms_rad, 0.0, 0.0])
-    return body
-
-
-def _add_disc(parent: mujoco.MjsBody, name: str, inertia_kgm2: float) -> mujoco.MjsBody:
-    """Adds a thin disc without weight that turns about z."""
-    body = parent.add_body(name=name, mass=_MASSLESS_KG, explicitinertial=True)
-    body.inertia = np.array([_ACROSS, _ACROSS, 1.0]) * inertia_kgm2
-    # Left open, MuJoCo takes the body's own pose in its parent for the pose of its inertia.
-    body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    return body
-
-
-def _add_shafts(rotor: mujoco.MjsBody, robot: Robot, index: int) -> None:
-    """Adds what twists between a motor and its transmission, each carried by the one before."""
-    for spring in _shafts(robot, index):
-        rotor = _add_disc(rotor, f"shaft_{spring.name}", spring.inertia_kgm2)
-        _add_elastic_hinge(rotor, spring)
-
-
-def _shafts(robot: Robot, index: int) -> list[Spring]:
-    return [spring for spring in robot.springs if spring.place == "shaft" and spring.joint == index]
 
 
 def _add_link(
     parent: mujoco.MjsBody, joint: Joint, index: int, offset: FloatArray, robot: Robot, *, is_last: bool
 ) -> tuple[mujoco.MjsBody, FloatArray]:
-    body = parent.add_body(name=joint.name, pos=joint.position_m - offset, quat=_quaternion(joint.rotation))
+    body = parent.add_body(name=joint.name, pos=joint.position_m - offset, quat=quaternion_of(joint.rotation))
     springs = [spring for spring in robot.springs if spring.joint == index]
     bearings = [spring for spring in springs if spring.place == "bearing"]
     # Bearings stay where a joint turns, and ride on what slides.
     for spring in bearings if joint.type == "revolute" else ():
-        _add_elastic_hinge(body, spring)
+        add_elastic_hinge(body, spring)
     _add_arm(body, joint, rigid=bool(robot.rigid[index]))
     for spring in bearings if joint.type == "prismatic" else ():
-        _add_elastic_hinge(body, spring)
+        add_elastic_hinge(body, spring)
     whole = joint.link
     origin: FloatArray = np.zeros(3)
     for spring in springs:
         if spring.place == "split" and spring.outboard is not None:
             _set_inertial(body, remove(whole, spring.outboard), origin)
             body = body.add_body(name=f"{joint.name}_{spring.name}", pos=spring.point_m - origin)
-            _add_elastic_hinge(body, spring)
+            add_elastic_hinge(body, spring)
             whole, origin = spring.outboard, spring.point_m
     hangs = bool(_at(robot, "payload"))
     if is_last and robot.payload.mass_kg > 0 and not hangs:
@@ -273,12 +242,6 @@ def _add_arm(body: mujoco.MjsBody, joint: Joint, *, rigid: bool) -> None:
         arm.damping = np.array([motor.gear_ratio**2 * motor.friction.viscous_nms_rad, 0.0, 0.0])
 
 
-def _add_elastic_hinge(body: mujoco.MjsBody, spring: Spring) -> None:
-    hinge = body.add_joint(name=f"q_e_{spring.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=spring.axis)
-    hinge.stiffness = np.array([spring.stiffness, 0.0, spring.cubic])
-    hinge.damping = np.array([spring.damping, 0.0, 0.0])
-
-
 def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) -> None:
     tensor = inertial.inertia_kgm2
     body.explicitinertial = True
@@ -294,7 +257,7 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
         arm = float(robot.arm_per_motor[spring.joint, index])
         if arm != 0:
             tendon.wrap_joint(drive, arm * turns)
-            for shaft in _shafts(robot, index):
+            for shaft in shafts_of(robot, index):
                 tendon.wrap_joint(f"q_e_{shaft.name}", arm)
     tendon.wrap_joint(f"q_a_{joint.name}", -1.0)
     tendon.stiffness = np.array([spring.stiffness, 0.0, spring.cubic])
@@ -328,9 +291,3 @@ def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
             deflection[row, model.joint(f"q_e_{spring.name}").dofadr[0]] = 1.0
     passive = np.setdiff1d(np.arange(model.nv), motor)
     return ElasticModel(robot, model, spec, motor, turns, arm, passive, deflection)
-
-
-def _quaternion(rotation: FloatArray) -> FloatArray:
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.asarray(rotation, float).ravel())
-    return quaternion

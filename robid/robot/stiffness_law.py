@@ -43,20 +43,21 @@ class LawFactor:
             table = PchipInterpolator(law.positions, law.values)
             self._pieces, self._table = np.asarray(table.c), law.positions
         else:
-            self._parts = [np.polynomial.Polynomial(law.values).deriv(order).coef[::-1] for order in range(3)]
+            slope = _derived(law.values)
+            self._parts = law.values, slope, _derived(slope)
 
     def value(self, position: FloatArray) -> FloatArray:
         """Returns the factor (...,) at some positions (...,) [rad, or m]."""
         if self._form == "table":
             return self._tabulated(position)[0]
-        value = np.polyval(self._parts[0], position)
+        value = _sum(self._parts[0], position)
         return np.asarray(1 / value if self._form == "compliance" else value)
 
     def whole(self, position: FloatArray) -> Factor:
         """Returns the factor with its derivatives at some positions (...,) [rad, or m]."""
         if self._form == "table":
             return Factor(*self._tabulated(position))
-        value, slope, curvature = (np.asarray(np.polyval(part, position)) for part in self._parts)
+        value, slope, curvature = (_sum(part, position) for part in self._parts)
         if self._form == "stiffness":
             return Factor(value, slope, curvature)
         return Factor(1 / value, -slope / value**2, 2 * slope**2 / value**3 - curvature / value**2)
@@ -68,6 +69,19 @@ class LawFactor:
         within = inside == position
         value = ((a * x + b) * x + c) * x + d
         return value, within * ((3 * a * x + 2 * b) * x + c), within * (6 * a * x + 2 * b)
+
+
+def _derived(coefficients: FloatArray) -> FloatArray:
+    """Coefficients of a polynomial's derivative, constant first."""
+    return coefficients[1:] * np.arange(1, coefficients.size) if coefficients.size > 1 else np.zeros(1)
+
+
+def _sum(coefficients: FloatArray, position: FloatArray) -> FloatArray:
+    """Value of a polynomial, constant first, by Horner's rule."""
+    value = np.full(np.shape(position), coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        value = value * position + coefficient
+    return np.asarray(value)
 
 
 class VaryingSprings:

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed
+from robid.settings.stiffness import StiffnessOver
 
 
 class SpringDamper(Assumed):
@@ -26,6 +27,11 @@ class SpringDamper(Assumed):
         default=None,
         description="Transmission of a prismatic joint: coefficient of the cubic part; 0 when not given [N/m^3].",
         ge=0,
+    )
+    stiffness_over: StiffnessOver | None = Field(
+        default=None,
+        description="How the stiffness, its cubic part with it, depends on a joint's position: what the numbers above"
+        " are multiplied by. The damping does not.",
     )
 
     def value(self, kind: str, *, linear: bool) -> float | None:

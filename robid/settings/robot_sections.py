@@ -179,22 +179,22 @@ class JointSection(Assumed):
 
 
 class SpringSection(SpringDamper):
-    """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint."""
+    """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint; shafts motor side."""
 
     name: Name = Field(description="Name of the spring.")
     joint: Name | None = Field(
         default=None, description="Name of the joint it belongs to; springs of the base and the payload have none."
     )
-    place: Literal["transmission", "bearing", "split", "base", "payload"] = Field(
-        description="Between motor and arm, about a further axis of the joint, inside the joint's link, beneath the "
-        "first joint, or between the last link and the payload."
+    place: Literal["transmission", "shaft", "bearing", "split", "base", "payload"] = Field(
+        description="Between motor and arm, between the motor and its transmission, about a further axis of the joint,"
+        " inside the joint's link, beneath the first joint, or between the last link and the payload."
     )
     axis: Vector | None = Field(
         default=None,
         description="Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis), it does not turn "
         "with the joint; of a prismatic joint it rides on the link. Split: in the link's frame. Payload: in the "
         "payload's. Base: in the world frame. "
-        "A transmission has none.",
+        "A transmission and a shaft have none.",
     )
     point_m: Vector | None = Field(
         default=None,
@@ -203,6 +203,12 @@ class SpringSection(SpringDamper):
     )
     outboard: Body | None = Field(
         default=None, description="Split only: the part of the link beyond the split, in the link's frame."
+    )
+    inertia_kgm2: float | None = Field(
+        default=None,
+        description="Shaft only: inertia that it turns, motor side as its stiffness and damping; shafts of a joint"
+        " follow each other as they are listed, from the motor on [kg m^2].",
+        gt=0,
     )
 
     def is_linear(self, joints: tuple[JointSection, ...]) -> bool:
@@ -230,6 +236,8 @@ class SpringSection(SpringDamper):
             cubic=self.value("cubic", linear=linear) or 0.0,
             point_m=position + rotation @ point if self.place in ("split", "base", "payload") else np.zeros(3),
             outboard=None if self.outboard is None else joints[index].into_joint_frame(self.outboard.inertial()),
+            inertia_kgm2=self.inertia_kgm2 or 0.0,
+            stiffness_over=None if self.stiffness_over is None else self.stiffness_over.law(joints),
         )
 
 

@@ -14,6 +14,7 @@ from robid.robot.inertia import remove
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.checks.rigid import check_counterbalances, check_loop_links
 from robid.settings.checks.robot_missing import missing
+from robid.settings.checks.stiffness import check_shaft, check_stiffness_over
 from robid.settings.plausible import implausible
 from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile, assumed_sections
@@ -35,7 +36,20 @@ def check_robot(
         robot: The file, completed from its model where it names one that is there.
         immobile: Joints of the model that do not move, with the reason.
     """
-    checks = (_names, missing, _joints, _values, _couplings, _splits, _payload, _loop_bodies, _base, _sensors, _assumed)
+    checks = (
+        _names,
+        missing,
+        _joints,
+        _values,
+        _laws,
+        _couplings,
+        _splits,
+        _payload,
+        _loop_bodies,
+        _base,
+        _sensors,
+        _assumed,
+    )
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
     found += check_counterbalances(robot)
     # Whether loops close is asked of a robot that is otherwise right.
@@ -49,6 +63,7 @@ def check_springs(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     yield from _springs(robot, {})
     yield from _splits(robot)
     yield from _values(robot)
+    yield from _laws(robot)
     yield from _names(robot)
 
 
@@ -167,9 +182,14 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[Fi
             yield (*field, "joint"), message
         elif spring.joint not in joints:
             yield (*field, "joint"), f"there is no joint `{spring.joint}`; {suggest(spring.joint, joints)}"
-        if spring.place == "transmission":
+        if spring.place in ("transmission", "shaft"):
             if spring.axis is not None:
-                yield (*field, "axis"), "a transmission turns about its joint's axis: leave `axis` out"
+                told = (
+                    "a transmission turns about its joint's axis"
+                    if spring.place == "transmission"
+                    else "a shaft turns as its motor does"
+                )
+                yield (*field, "axis"), f"{told}: leave `axis` out"
         elif spring.axis is None:
             yield (*field, "axis"), f"is missing: a {spring.place} spring needs one"
         elif np.linalg.norm(spring.axis) == 0:
@@ -186,8 +206,17 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[Fi
             if (spring.place == "split") != (getattr(spring, key) is not None):
                 told = "is missing: a split spring needs it" if spring.place == "split" else "is for split springs only"
                 yield (*field, key), told
+        yield from check_shaft(field, spring, robot)
         if spring.place == "payload" and (robot.payload is None or robot.payload.mass_kg == 0):
             yield (*field, "place"), "a payload spring needs a `payload` with mass"
+
+
+def _laws(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    for index, spring in enumerate(robot.all_springs):
+        if spring.stiffness_over is not None:
+            yield from check_stiffness_over(
+                (*spring_field(robot, index), "stiffness_over"), spring.stiffness_over, robot
+            )
 
 
 def _splits(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:

@@ -133,9 +133,7 @@ def test_a_constant_law_changes_nothing(form):
     plain = springs_everywhere()
     same = replace(plain, springs=tuple(replace(spring, stiffness_over=law) for spring in plain.springs))
     models = [linear_model(robot, POSES) for robot in (plain, same)]
-    found = [
-        response(model, nominal_parameters(plain, model, 1e-3), FREQUENCY_HZ, 1e-3).sampled for model in models
-    ]
+    found = [response(model, nominal_parameters(plain, model, 1e-3), FREQUENCY_HZ, 1e-3).sampled for model in models]
     np.testing.assert_allclose(found[1], found[0], rtol=1e-12)
 
 
