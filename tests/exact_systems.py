@@ -63,9 +63,9 @@ def linear_axis(rotor_kgm2=2e-3, mass_kg=80.0, stiffness=5e6, damping=3e3, ratio
     return Robot("linear axis", np.array([0.0, 0.0, -9.81]), (joint,), (spring,), NO_PAYLOAD)
 
 
-def ball_screw(shafts=2, over=SOFTENING, **motor):
+def ball_screw(shafts=2, over=SOFTENING, viscous=2e-3):
     """A motor, lumps of a screw whose last section and nut soften along it, and a slide across gravity."""
-    robot = linear_axis(rotor_kgm2=1e-3, mass_kg=51.0, stiffness=3e7, damping=2e3, ratio=125.7, viscous=2e-3)
+    robot = linear_axis(rotor_kgm2=1e-3, mass_kg=51.0, stiffness=3e7, damping=2e3, ratio=125.7, viscous=viscous)
     z = np.array([0.0, 0.0, 1.0])
     twists = tuple(
         Spring(f"twist_{number}", 0, "shaft", z, 1.5e3 * number, 0.05, inertia_kgm2=2e-4 * number)
@@ -73,7 +73,7 @@ def ball_screw(shafts=2, over=SOFTENING, **motor):
     )
     if twists:
         twists = (*twists[:-1], replace(twists[-1], stiffness_over=over))
-    joint = replace(robot.joints[0], lower=-0.4, upper=0.4, motor=replace(robot.joints[0].motor, **motor))
+    joint = replace(robot.joints[0], lower=-0.4, upper=0.4)
     nut = replace(robot.springs[0], name="nut", stiffness_over=over)
     return replace(robot, name="ball screw", joints=(joint,), springs=(nut, *twists))
 

@@ -47,6 +47,13 @@ class Imperfections:
             "ge": 0,
         },
     )
+    link_encoder_resolution_rad: float = field(
+        default=0.0, metadata={"description": "Quantisation step of the link encoders' angles [rad].", "ge": 0}
+    )
+    link_encoder_resolution_m: float = field(
+        default=0.0,
+        metadata={"description": "Quantisation step of prismatic joints' arm-side encoders [m].", "ge": 0},
+    )
     tracker_noise_m: float = field(
         default=0.0, metadata={"description": "Standard deviation of the trackers' noise [m].", "ge": 0}
     )

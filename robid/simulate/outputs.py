@@ -67,6 +67,14 @@ class FurtherOutputs:
         }
         return np.array([known[kind] for kind in self._kinds])
 
+    def resolution(self, flaws: Imperfections) -> FloatArray:
+        """Returns the step (n_out,) in which each output is shown, in its unit; 0 where it is shown as it is."""
+        known = {
+            "link_encoder": flaws.link_encoder_resolution_rad,
+            "linear_encoder": flaws.link_encoder_resolution_m,
+        }
+        return np.array([known.get(kind, 0.0) for kind in self._kinds])
+
     def arms(self) -> FloatArray:
         """Returns the link encoders' positions (n_sim, n_arm) now [rad, or m]."""
         return np.array(self._qpos[:, self._angles])
@@ -82,3 +90,11 @@ class FurtherOutputs:
         if self._data is not None:
             values[:, self._sensed] = self._data @ self._axes
         return values
+
+
+def in_steps(values: FloatArray, resolution: FloatArray) -> FloatArray:
+    """Rounds outputs (n_sim, n_out) to the steps (n_out,) in which they are shown; 0 leaves them."""
+    if not resolution.any():
+        return values
+    step = np.where(resolution > 0, resolution, 1.0)
+    return np.where(resolution > 0, np.round(values / step) * step, values)

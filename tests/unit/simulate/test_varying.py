@@ -1,0 +1,128 @@
+"""Simulated stiffness that follows a joint: responses at rest, energy of a robot in motion, encoders of a slide."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco.batch import Batch
+
+from exact_systems import ball_screw, varying_arm
+from robid.frf.estimate import estimate_frf
+from robid.frf.options import EstimateOptions
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters, response
+from robid.robot.stiffness_law import LawFactor
+from robid.signals.multisine import multisine, time_signal
+from robid.simulate.experiment import SimulatedExperiment, simulate
+from robid.simulate.options import Controller, Imperfections, SimulateOptions
+from robid.simulate.varying import VaryingStiffness
+
+SLOW = Controller(sampling_period_s=2.5e-4, position_gain_1_s=12.0, speed_bandwidth_hz=25.0, integral_time_s=0.4)
+
+
+def campaign(robot, rms, outputs=(), period_s=1.0, **options):
+    n_motor, n_sample = len(robot.joints), round(period_s / SLOW.sampling_period_s)
+    lines = np.arange(5, 150 * round(period_s), 6)
+    amplitude = np.full((n_motor, lines.size), rms * np.sqrt(2 / lines.size))
+    phase = np.random.default_rng(1).uniform(0, 2 * np.pi, (1, n_motor, lines.size))
+    reference = time_signal(multisine(amplitude, phase), lines, n_sample)
+    return SimulatedExperiment(
+        robot=robot,
+        controller=SLOW,
+        options=SimulateOptions(transient_periods=2, **options),
+        reference=reference,
+        inject="torque",
+        excited_lines=lines,
+        detection_lines=np.zeros(0, int),
+        periods=1,
+        outputs=outputs,
+    )
+
+
+@pytest.mark.parametrize("position", [-0.35, 0.0688, 0.4])
+def test_a_ball_screws_simulated_response_is_the_linearised_one(position):
+    robot, outputs = ball_screw(viscous=0.02), ("rail", "rail.arm")
+    record = simulate(campaign(robot, 0.02, outputs[1:]), np.array([position]), 0)
+    found = estimate_frf(record, EstimateOptions(compensation="none"))
+    model = build_model(robot)
+    linear = linearize(model, solve_statics(model, np.array([[position]])), outputs)
+    parameters = nominal_parameters(robot, linear, SLOW.sampling_period_s)
+    wanted = response(linear, parameters, found.frequency_hz, SLOW.sampling_period_s).sampled
+    error = np.abs(found.response / wanted - 1)
+    assert np.median(error) < 2e-3
+    assert np.quantile(error, 0.95) < 2e-2
+
+
+def energy(model, qpos, qvel):
+    data, mass = mujoco.MjData(model.mujoco), np.zeros((model.mujoco.nv,) * 2)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model.mujoco, data)
+    mujoco.mj_fullM(model.mujoco, data, mass)
+    total = 0.5 * qvel @ mass @ qvel - model.mujoco.body_mass @ data.xipos @ model.mujoco.opt.gravity
+    for spring, row in zip(model.robot.springs, model.deflection, strict=True):
+        law = spring.stiffness_over
+        factor = 1.0 if law is None else LawFactor(law).value(qpos[model.arm[law.joint]])
+        total += factor * (0.5 * spring.stiffness * (row @ qpos) ** 2 + 0.25 * spring.cubic * (row @ qpos) ** 4)
+    return total
+
+
+def drift(robot, configuration, speed, period_s, stretch, *, pushes=True):
+    """Energy that a robot without dampers gains while it moves freely, over the energy in its springs."""
+    still = replace(robot, springs=tuple(replace(spring, damping=0.0) for spring in robot.springs))
+    model = build_model(still, timestep_s=2.5e-5)
+    batch = Batch(model.mujoco, 1, nthread=1)
+    rest = solve_statics(model, configuration[None]).position[0]
+    for name, offset in stretch.items():
+        row = [spring.name for spring in robot.springs].index(name)
+        place = np.flatnonzero(model.deflection[row])[-1]
+        rest[place] += offset
+    batch.qpos[:], batch.qvel[:] = rest, 0.0
+    batch.qvel[:, model.motor] = model.robot.motor_per_arm @ speed / model.turns
+    batch.qvel[:, model.arm] = speed
+    varying = VaryingStiffness(model, batch, period_s)
+    before = energy(model, batch.qpos[0], batch.qvel[0])
+    stored = before - energy(model, solve_statics(model, configuration[None]).position[0], batch.qvel[0])
+    worst = 0.0
+    for _ in range(round(0.2 / period_s)):
+        varying.follow()
+        if not pushes:
+            batch.qfrc_applied[:] = 0.0
+        batch.step(nstep=round(period_s / 2.5e-5))
+        worst = max(worst, abs(energy(model, batch.qpos[0], batch.qvel[0]) - before))
+    return worst / stored
+
+
+CASES = {
+    "screw": (ball_screw(viscous=0.0), np.array([-0.1]), np.array([0.5]), {"nut": 2e-4}),
+    "arm": (varying_arm(), np.array([0.3, -0.4]), np.array([0.5, 2.0]), {"gear_1": 0.02, "forearm": 0.03}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_moving_robot_keeps_its_energy(case):
+    robot = CASES[case][0]
+    joints = tuple(
+        replace(joint, motor=replace(joint.motor, friction=replace(joint.motor.friction, viscous_nms_rad=0.0)))
+        for joint in robot.joints
+    )
+    moving = (replace(robot, joints=joints), *CASES[case][1:3])
+    coarse, fine = (drift(*moving, period_s, CASES[case][3]) for period_s in (2e-3, 5e-4))
+    assert fine < 3e-4
+    assert fine < coarse / 2.5
+    assert drift(*moving, 5e-4, CASES[case][3], pushes=False) > 10 * fine
+
+
+def test_a_slides_encoder_shows_its_steps():
+    flaws = Imperfections(link_encoder_resolution_m=5e-7)
+    run = campaign(ball_screw(), 0.05, ("rail.arm",))
+    plain = simulate(run, np.array([0.1]), 0)
+    found = simulate(
+        replace(run, options=SimulateOptions(transient_periods=2, imperfections=flaws)), np.array([0.1]), 0
+    )
+    shown = found.outputs[..., 1] + found.output_offset[..., 1]
+    np.testing.assert_allclose(shown / 5e-7, np.round(shown / 5e-7), atol=1e-6)
+    error = found.outputs - plain.outputs
+    assert not error[..., 0].any()
+    assert 2e-7 < np.abs(error[..., 1]).max() <= 2.5e-7 * (1 + 1e-6)
