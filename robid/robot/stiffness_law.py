@@ -48,19 +48,27 @@ class LawFactor:
 
     def value(self, position: FloatArray) -> FloatArray:
         """Returns the factor (...,) at some positions (...,) [rad, or m]."""
+        return self.rise(position)[0]
+
+    def rise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns the factor and its slope (...,) at some positions (...,) [rad, or m]."""
         if self._form == "table":
-            return self._tabulated(position)[0]
-        value = _sum(self._parts[0], position)
-        return np.asarray(1 / value if self._form == "compliance" else value)
+            return self._tabulated(position)[:2]
+        value, slope = _sum(self._parts[0], position), _sum(self._parts[1], position)
+        if self._form == "stiffness":
+            return value, slope
+        factor = 1 / value
+        return factor, -slope * factor * factor
 
     def whole(self, position: FloatArray) -> Factor:
         """Returns the factor with its derivatives at some positions (...,) [rad, or m]."""
         if self._form == "table":
             return Factor(*self._tabulated(position))
-        value, slope, curvature = (_sum(part, position) for part in self._parts)
-        if self._form == "stiffness":
-            return Factor(value, slope, curvature)
-        return Factor(1 / value, -slope / value**2, 2 * slope**2 / value**3 - curvature / value**2)
+        curvature = _sum(self._parts[2], position)
+        factor, slope = self.rise(position)
+        if self._form == "compliance":
+            curvature = 2 * slope * slope / factor - curvature * factor * factor
+        return Factor(factor, slope, curvature)
 
     def _tabulated(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         inside = np.clip(position, self._table[0], self._table[-1])
@@ -78,8 +86,10 @@ def _derived(coefficients: FloatArray) -> FloatArray:
 
 def _sum(coefficients: FloatArray, position: FloatArray) -> FloatArray:
     """Value of a polynomial, constant first, by Horner's rule."""
-    value = np.full(np.shape(position), coefficients[-1])
-    for coefficient in coefficients[-2::-1]:
+    if coefficients.size == 1:
+        return np.full(np.shape(position), coefficients[0])
+    value = coefficients[-1] * position + coefficients[-2]
+    for coefficient in coefficients[-3::-1] if coefficients.size > 2 else ():
         value = value * position + coefficient
     return np.asarray(value)
 

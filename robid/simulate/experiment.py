@@ -16,7 +16,7 @@ from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-from robid.simulate.outputs import FurtherOutputs, further_channels, in_steps
+from robid.simulate.outputs import FurtherOutputs, further_channels
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
 from robid.simulate.truth import recorded_torque_factor
 from robid.simulate.varying import VaryingStiffness
@@ -143,7 +143,8 @@ class _Run:
         batch.forward()
         self.rest_outputs = self._further.read()[0]
         self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
-        self._resolution = self._further.resolution(experiment.options.imperfections)
+        resolution = self._further.resolution(experiment.options.imperfections)
+        self._stepped, self._step = np.flatnonzero(resolution), resolution[resolution > 0]
         self._rest = model.motor_angles(batch.qpos)
         zero = np.zeros_like(self._reference)
         speed, angle, torque = zero, zero, zero
@@ -187,7 +188,9 @@ class _Run:
                 continue
             arms = self._further.arms()
             batch.step(nstep=1)  # sensors show the state at its beginning
-            shown = in_steps(self._further.read(arms) + further[sample], self._resolution)
+            shown = self._further.read(arms) + further[sample]
+            if self._stepped.size:
+                shown[:, self._stepped] = np.rint(shown[:, self._stepped] / self._step) * self._step
             angle[sample, :, self._motor.size :] = shown
             if steps > 1:
                 batch.step(nstep=steps - 1)

@@ -90,11 +90,3 @@ class FurtherOutputs:
         if self._data is not None:
             values[:, self._sensed] = self._data @ self._axes
         return values
-
-
-def in_steps(values: FloatArray, resolution: FloatArray) -> FloatArray:
-    """Rounds outputs (n_sim, n_out) to the steps (n_out,) in which they are shown; 0 leaves them."""
-    if not resolution.any():
-        return values
-    step = np.where(resolution > 0, resolution, 1.0)
-    return np.where(resolution > 0, np.round(values / step) * step, values)

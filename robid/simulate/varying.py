@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from mujoco.batch import Batch
 
 from robid.arrays import FloatArray
 from robid.robot.model import ElasticModel
-from robid.robot.stiffness_law import LawFactor
 
 
 class VaryingStiffness:
@@ -26,58 +23,49 @@ class VaryingStiffness:
 
     def __init__(self, model: ElasticModel, batch: Batch, period_s: float) -> None:
         varying = model.varying
-        self._springs = [
-            _spring(model, batch, int(index), int(place), law)
-            for index, place, law in zip(varying.indices, varying.scheduled, varying.laws, strict=True)
-        ]
-        self._half_s = 0.5 * period_s
-        if self._springs:
-            self._qpos, self._qvel, self._load = batch.qpos, batch.qvel, batch.qfrc_applied
+        self._laws, self._places, self._half_s = varying.laws, varying.scheduled.tolist(), 0.5 * period_s
+        if not self._laws:
+            return
+        springs = [model.robot.springs[index] for index in varying.indices]
+        self._linear, self._cubic = (np.array([getattr(s, kind) for s in springs]) for kind in ("stiffness", "cubic"))
+        self._deflection = np.ascontiguousarray(model.deflection[varying.indices].T)
+        self._factor, self._slope = np.empty((2, batch.nsim, len(springs)))
+        self._qpos, self._qvel, self._load = batch.qpos, batch.qvel, batch.qfrc_applied
+        engine, self._stiffness, self._polynomial = model.mujoco, [], []
+        self._dead_band = np.zeros(len(springs))
+        for column, spring in enumerate(springs):
+            kind, row = "jnt", -1
+            if spring.place == "transmission":
+                kind, row = "tendon", engine.tendon(spring.name).id
+                self._dead_band[column] = engine.tendon_lengthspring[row, 1]
+            else:
+                row = engine.joint(f"q_e_{spring.name}").id
+            self._stiffness.append(batch.expand(f"{kind}_stiffness")[:, row])
+            self._polynomial.append(batch.expand(f"{kind}_stiffnesspoly")[:, row, 1])
 
     def follow(self) -> None:
         """Moves every stiffness on to the middle of the coming sample."""
-        for spring in self._springs:
-            self._load[:, spring.scheduled] = 0.0
-        for spring in self._springs:
-            place = spring.scheduled
-            factor = spring.law.whole(self._qpos[:, place] + self._half_s * self._qvel[:, place])
-            np.multiply(factor.value, spring.linear, out=spring.stiffness)
-            deflection = self._qpos @ spring.deflection
-            if spring.dead_band:
-                deflection -= np.clip(deflection, -spring.dead_band, spring.dead_band)
-            energy = 0.5 * spring.linear * deflection**2
-            if spring.cubic:
-                spring.polynomial[:] = factor.value * spring.cubic
-                energy += 0.25 * spring.cubic * deflection**4
-            self._load[:, place] -= factor.slope * energy
+        if not self._laws:
+            return
+        ahead = self._qpos + self._half_s * self._qvel
+        for column, (place, law) in enumerate(zip(self._places, self._laws, strict=True)):
+            self._factor[:, column], self._slope[:, column] = law.rise(ahead[:, place])
+        stiffness = self._factor * self._linear
+        push = self._slope * self._energy()
+        for column, target in enumerate(self._stiffness):
+            target[:] = stiffness[:, column]
+        if self._cubic.any():
+            cubic = self._factor * self._cubic
+            for column, target in enumerate(self._polynomial):
+                target[:] = cubic[:, column]
+        self._load[:, self._places] = 0.0
+        for column, place in enumerate(self._places):
+            self._load[:, place] -= push[:, column]
 
-
-@dataclass(frozen=True)
-class _Spring:
-    """One spring of all simulations; `stiffness` and `polynomial` (n_sim,) are the engine's own memory."""
-
-    scheduled: int
-    law: LawFactor
-    linear: float
-    cubic: float
-    dead_band: float
-    deflection: FloatArray
-    stiffness: FloatArray
-    polynomial: FloatArray
-
-
-def _spring(model: ElasticModel, batch: Batch, index: int, scheduled: int, law: LawFactor) -> _Spring:
-    spring, engine = model.robot.springs[index], model.mujoco
-    is_tendon = spring.place == "transmission"
-    kind = "tendon" if is_tendon else "jnt"
-    row = engine.tendon(spring.name).id if is_tendon else engine.joint(f"q_e_{spring.name}").id
-    return _Spring(
-        scheduled=scheduled,
-        law=law,
-        linear=spring.stiffness,
-        cubic=spring.cubic,
-        dead_band=float(engine.tendon_lengthspring[row, 1]) if is_tendon else 0.0,
-        deflection=model.deflection[index],
-        stiffness=batch.expand(f"{kind}_stiffness")[:, row],
-        polynomial=batch.expand(f"{kind}_stiffnesspoly")[:, row, 1],
-    )
+    def _energy(self) -> FloatArray:
+        """Energy (n_sim, n_varying) of each spring without its factor [J]."""
+        deflection = self._qpos @ self._deflection
+        if self._dead_band.any():
+            deflection -= np.clip(deflection, -self._dead_band, self._dead_band)
+        square = deflection * deflection
+        return np.asarray((0.5 * self._linear + 0.25 * self._cubic * square) * square)
