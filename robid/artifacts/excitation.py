@@ -4,6 +4,7 @@ Schema history:
     1.0: first version.
     1.1: in the plan, crest factor of the motor speed, signal-to-noise ratio of the response, and duration.
     1.2: in the plan of a trajectory, condition number of its regressor.
+    1.3: position reference of a travel beneath the excitation.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from robid.artifacts.mapping import Column, from_datasets, to_datasets
 if TYPE_CHECKING:
     from robid.design.excitation.excitation import CampaignExcitation
 
-EXCITATION = Kind("excitation", "1.2", "robid design-excitation")
+EXCITATION = Kind("excitation", "1.3", "robid design-excitation")
 
 
 def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) -> Artifact:
@@ -34,6 +35,9 @@ def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) 
         "excitation/rms": Column(unit, ("motor",), "RMS of each motor's signal"),
         "excitation/crest_factor": Column("1", (*block, "motor"), "Peak over RMS"),
     }
+    if content.excitation.travel is not None:
+        about = "Position reference of the motors beneath the excitation, from the configuration"
+        table["excitation/travel"] = Column("rad", ("sample", "motor"), about, compact=True)
     if content.excitation.plan is not None:
         table |= _plan_columns()
     return Artifact(EXCITATION, *to_datasets(content, table), provenance)

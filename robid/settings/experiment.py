@@ -153,6 +153,16 @@ class Campaign(Section):
         """Whether it plays large motions, which have no frequency response."""
         return isinstance(self.excitation, TrajectoryOptions)
 
+    @property
+    def travels(self) -> bool:
+        """Whether a joint moves far beneath its excitation."""
+        return not isinstance(self.excitation, TrajectoryOptions) and self.excitation.travel is not None
+
+    @property
+    def has_response(self) -> bool:
+        """Whether it repeats small motions about its configurations, which have a frequency response."""
+        return not (self.is_one_shot or self.is_trajectory or self.travels)
+
     def block_size(self, n_motor: int) -> int:
         """Number of experiments in a realization: as many as motors unless it says less, a single trajectory."""
         return 1 if self.is_trajectory else self.experiments or n_motor

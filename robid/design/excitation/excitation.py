@@ -91,6 +91,8 @@ class Excitation:
         rms (n_motor,): RMS of each motor's signal, a slow motion left out [as reference].
         crest_factor (n_real, n_exp, n_motor): Peak over RMS, a slow motion left out.
         plan: Predicted motion against the limits, or None before `predict`.
+        travel (n_sample, n_motor): Position reference of a large motion beneath it, from the configuration; None
+            without one [rad].
     """
 
     reference: FloatArray
@@ -102,6 +104,7 @@ class Excitation:
     rms: FloatArray
     crest_factor: FloatArray
     plan: ExcitationPlan | None = None
+    travel: FloatArray | None = None
 
     @property
     def period_s(self) -> float:

@@ -110,6 +110,7 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
     acquire = None if campaign.source is None else campaign.source.acquire
+    yield from _travel((*field, "excitation", "travel"), campaign, robot)
     if not campaign.is_one_shot:
         if not campaign.is_trajectory:
             yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
@@ -123,6 +124,21 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
         if robot.controller is None:
             yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
         yield from check_truth((*field, "source", "simulate"), campaign, campaign.source.simulate, robot)
+
+
+def _travel(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+    travel = None if isinstance(campaign.excitation, TrajectoryOptions) else campaign.excitation.travel
+    if travel is None:
+        return
+    joints = {joint.name: joint for joint in robot.joints}
+    if travel.joint not in joints:
+        yield (*field, "joint"), f"there is no joint `{travel.joint}`; {suggest(travel.joint, joints)}"
+        return
+    wanted, other = (
+        ("amplitude_m", "amplitude_deg") if joints[travel.joint].slides else ("amplitude_deg", "amplitude_m")
+    )
+    if getattr(travel, other) is not None:
+        yield (*field, other), f"has the wrong unit for `{travel.joint}`: write `{wanted}`"
 
 
 def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
@@ -177,6 +193,8 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families
             yield (*field, key), f"campaign `{campaign}` is one shot, which has no frequency response to read"
         elif experiment.campaigns[campaign].is_trajectory and "frf" in reads:
             yield (*field, key), f"campaign `{campaign}` plays a trajectory, which has no frequency response to read"
+        elif experiment.campaigns[campaign].travels and "frf" in reads:
+            yield (*field, key), f"campaign `{campaign}` travels, so it has no frequency response to read"
     if fit.validate_on in fit.campaigns:
         yield (*field, "validate_on"), f"campaign `{fit.validate_on}` is what the fit reads: validate on another one"
     if len(set(fit.campaigns)) < len(fit.campaigns):
