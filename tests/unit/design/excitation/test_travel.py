@@ -14,7 +14,8 @@ from robid.design.excitation.signal import design_signal
 from robid.design.excitation.signal_lines import check_signal
 from robid.design.excitation.travel import travel_demand, with_travel
 from robid.errors import SettingsError
-from robid.simulate.experiment import SimulatedExperiment, simulate
+from robid.robot.description import StiffnessLaw
+from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import Controller, SimulateOptions
 
 CONTROLLER = Controller(sampling_period_s=2.5e-4, position_gain_1_s=12.0, speed_bandwidth_hz=25.0, integral_time_s=0.4)
@@ -77,6 +78,26 @@ def test_the_simulated_slide_goes_where_the_plan_says():
     assert np.abs(torque - demand[1, :, 0]).max() < 0.02 * np.abs(demand[1]).max()
     place = record.outputs[0, 0, 0, 0, :, 1] + record.output_offset[0, 1]
     assert place.mean() == pytest.approx(0.05, abs=1e-3)
+
+
+def test_steps_are_those_of_the_whole_way():
+    stiff = StiffnessLaw(0, "compliance", np.array([1.0, 3.2]))
+    plain, _ = designed(None)
+    counts = []
+    for amplitude in (0.0, 0.34):
+        run = SimulatedExperiment(
+            robot=ball_screw(2, stiff),
+            controller=CONTROLLER,
+            options=SimulateOptions(),
+            reference=plain.reference,
+            inject="torque",
+            excited_lines=plain.excited_lines,
+            detection_lines=plain.detection_lines,
+            periods=1,
+            travel=125.7 * amplitude * np.sin(2 * np.pi * np.arange(8000) / 8000)[:, None] if amplitude else None,
+        )
+        counts.append(with_settled_steps(run, MIDDLE)[1].count)
+    assert counts[1] > counts[0], counts
 
 
 def test_joint_limits_hold():
