@@ -66,9 +66,10 @@ def with_settled_steps(
     speed = peak_motor_speed(robot, controller, experiment.reference, experiment.inject)
     configurations = visited(robot, controller, experiment.reference, experiment.inject, configurations)
     if experiment.travel is not None:
-        way = experiment.travel[None]
-        speed = speed + peak_motor_speed(robot, controller, way, "position_reference")
-        configurations = visited(robot, controller, way, "position_reference", configurations)
+        speed = speed + peak_motor_speed(robot, controller, experiment.travel[None], "position_reference")
+        way = experiment.travel @ robot.arm_per_motor.T
+        ends = np.stack([way.min(axis=0), way.max(axis=0)])
+        configurations = (configurations[:, None] + ends).reshape(-1, way.shape[1])
     steps = choose_steps(robot, controller, options, configurations, frequency_hz, speed)
     return replace(experiment, options=replace(options, steps_per_sample=steps.count)), steps
 

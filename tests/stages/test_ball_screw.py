@@ -67,6 +67,18 @@ def test_a_travelling_slide_is_in_the_record_alone(folder):
     assert 0.3 < np.median(lines / asked) < 1.5
 
 
+def test_a_travel_is_exported_beside_its_excitation(folder, tmp_path):
+    command = ["export", str(folder / "screw.yaml"), "--run-dir", str(folder / "run"), "--campaign", "global"]
+    assert run_command([*command, "--format", "csv", "--output", str(tmp_path / "tables")]) == 0
+    text = (tmp_path / "tables/excitation_r1_e1.csv").read_text()
+    assert "Add each motor's travel to its angle reference meanwhile" in text
+    header = next(line for line in text.splitlines() if "time [s]" in line)
+    assert "slide travel [rad]" in header
+    travel = read(folder, "global/excitation.h5", EXCITATION, excitation_from_artifact).excitation.travel
+    rows = [line for line in text.splitlines() if line[:1].isdigit()]
+    assert float(rows[7].split(",")[-1]) == pytest.approx(float(travel[7, 0]), rel=1e-6)
+
+
 def test_the_law_is_scaled_by_the_fit(folder):
     summary = json.loads((folder / "run/summary.json").read_text())
     start = "fits.elastic.parameters.screw.stiffness"

@@ -145,6 +145,34 @@ def test_a_travelling_screw_is_its_differential_equation():
     assert (np.abs(found / wanted - 1) < [1e-5, 2e-3, 1e-5, 1e-5, 1e-2, 1e-5]).all()
 
 
+def test_a_travelling_slide_answers_as_it_does_where_it_is():
+    robot, period_s, line = ball_screw(1), 2.0, 120
+    count, rate = round(period_s / SLOW.sampling_period_s), 1 / SLOW.sampling_period_s
+    turn = 2 * np.pi * np.arange(count) / count
+    run = replace(
+        campaign(robot, 0.1, ("rail.arm",)),
+        reference=0.5 * np.sin(line * turn)[None, None, :, None],
+        excited_lines=np.array([line]),
+        travel=125.7 * 0.3 * np.sin(turn)[:, None],
+    )
+    record = simulate(run, np.zeros(1), 0)
+    motor, place = record.outputs[0, 0, 0, 0].T
+    time = np.arange(-400, 401) / rate
+    basis = np.column_stack([*(time**power for power in range(6)), np.exp(2j * np.pi * 60 * time).real])
+    basis = np.column_stack([basis, np.exp(2j * np.pi * 60 * time).imag])
+    model, shares = build_model(robot), []
+    for middle in (int(place.argmin()), int(place.argmax())):
+        window = (middle + np.arange(-400, 401)) % count
+        parts = np.linalg.lstsq(basis, np.column_stack([motor, place])[window], rcond=None)[0]
+        found = (parts[-2] - 1j * parts[-1])[1] / (parts[-2] - 1j * parts[-1])[0]
+        at = np.array([[place[middle]]])
+        linear = linearize(model, solve_statics(model, at), ("rail", "rail.arm"))
+        wanted = response(linear, nominal_parameters(robot, linear, 0.0), np.array([60.0]), None).sampled[0, 0, :, 0]
+        assert abs(found / (wanted[1] / wanted[0]) - 1) < 0.02
+        shares.append(abs(found))
+    assert abs(shares[0] / shares[1] - 1) > 0.3
+
+
 def test_a_slides_encoder_shows_its_steps():
     flaws = Imperfections(link_encoder_resolution_m=5e-7)
     run = campaign(ball_screw(), 0.05, ("rail.arm",))
