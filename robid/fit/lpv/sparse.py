@@ -1,0 +1,86 @@
+"""The penalised fit: cone programs as steps, weights and estimate in turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray
+from robid.fit.lpv.blocks import list_blocks, measure, spread
+from robid.fit.lpv.penalised import Penalised, descend
+from robid.fit.lpv.problem import Problem, cost
+
+
+@dataclass(frozen=True)
+class SparsityOptions:
+    """When blocks are dropped and when the penalised fit ends.
+
+    Attributes:
+        epsilon: Relative norm at which a block's price bends from a count to its size (eq. 13).
+        zero: Relative norm below which a block has vanished.
+        reweightings: Times the prices are renewed, at most.
+        settled: Change of any block's relative norm, over itself plus epsilon, at which they are not renewed again.
+        tolerance: Relative decrease of the penalised cost at which a descent ends.
+        step_limit: Cone programs of one descent, at most.
+    """
+
+    epsilon: float = field(default=1e-3, metadata={"description": "Relative norm of a block that counts.", "gt": 0})
+    zero: float = field(default=1e-5, metadata={"description": "Relative norm of a block that is gone.", "gt": 0})
+    reweightings: int = field(default=10, metadata={"description": "Renewals of the weights at most.", "ge": 1})
+    settled: float = field(default=1e-2, metadata={"description": "Change that ends the renewals.", "gt": 0})
+    tolerance: float = field(default=1e-5, metadata={"description": "Decrease that ends a descent.", "gt": 0})
+    step_limit: int = field(default=30, metadata={"description": "Steps of one descent at most.", "ge": 1})
+
+
+@dataclass(frozen=True)
+class SparseFit:
+    """Where a penalised fit ended.
+
+    Attributes:
+        parameters (n_function + 1, n_local): The model, vanished blocks exactly zero.
+        kept (4, n_function): Which blocks are left.
+        cost: The cost `V`, without the penalty.
+        reweightings: Times the prices were set.
+        steps: Cone programs solved.
+    """
+
+    parameters: FloatArray
+    kept: BoolArray
+    cost: float
+    reweightings: int
+    steps: int
+
+
+def fit_sparse(
+    problem: Problem, start: FloatArray, largest: FloatArray, gamma: float, options: SparsityOptions
+) -> SparseFit:
+    """Fits a model whose blocks have a price, until the prices stay.
+
+    A block that has vanished stays so.
+
+    Args:
+        problem: What the model is held against.
+        start (n_function + 1, n_local): A fit without prices.
+        largest (n_function,): Largest value of each basis function.
+        gamma: Price of a block, in units of the cost.
+        options: When to stop.
+
+    Source:
+        Turk et al. (2018), sec. II-C, eq. 12-16.
+    """
+    parameters, kept, steps, passes = start, np.ones((4, len(largest)), bool), 0, 0
+    relative = measure(start, largest, problem.sizes).relative
+    while kept.any() and passes < options.reweightings:
+        passes += 1
+        scale = measure(parameters, largest, problem.sizes).scale
+        price = gamma * scale / (relative + options.epsilon)
+        priced = Penalised(problem, list_blocks(kept, problem.sizes), price)
+        descent = descend(priced, parameters, tolerance=options.tolerance, step_limit=options.step_limit)
+        parameters, steps = descent.parameters, steps + descent.steps
+        before, relative = relative, measure(parameters, largest, problem.sizes).relative
+        kept = kept & (relative > options.zero)
+        parameters = parameters * spread(kept, problem.sizes)
+        if np.all(np.abs(relative - before) <= options.settled * (before + options.epsilon)):
+            break
+    return SparseFit(parameters, kept, cost(problem, parameters), passes, steps)

@@ -1,0 +1,157 @@
+"""Discrete-time state-space models, one per position, and what changes only their basis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+from robid.arrays import ComplexArray, FloatArray
+
+MATRICES = ("A", "B", "C", "D")
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many states, inputs and outputs a model has."""
+
+    n_state: int
+    n_in: int
+    n_out: int
+
+    @property
+    def shapes(self) -> tuple[tuple[int, int], ...]:
+        """Shape of each of the `MATRICES`."""
+        n, r, m = self.n_state, self.n_in, self.n_out
+        return (n, n), (n, r), (m, n), (m, r)
+
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """Where each of the `MATRICES` lies in a packed model, row by row."""
+        ends = np.cumsum([0, *(rows * columns for rows, columns in self.shapes)]).tolist()
+        return tuple(slice(begin, end) for begin, end in pairwise(ends))
+
+    @property
+    def n_local(self) -> int:
+        """Length of a packed model."""
+        return sum(rows * columns for rows, columns in self.shapes)
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """Models `x(t+1) = A x + B u`, `y = C x + D u`; all axes but the last two count models.
+
+    Attributes:
+        A (..., n_state, n_state): State matrix.
+        B (..., n_state, n_in): Input matrix.
+        C (..., n_out, n_state): Output matrix.
+        D (..., n_out, n_in): Feedthrough.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+
+    @property
+    def sizes(self) -> Sizes:
+        """How many states, inputs and outputs."""
+        return Sizes(self.A.shape[-1], self.B.shape[-1], self.C.shape[-2])
+
+    @property
+    def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The four matrices."""
+        return self.A, self.B, self.C, self.D
+
+    @property
+    def spectral_radius(self) -> FloatArray:
+        """Largest absolute value of a pole of each model; below 1 where it is stable."""
+        return np.asarray(np.abs(np.linalg.eigvals(self.A)).max(axis=-1, initial=0.0))
+
+    def __getitem__(self, index: int | slice) -> StateSpace:
+        return StateSpace(*(matrix[index] for matrix in self.matrices))
+
+
+def pack(system: StateSpace) -> FloatArray:
+    """Returns the matrices' elements in one row per model (..., n_local)."""
+    return np.concatenate([matrix.reshape(*matrix.shape[:-2], -1) for matrix in system.matrices], axis=-1)
+
+
+def unpack(packed: FloatArray, sizes: Sizes) -> StateSpace:
+    """Undoes `pack`."""
+    front = packed.shape[:-1]
+    return StateSpace(
+        *(packed[..., part].reshape(*front, *shape) for part, shape in zip(sizes.parts, sizes.shapes, strict=True))
+    )
+
+
+def stack(systems: list[StateSpace]) -> StateSpace:
+    """Puts single models behind one another."""
+    return StateSpace(*(np.stack(group) for group in zip(*(system.matrices for system in systems), strict=True)))
+
+
+def resolvent(A: FloatArray, z: ComplexArray) -> ComplexArray:
+    """Returns `(z I - A)^-1` (..., n_freq, n_state, n_state) of each model at points `z` (n_freq,)."""
+    return np.linalg.inv(z[:, None, None] * np.eye(A.shape[-1]) - A[..., None, :, :])
+
+
+def response(system: StateSpace, z: ComplexArray) -> ComplexArray:
+    """Returns the frequency response (..., n_freq, n_out, n_in) at points `z` (n_freq,)."""
+    inner = system.C[..., None, :, :] @ resolvent(system.A, z) @ system.B[..., None, :, :]
+    return np.asarray(inner + system.D[..., None, :, :])
+
+
+def transform(system: StateSpace, T: FloatArray) -> StateSpace:
+    """Returns each model with the states `T x` (T: (..., n_state, n_state))."""
+    inverse = np.linalg.inv(T)
+    return StateSpace(T @ system.A @ inverse, T @ system.B, system.C @ inverse, system.D)
+
+
+def similarity_tangent(system: StateSpace) -> FloatArray:
+    """Returns how packed models begin to change (..., n_local, n_state^2) with states `(I + G) x`, G row by row."""
+    front, n = system.A.shape[:-2], system.A.shape[-1]
+    eye = np.eye(n)
+    parts = [
+        np.einsum("ia,...bj->...ijab", eye, system.A) - np.einsum("...ia,bj->...ijab", system.A, eye),
+        np.einsum("ia,...bj->...ijab", eye, system.B),
+        -np.einsum("...ia,bj->...ijab", system.C, eye),
+        np.zeros((*system.D.shape, n, n)),
+    ]
+    return np.concatenate([part.reshape(*front, -1, n * n) for part in parts], axis=-2)
+
+
+def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
+    """Brings one stable model to the basis in which both Gramians are the same diagonal matrix.
+
+    Args:
+        system: A stable model.
+
+    Returns:
+        The model and the transformation that was applied (n_state, n_state).
+
+    Raises:
+        ValueError: If a state can neither be moved nor seen.
+    """
+    reached = solve_discrete_lyapunov(system.A, system.B @ system.B.T)
+    seen = solve_discrete_lyapunov(system.A.T, system.C.T @ system.C)
+    left, right = _root(reached), _root(seen)
+    U, values, _ = np.linalg.svd(right.T @ left)
+    if not values[-1] > np.finfo(float).eps * values[0]:
+        raise ValueError("A model with a state that cannot be moved or seen has no balanced basis: lower its order.")
+    T = (U / np.sqrt(values)).T @ right.T
+    return transform(system, T), T
+
+
+def remap(system: StateSpace, a: float, b: float, c: float, d: float) -> StateSpace:
+    """Returns the model in `z` of one in `w = (a z + b) / (c z + d)`."""
+    E = a * np.eye(system.A.shape[-1]) - c * system.A
+    A = np.linalg.solve(E, d * system.A - b * np.eye(system.A.shape[-1]))
+    B = np.linalg.solve(E, system.B)
+    return StateSpace(A, B, system.C @ (c * A + d * np.eye(len(A))), system.D + c * system.C @ B)
+
+
+def _root(gramian: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0)))

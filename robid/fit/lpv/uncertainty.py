@@ -1,0 +1,92 @@
+"""How far a fitted model's responses may be off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.fit.lpv.problem import Problem, local_jacobian, null_directions
+
+
+@dataclass(frozen=True)
+class ResponseUncertainty:
+    """Standard deviations of a response, linearised.
+
+    Attributes:
+        response (n_pos, n_freq, n_out, n_in): The model's response.
+        total (n_pos, n_freq, n_out, n_in): Root of `E|error|^2`.
+        magnitude (n_pos, n_freq, n_out, n_in): Of the absolute value.
+        phase (n_pos, n_freq, n_out, n_in): Of the phase [rad].
+    """
+
+    response: ComplexArray
+    total: FloatArray
+    magnitude: FloatArray
+    phase: FloatArray
+
+    def magnitude_interval(self, confidence: float) -> tuple[FloatArray, FloatArray]:
+        """Returns the lower and upper end of the absolute value's interval, not below zero."""
+        half = norm.ppf(0.5 + 0.5 * confidence) * self.magnitude
+        size = np.abs(self.response)
+        return np.maximum(size - half, 0), size + half
+
+
+def parameter_covariance(
+    problem: Problem, parameters: FloatArray, free: BoolArray, variance: FloatArray | None
+) -> FloatArray:
+    """Returns the covariance (n_param, n_param) of all parameters, zero where one is fixed.
+
+    The states' basis is free: the directions that move no response are taken out by a pseudo-inverse. The covariance
+    is that of one basis, but what it says of responses holds in any.
+
+    Args:
+        problem: What was fitted.
+        parameters (n_function + 1, n_local): The fit.
+        free (n_function + 1, n_local): Which elements were fitted.
+        variance (n_pos, n_freq, n_out, n_in): `E|error|^2` of the problem's responses, in its units; None where it is
+            unknown, then the residual stands for it, alike in all weighted elements.
+    """
+    error, slope = local_jacobian(problem, parameters)
+    full = np.einsum("qk,qrl->qrkl", problem.values, slope).reshape(-1, parameters.size)[:, free.ravel()]
+    bread = np.real(full.conj().T @ full)
+    null, root = null_directions(bread)
+    scaled = bread / np.outer(root, root) + null @ null.T
+    inverse = np.linalg.inv(scaled) - null @ null.T
+    inverse = inverse / np.outer(root, root)
+    n_left = problem.n_data - (bread.shape[0] - null.shape[1]) / 2
+    misfit = float(np.sum(np.abs(error) ** 2)) / max(n_left, 1.0)
+    if variance is None:
+        inner = 0.5 * misfit * inverse
+    else:
+        weighted = np.where(problem.root_weight > 0, variance, 0.0) * problem.root_weight**2
+        filling = np.real(full.conj().T @ (weighted.reshape(-1, 1) * full))
+        inner = 0.5 * inverse @ filling @ inverse
+    covariance = np.zeros((parameters.size, parameters.size))
+    covariance[np.ix_(free.ravel(), free.ravel())] = inner
+    return covariance
+
+
+def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: FloatArray) -> ResponseUncertainty:
+    """Carries the parameters' covariance to responses at the problem's positions and lines.
+
+    Args:
+        problem: Positions and lines; its responses and weights play no part.
+        parameters (n_function + 1, n_local): The fit.
+        covariance (n_param, n_param): Of the parameters.
+    """
+    shape = problem.response.shape
+    plain = replace(problem, response=np.zeros(shape, complex), root_weight=np.ones(shape))
+    here, slope = local_jacobian(plain, parameters)
+    n_function, n_local = parameters.shape
+    blocks = covariance.reshape(n_function, n_local, n_function, n_local)
+    local = np.einsum("qk,kiml,qm->qil", problem.values, blocks, problem.values)
+    turned = slope * np.exp(-1j * np.angle(here))[..., None]
+    along = np.einsum("qri,qil,qrl->qr", turned.real, local, turned.real)
+    across = np.einsum("qri,qil,qrl->qr", turned.imag, local, turned.imag)
+    along, across = np.maximum(along, 0).reshape(shape), np.maximum(across, 0).reshape(shape)
+    found = here.reshape(shape)
+    size = np.maximum(np.abs(found), np.finfo(float).tiny)
+    return ResponseUncertainty(found, np.sqrt(along + across), np.sqrt(along), np.sqrt(across) / size)
