@@ -14,7 +14,8 @@ _SINGULAR = 1e-8  # of the largest, a singular value of a transformation that lo
 def align_neighbours(systems: StateSpace, points: FloatArray) -> StateSpace:
     """Brings local models to the basis of a middle one, balanced, each by way of a neighbour that is there already.
 
-    A transformation makes a model as much like its neighbour as a basis can: linear least squares.
+    A transformation makes a model as much like its neighbour as a basis can: linear least squares, from its own
+    balanced basis, so that the basis it came in does not matter.
 
     Args:
         systems: Stable local models, one per position.
@@ -26,13 +27,29 @@ def align_neighbours(systems: StateSpace, points: FloatArray) -> StateSpace:
     reduced = (points - points.mean(axis=0)) / np.maximum(np.ptp(points, axis=0), np.finfo(float).tiny)
     distance = np.linalg.norm(reduced[:, None] - reduced, axis=2)
     middle = middle_position(points)
-    aligned = {middle: balance(systems[middle])[0]}
+    balanced = [balance(systems[index])[0] for index in range(len(points))]
+    aligned = {middle: balanced[middle]}
     while len(aligned) < len(points):
         done, left = list(aligned), [index for index in range(len(points)) if index not in aligned]
         near = distance[np.ix_(done, left)]
         row, column = np.unravel_index(np.argmin(near), near.shape)
-        aligned[left[column]] = _like(systems[left[column]], aligned[done[row]], left[column])
+        aligned[left[column]] = _like(balanced[left[column]], aligned[done[row]], left[column])
     return stack([aligned[index] for index in range(len(points))])
+
+
+def common_order(systems: list[StateSpace]) -> StateSpace:
+    """Puts single local models, from wherever, behind one another.
+
+    Raises:
+        DataError: If their numbers of states differ.
+    """
+    orders = sorted({system.sizes.n_state for system in systems})
+    if len(orders) > 1:
+        raise DataError(
+            f"The local models are of order {', '.join(str(order) for order in orders)}.",
+            remedy="Fit all of them with the same order.",
+        )
+    return stack(systems)
 
 
 def middle_position(points: FloatArray) -> int:
