@@ -103,7 +103,7 @@ def follow_path(
             for index, fit in enumerate(fits)
         ]
         points.append(min(found, key=lambda one: one.refit_cost + one.gamma * np.count_nonzero(one.kept)))
-    return Path(tuple(points), _choose(points, options.allowance))
+    return Path(tuple(points), choose_point(points, options.allowance))
 
 
 def _full_point(problem: Problem, validation: Problem, start: FloatArray, largest: FloatArray) -> PathPoint:
@@ -138,8 +138,8 @@ def _point(
     return PathPoint(gamma, fit.kept, relative, fit.cost, parameters, refit_cost, left_out, status, fit.steps)
 
 
-def _choose(points: list[PathPoint], allowance: float) -> int:
-    """The fewest blocks within the allowance; of those the least cost on the data, then the least price."""
+def choose_point(points: list[PathPoint], allowance: float) -> int:
+    """Returns the index of the fewest blocks within the allowance; of those the least cost, then the least price."""
     limit = (1 + allowance) * min(point.validation_cost for point in points)
     return min(
         (index for index, point in enumerate(points) if point.validation_cost <= limit),

@@ -77,8 +77,15 @@ class Descent:
 
 
 @dataclass(frozen=True)
-class _Quadratic:
-    """Cost, half gradient and half Gauss-Newton Hessian by the free elements, and what is held."""
+class Quadratic:
+    """The cost about one point.
+
+    Attributes:
+        cost: The cost there.
+        gradient (n_free,): Half its gradient by the free elements.
+        hessian (n_free, n_free): Half its Gauss-Newton Hessian.
+        held (n_free, n_held): Directions that take no part in a step.
+    """
 
     cost: float
     gradient: FloatArray
@@ -86,6 +93,7 @@ class _Quadratic:
     held: FloatArray
 
     def value(self, step: FloatArray) -> float:
+        """Returns the quadratic model after a step."""
         return self.cost + float(step @ (2 * self.gradient + self.hessian @ step))
 
 
@@ -103,7 +111,7 @@ def descend(priced: Penalised, start: FloatArray, *, tolerance: float, step_limi
     damping, growth, steps = _FIRST_DAMPING, 2.0, 0
     while steps < step_limit and damping < _MOST_DAMPING:
         steps += 1
-        trial = point + _step(priced, point, here, damping)
+        trial = point + take_step(priced, point, here, damping)
         foreseen = objective - here.value(trial - point) - priced.penalty(trial)
         had = objective - priced.objective(trial)
         small = tolerance * objective if damping <= _SMALL_DAMPING else 0.0
@@ -120,11 +128,12 @@ def descend(priced: Penalised, start: FloatArray, *, tolerance: float, step_limi
     return Descent(priced.place(point), objective, steps)
 
 
-def _expand(priced: Penalised, point: FloatArray) -> _Quadratic:
+def _expand(priced: Penalised, point: FloatArray) -> Quadratic:
     full, free = normal(priced.problem, priced.place(point)), priced.blocks.free
-    return _Quadratic(full.cost, full.gradient[free], full.hessian[np.ix_(free, free)], priced.basis_changes(point))
+    return Quadratic(full.cost, full.gradient[free], full.hessian[np.ix_(free, free)], priced.basis_changes(point))
 
 
-def _step(priced: Penalised, point: FloatArray, here: _Quadratic, damping: float) -> FloatArray:
+def take_step(priced: Penalised, point: FloatArray, here: Quadratic, damping: float) -> FloatArray:
+    """Returns the step (n_free,) from a point (n_free,) under a damping relative to the Hessian's diagonal."""
     curved = here.hessian + np.diag(damping * np.diag(here.hessian))
     return minimise_model(curved, here.gradient, point, priced.blocks.members, priced.prices, here.held)

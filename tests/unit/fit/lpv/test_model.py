@@ -5,6 +5,7 @@ import pytest
 
 from lpv_systems import FREQUENCY, LEFT_OUT, POSITIONS, SIZES, basis, true_parameters, true_systems
 from robid.errors import DataError
+from robid.fit.lpv.basis import polynomial_basis
 from robid.fit.lpv.model import LpvModel, add_integrators, check_stability, simulate_lpv
 from robid.fit.lpv.state_space import response
 from tolerances import IDENTITY
@@ -19,7 +20,7 @@ def test_matrices_at_a_position_are_sums_of_their_blocks():
 
 
 def test_outside_the_range_there_is_no_model():
-    with pytest.raises(DataError, match="holds from -1 to 1, not at 1.2"):
+    with pytest.raises(DataError, match=r"holds from -1 to 1, not at 1\.2"):
         MODEL.frozen_response(np.array([[1.2]]), FREQUENCY)
 
 
@@ -73,14 +74,12 @@ def test_integrators_go_behind_the_outputs_that_have_them():
 
 def test_stability_is_looked_for_between_the_positions():
     assert check_stability(MODEL).stable
-    # (p^2 - 1/4)^2 is largest at the ends; A grows between the positions by what is zero at all five of them.
-    swollen = true_parameters(6)
-    bump = np.array([0.0, 0.25, 0.0, -1.25, 0.0, 1.0])  # p (p^2 - 1/4) (p^2 - 1)
-    swollen[1:, SIZES.parts[0]] += np.append(bump[1:], 0.0)[:, None] * 5 * np.eye(3).ravel()
-    from robid.fit.lpv.basis import polynomial_basis
-
-    found = check_stability(LpvModel(swollen, SIZES, polynomial_basis(POSITIONS, 6), 1.0))
-    at_positions = LpvModel(swollen, SIZES, polynomial_basis(POSITIONS, 6), 1.0).at(POSITIONS)
-    assert np.all(at_positions.spectral_radius < 1)
+    swollen = true_parameters(5)
+    zero_at_positions = np.array([0.25, 0.0, -1.25, 0.0, 1.0])  # of p, p^2, ...: p (p^2 - 1/4) (p^2 - 1)
+    swollen[1:, SIZES.parts[0]] += 5 * zero_at_positions[:, None] * np.eye(3).ravel()
+    model = LpvModel(swollen, SIZES, polynomial_basis(POSITIONS, 5), 1.0)
+    found = check_stability(model)
+    assert np.all(model.at(POSITIONS).spectral_radius < 1)
     assert not found.stable
+    assert found.radius == pytest.approx(float(model.at(found.point[None]).spectral_radius[0]))
     assert abs(found.point[0]) not in (0.0, 0.5, 1.0)

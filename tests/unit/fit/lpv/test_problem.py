@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from lpv_systems import POSITIONS, SIZES, local_responses, problem, true_parameters
+from robid.fit.lpv.basis import polynomial_basis
 from robid.fit.lpv.problem import cost, errors, local_jacobian, normal, reduce_rows, solve
 from robid.fit.lpv.responses import LocalResponses, make_problem, output_scales, remove_integrators
-from robid.fit.lpv.state_space import Sizes
-from robid.fit.lpv.basis import polynomial_basis
 from tolerances import FINITE_DIFFERENCE
 
 
@@ -50,7 +49,7 @@ def test_reduced_rows_keep_the_normal_equations_of_all_rows():
 def test_positions_with_fewer_rows_than_elements_reduce_too():
     responses = local_responses(POSITIONS, frequency=np.array([0.05, 0.2]))
     posed = problem(responses)
-    error, slope = local_jacobian(posed, true_parameters() * 1.01)
+    _, slope = local_jacobian(posed, true_parameters() * 1.01)
     full = np.einsum("qk,qrl->qrkl", posed.values, slope).reshape(-1, 100)
     here = normal(posed, true_parameters() * 1.01)
     np.testing.assert_allclose(here.hessian, np.real(full.conj().T @ full), atol=1e-9 * np.abs(here.hessian).max())
@@ -78,7 +77,10 @@ def test_an_element_without_weight_counts_for_nothing():
     for weighted in (True, False):
         posed = make_problem(
             LocalResponses(POSITIONS, responses.frequency_hz, lost, variance, 1.0),
-            polynomial_basis(POSITIONS, 4), 3, np.ones(2), weighted=weighted,
+            polynomial_basis(POSITIONS, 4),
+            3,
+            np.ones(2),
+            weighted=weighted,
         )
         assert posed.n_data == 5 * 200 * 2 - 2
         assert cost(posed, true_parameters()) < 3000

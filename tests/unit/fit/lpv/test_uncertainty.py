@@ -1,0 +1,85 @@
+"""Intervals of a response against Monte Carlo, and against a change of the states' basis."""
+
+import numpy as np
+import pytest
+
+from lpv_systems import LEFT_OUT, POSITIONS, SIZES, local_responses, problem, true_parameters, true_systems
+from robid.fit.lpv.basis import polynomial_basis
+from robid.fit.lpv.problem import solve
+from robid.fit.lpv.responses import make_problem
+from robid.fit.lpv.state_space import pack, response, transform, unpack
+from robid.fit.lpv.uncertainty import parameter_covariance, response_uncertainty
+
+TRUTH = true_parameters()
+FREE = TRUTH != 0
+FREE[0] = True
+FREE[1, SIZES.parts[0]] = FREE[2, SIZES.parts[1]] = True
+FEW = np.linspace(0.01, 0.35, 15)
+
+
+def _asked():
+    return problem(local_responses(np.concatenate([POSITIONS, LEFT_OUT]), frequency=FEW))
+
+
+def _fits(weighted, count=120):
+    generator = np.random.default_rng(1)
+    found = []
+    for _ in range(count):
+        responses = local_responses(POSITIONS, generator, frequency=np.linspace(0.002, 0.4, 40))
+        posed = make_problem(responses, polynomial_basis(POSITIONS, 4), 3, np.ones(2), weighted=weighted)
+        found.append(solve(posed, TRUTH, free=FREE)[0])
+    return posed, responses, np.array(found)
+
+
+@pytest.mark.parametrize("weighted", [True, False])
+def test_deviations_are_those_of_repeated_fits(weighted):
+    posed, responses, fits = _fits(weighted)
+    asked = _asked()
+    covariance = parameter_covariance(posed, TRUTH, FREE, responses.variance)
+    predicted = response_uncertainty(asked, TRUTH, covariance)
+    exact = response(true_systems(np.concatenate([POSITIONS, LEFT_OUT])), asked.z)
+    np.testing.assert_allclose(predicted.response, exact, rtol=1e-9)
+    seen = np.array([response(unpack(asked.values @ fit, SIZES), asked.z) for fit in fits])
+    # The standard deviation of 120 fits scatters by 6.5 %; that of a mean over lines and positions less.
+    for ours, repeated in (
+        (predicted.total, np.sqrt(np.mean(np.abs(seen - exact) ** 2, axis=0))),
+        (predicted.magnitude, np.std(np.abs(seen), axis=0)),
+        (predicted.phase, np.std(np.angle(seen / exact), axis=0)),
+    ):
+        ratio = ours / repeated
+        assert abs(np.median(ratio) - 1) < 0.1
+        assert np.all((ratio > 0.7) & (ratio < 1.4))
+
+
+def test_what_is_known_of_responses_does_not_depend_on_the_states_basis():
+    posed = problem(local_responses(POSITIONS, np.random.default_rng(2)))
+    T = np.random.default_rng(3).standard_normal((3, 3))
+    turned = pack(transform(unpack(TRUTH, SIZES), T))
+    asked = _asked()
+    ours, other = (
+        response_uncertainty(asked, one, parameter_covariance(posed, one, FREE, 1 / posed.root_weight**2))
+        for one in (TRUTH, turned)
+    )
+    np.testing.assert_allclose(ours.total, other.total, rtol=1e-4)
+    np.testing.assert_allclose(ours.magnitude**2 + (ours.phase * np.abs(ours.response)) ** 2, ours.total**2, rtol=1e-8)
+
+
+def test_where_no_variance_is_known_the_residual_stands_for_it():
+    responses = local_responses(POSITIONS, np.random.default_rng(4))
+    posed = problem(responses)
+    fit, _ = solve(posed, TRUTH, free=FREE)
+    known = parameter_covariance(posed, fit, FREE, responses.variance)
+    unknown = parameter_covariance(posed, fit, FREE, None)
+    ratio = np.sqrt(np.diag(unknown)[FREE.ravel()] / np.diag(known)[FREE.ravel()])
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
+    assert ratio[0] == pytest.approx(1.0, abs=4 / np.sqrt(2 * 2000))
+    assert np.all(known[~FREE.ravel()] == 0)
+
+
+def test_intervals_of_the_magnitude():
+    posed = problem(local_responses(POSITIONS, np.random.default_rng(5)))
+    covariance = parameter_covariance(posed, TRUTH, FREE, 1 / posed.root_weight**2)
+    found = response_uncertainty(_asked(), TRUTH, covariance)
+    low, high = found.magnitude_interval(0.95)
+    np.testing.assert_allclose((high - low) / 2, 1.959964 * found.magnitude, rtol=1e-5)
+    np.testing.assert_allclose((high + low) / 2, np.abs(found.response), rtol=1e-9)
