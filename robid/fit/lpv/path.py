@@ -94,14 +94,11 @@ def follow_path(
     n_free = starts[0].size
     unit = cost(problem, starts[0]) / max(problem.n_data - n_free / 2, 1.0)
     gammas = unit * np.geomspace(options.smallest, options.largest, options.count)
-    known: dict[tuple[int, bytes], tuple[FloatArray, float, Status]] = {}
+    known: dict[bytes, tuple[FloatArray, float, Status]] = {}
     points = [_full_point(problem, validation, starts[0], largest)]
     for gamma in gammas.tolist():
         fits = [fit_sparse(problem, start, largest, gamma, sparsity) for start in starts]
-        found = [
-            _point(problem, validation, fit, _refit(problem, fit, (index, fit.kept.tobytes()), known), largest, gamma)
-            for index, fit in enumerate(fits)
-        ]
+        found = [_point(problem, validation, fit, _refit(problem, fit, known), largest, gamma) for fit in fits]
         points.append(min(found, key=lambda one: one.refit_cost + one.gamma * np.count_nonzero(one.kept)))
     return Path(tuple(points), choose_point(points, options.allowance))
 
@@ -113,15 +110,14 @@ def _full_point(problem: Problem, validation: Problem, start: FloatArray, larges
 
 
 def _refit(
-    problem: Problem,
-    fit: SparseFit,
-    key: tuple[int, bytes],
-    known: dict[tuple[int, bytes], tuple[FloatArray, float, Status]],
+    problem: Problem, fit: SparseFit, known: dict[bytes, tuple[FloatArray, float, Status]]
 ) -> tuple[FloatArray, float, Status]:
-    if key not in known:
+    """Fits a structure without prices, once."""
+    structure = fit.kept.tobytes()
+    if structure not in known:
         parameters, minimum = solve(problem, fit.parameters, free=spread(fit.kept, problem.sizes))
-        known[key] = parameters, minimum.cost, minimum.status
-    return known[key]
+        known[structure] = parameters, minimum.cost, minimum.status
+    return known[structure]
 
 
 def _point(

@@ -10,6 +10,7 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.fit.levenberg import Minimum, Normal, minimise
 from robid.fit.lpv.state_space import Sizes, resolvent, unpack
 
+_MEANT_NOTHING = 1e-3  # decrease of the cost, in mean squared errors of one element
 _SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no response
 
 
@@ -158,7 +159,7 @@ def solve(
         model,
         start.ravel()[moved],
         max_iterations=max_iterations,
-        cost_tolerance=1e-10,
+        cost_tolerance=_MEANT_NOTHING / max(problem.n_data, 1),
     )
     return place(found.parameters), found
 
