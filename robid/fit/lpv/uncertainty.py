@@ -8,7 +8,9 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.fit.lpv.problem import Problem, local_jacobian, null_directions
+from robid.fit.lpv.problem import Problem, local_jacobian
+
+_SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no response
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ def parameter_covariance(
     error, slope = local_jacobian(problem, parameters)
     full = np.einsum("qk,qrl->qrkl", problem.values, slope).reshape(-1, parameters.size)[:, free.ravel()]
     bread = np.real(full.conj().T @ full)
-    null, root = null_directions(bread)
+    null, root = _null_directions(bread)
     scaled = bread / np.outer(root, root) + null @ null.T
     inverse = np.linalg.inv(scaled) - null @ null.T
     inverse = inverse / np.outer(root, root)
@@ -90,3 +92,14 @@ def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: F
     found = here.reshape(shape)
     size = np.maximum(np.abs(found), np.finfo(float).tiny)
     return ResponseUncertainty(found, np.sqrt(along + across), np.sqrt(along), np.sqrt(across) / size)
+
+
+def _null_directions(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns directions that move no response.
+
+    Returns:
+        The directions (n_param, n_null), orthonormal where parameters are multiplied by the scale (n_param,), and it.
+    """
+    root = np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(hessian / np.outer(root, root))
+    return vectors[:, values < _SINGULAR * values[-1]], root

@@ -93,6 +93,13 @@ def test_vanished_blocks_are_exactly_zero_and_true_ones_stay():
     assert abs(cost(posed, refit) - (2000 - 23 / 2)) < 4 * np.sqrt(2000)
 
 
+def test_a_block_that_has_just_vanished_is_zero_too():
+    posed, start = _noisy()
+    found = fit_sparse(posed, start, LARGEST, 100.0, SparsityOptions(reweightings=1))
+    assert not found.kept.all()
+    assert np.all(found.parameters[~spread(found.kept, SIZES)] == 0)
+
+
 def test_a_price_near_nothing_drops_nothing_that_the_data_need():
     posed, start = _noisy()
     found = fit_sparse(posed, start, LARGEST, 1e-3, SparsityOptions())
