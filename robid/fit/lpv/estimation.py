@@ -19,7 +19,12 @@ from robid.fit.lpv.smile import check_positions, interpolate
 from robid.fit.lpv.sparse import SparsityOptions
 from robid.fit.lpv.sparse_basis import SparseBasisOptions, find_sparse_bases
 from robid.fit.lpv.state_space import StateSpace, pack, unpack
-from robid.fit.lpv.uncertainty import ResponseUncertainty, parameter_covariance, response_uncertainty
+from robid.fit.lpv.uncertainty import (
+    ParameterUncertainty,
+    ResponseUncertainty,
+    parameter_uncertainty,
+    response_uncertainty,
+)
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,7 @@ class LpvResult:
         path: The regularisation path, outputs in units of `scales`.
         kept (4, n_function): Blocks of A, B, C and D that the chosen model has.
         scales (n_out,): Units of the outputs during the fit.
-        covariance (n_param, n_param): Of the chosen model's parameters, outputs in units of `scales`.
+        parameters: How far the chosen model's parameters may be off, outputs in units of `scales`.
         stability: Of the chosen model over the range, integrators not counted.
         integrators: How often each output integrates.
     """
@@ -67,7 +72,7 @@ class LpvResult:
     path: Path
     kept: BoolArray
     scales: FloatArray
-    covariance: FloatArray
+    parameters: ParameterUncertainty
     stability: Stability
     integrators: tuple[int, ...]
 
@@ -85,7 +90,7 @@ class LpvResult:
         empty = np.zeros((len(points), len(frequency_hz), n_out, n_in), complex)
         asked = LocalResponses(points, frequency_hz, empty, None, self.core.sampling_period_s)
         problem = make_problem(asked, self.core.basis, self.core.sizes.n_state, self.scales, weighted=False)
-        scaled = response_uncertainty(problem, self.path.best.parameters, self.covariance)
+        scaled = response_uncertainty(problem, self.path.best.parameters, self.parameters.covariance)
         behind = ((asked.z[:, None] - 1) / asked.sampling_period_s) ** np.array(self.integrators)
         factor = (self.scales / behind)[..., None]
         size = np.abs(factor)
@@ -123,7 +128,7 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
     path = follow_path(problem, judge, starts, basis.largest, options.path, options.sparsity)
     free = spread(path.best.kept, problem.sizes)
     variance = None if reduced.variance is None else reduced.variance / scales[:, None] ** 2
-    covariance = parameter_covariance(problem, path.best.parameters, free, variance)
+    uncertain = parameter_uncertainty(problem, path.best.parameters, free, variance)
     period = responses.sampling_period_s
 
     def in_own_units(parameters: FloatArray) -> LpvModel:
@@ -138,7 +143,7 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
         path,
         path.best.kept,
         scales,
-        covariance,
+        uncertain,
         check_stability(core),
         integrators,
     )

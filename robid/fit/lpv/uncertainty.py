@@ -14,6 +14,21 @@ _SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no respon
 
 
 @dataclass(frozen=True)
+class ParameterUncertainty:
+    """How far the parameters may be off, the states' basis apart.
+
+    Attributes:
+        covariance (n_param, n_param): Of all parameters, zero where one is fixed.
+        n_determined: Combinations of parameters that the responses determine.
+        misfit: Mean weighted square error of an element, less what those take: near 1 with right weights `1/sigma^2`.
+    """
+
+    covariance: FloatArray
+    n_determined: int
+    misfit: float
+
+
+@dataclass(frozen=True)
 class ResponseUncertainty:
     """Standard deviations of a response, linearised.
 
@@ -36,10 +51,10 @@ class ResponseUncertainty:
         return np.maximum(size - half, 0), size + half
 
 
-def parameter_covariance(
+def parameter_uncertainty(
     problem: Problem, parameters: FloatArray, free: BoolArray, variance: FloatArray | None
-) -> FloatArray:
-    """Returns the covariance (n_param, n_param) of all parameters, zero where one is fixed.
+) -> ParameterUncertainty:
+    """Returns the covariance of all parameters.
 
     The states' basis is free: the directions that move no response are taken out by a pseudo-inverse. The covariance
     is that of one basis, but what it says of responses holds in any.
@@ -58,8 +73,8 @@ def parameter_covariance(
     scaled = bread / np.outer(root, root) + null @ null.T
     inverse = np.linalg.inv(scaled) - null @ null.T
     inverse = inverse / np.outer(root, root)
-    n_left = problem.n_data - (bread.shape[0] - null.shape[1]) / 2
-    misfit = float(np.sum(np.abs(error) ** 2)) / max(n_left, 1.0)
+    n_determined = bread.shape[0] - null.shape[1]
+    misfit = float(np.sum(np.abs(error) ** 2)) / max(problem.n_data - n_determined / 2, 1.0)
     if variance is None:
         inner = 0.5 * misfit * inverse
     else:
@@ -68,7 +83,7 @@ def parameter_covariance(
         inner = 0.5 * inverse @ filling @ inverse
     covariance = np.zeros((parameters.size, parameters.size))
     covariance[np.ix_(free.ravel(), free.ravel())] = inner
-    return covariance
+    return ParameterUncertainty(covariance, n_determined, misfit)
 
 
 def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: FloatArray) -> ResponseUncertainty:

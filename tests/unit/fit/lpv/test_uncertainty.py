@@ -8,7 +8,7 @@ from robid.fit.lpv.basis import polynomial_basis
 from robid.fit.lpv.problem import solve
 from robid.fit.lpv.responses import make_problem
 from robid.fit.lpv.state_space import pack, response, transform, unpack
-from robid.fit.lpv.uncertainty import parameter_covariance, response_uncertainty
+from robid.fit.lpv.uncertainty import parameter_uncertainty, response_uncertainty
 
 TRUTH = true_parameters()
 FREE = TRUTH != 0
@@ -35,7 +35,7 @@ def _fits(weighted, count=120):
 def test_deviations_are_those_of_repeated_fits(weighted):
     posed, responses, fits = _fits(weighted)
     asked = _asked()
-    covariance = parameter_covariance(posed, TRUTH, FREE, responses.variance)
+    covariance = parameter_uncertainty(posed, TRUTH, FREE, responses.variance).covariance
     predicted = response_uncertainty(asked, TRUTH, covariance)
     exact = response(true_systems(np.concatenate([POSITIONS, LEFT_OUT])), asked.z)
     np.testing.assert_allclose(predicted.response, exact, rtol=1e-9)
@@ -57,7 +57,7 @@ def test_what_is_known_of_responses_does_not_depend_on_the_states_basis():
     turned = pack(transform(unpack(TRUTH, SIZES), T))
     asked = _asked()
     ours, other = (
-        response_uncertainty(asked, one, parameter_covariance(posed, one, FREE, 1 / posed.root_weight**2))
+        response_uncertainty(asked, one, parameter_uncertainty(posed, one, FREE, 1 / posed.root_weight**2).covariance)
         for one in (TRUTH, turned)
     )
     np.testing.assert_allclose(ours.total, other.total, rtol=1e-4)
@@ -68,8 +68,10 @@ def test_where_no_variance_is_known_the_residual_stands_for_it():
     responses = local_responses(POSITIONS, np.random.default_rng(4))
     posed = problem(responses)
     fit, _ = solve(posed, TRUTH, free=FREE)
-    known = parameter_covariance(posed, fit, FREE, responses.variance)
-    unknown = parameter_covariance(posed, fit, FREE, None)
+    found = parameter_uncertainty(posed, fit, FREE, responses.variance)
+    known, unknown = found.covariance, parameter_uncertainty(posed, fit, FREE, None).covariance
+    assert found.n_determined == FREE.sum() - 9
+    assert found.misfit == pytest.approx(1.0, abs=4 / np.sqrt(2000))
     ratio = np.sqrt(np.diag(unknown)[FREE.ravel()] / np.diag(known)[FREE.ravel()])
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
     assert ratio[0] == pytest.approx(1.0, abs=4 / np.sqrt(2 * 2000))
@@ -78,7 +80,7 @@ def test_where_no_variance_is_known_the_residual_stands_for_it():
 
 def test_intervals_of_the_magnitude():
     posed = problem(local_responses(POSITIONS, np.random.default_rng(5)))
-    covariance = parameter_covariance(posed, TRUTH, FREE, 1 / posed.root_weight**2)
+    covariance = parameter_uncertainty(posed, TRUTH, FREE, 1 / posed.root_weight**2).covariance
     found = response_uncertainty(_asked(), TRUTH, covariance)
     low, high = found.magnitude_interval(0.95)
     np.testing.assert_allclose((high - low) / 2, 1.959964 * found.magnitude, rtol=1e-5)
