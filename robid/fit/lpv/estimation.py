@@ -35,6 +35,7 @@ class LpvOptions:
         order: States of the model, integrators not counted.
         integrators: How often each output integrates; empty for not at all.
         weighted: Weights 1/sigma^2, or all elements alike (eq. 7).
+        weight_window: Lines over which variances are averaged for the weights; intervals take them as they are.
         sparse_basis: How the states' basis is searched.
         sparsity: The penalised fits.
         path: Prices and the choice.
@@ -43,6 +44,7 @@ class LpvOptions:
     order: int = field(default=3, metadata={"description": "States of the model without integrators.", "ge": 1})
     integrators: tuple[int, ...] = field(default=(), metadata={"description": "Integrators of each output."})
     weighted: bool = field(default=True, metadata={"description": "Weights 1/sigma^2, or all alike (eq. 7)."})
+    weight_window: int = field(default=9, metadata={"description": "Lines that a weight's variance averages.", "ge": 1})
     sparse_basis: SparseBasisOptions = field(default_factory=SparseBasisOptions)
     sparsity: SparsityOptions = field(default_factory=SparsityOptions)
     path: PathOptions = field(default_factory=PathOptions)
@@ -113,40 +115,51 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
     Source:
         Turk et al. (2018), sec. II-C and III-B.
     """
-    n_out = responses.response.shape[2]
-    integrators = options.integrators or (0,) * n_out
+    integrators = options.integrators or (0,) * responses.response.shape[2]
     reduced, held_out = remove_integrators(responses, integrators), remove_integrators(validation, integrators)
     scales = output_scales(reduced)
-    problem = make_problem(reduced, basis, options.order, scales, weighted=options.weighted)
-    judge = make_problem(held_out, basis, options.order, scales, weighted=options.weighted)
+    problem, judge = (
+        make_problem(one, basis, options.order, scales, weighted=options.weighted, window=options.weight_window)
+        for one in (reduced, held_out)
+    )
     check_positions(problem.values)
     local = fit_local_models(problem)
     aligned = align_neighbours(local.systems, responses.points)
+    path = follow_path(
+        problem,
+        judge,
+        _starts(problem, aligned, responses, basis, options),
+        basis.largest,
+        options.path,
+        options.sparsity,
+    )
+    variance = None if reduced.variance is None else reduced.variance / scales[:, None] ** 2
+    free = spread(path.best.kept, problem.sizes)
+    smile, core = (
+        LpvModel(_rescaled(parameters, problem, scales), problem.sizes, basis, responses.sampling_period_s)
+        for parameters in (interpolate(aligned, problem.values), path.best.parameters)
+    )
+    return LpvResult(
+        local=local,
+        smile=smile,
+        core=core,
+        model=add_integrators(core, integrators),
+        path=path,
+        kept=path.best.kept,
+        scales=scales,
+        parameters=parameter_uncertainty(problem, path.best.parameters, free, variance),
+        stability=check_stability(core),
+        integrators=integrators,
+    )
+
+
+def _starts(
+    problem: Problem, aligned: StateSpace, responses: LocalResponses, basis: Basis, options: LpvOptions
+) -> tuple[FloatArray, ...]:
+    """Fits without prices, from the interpolation in each basis in which few blocks vary."""
     fixed = middle_position(responses.points)
     bases = find_sparse_bases(aligned, problem.values, basis.largest, fixed=fixed, options=options.sparse_basis)
-    starts = tuple(solve(problem, interpolate(one, problem.values))[0] for one in bases)
-    path = follow_path(problem, judge, starts, basis.largest, options.path, options.sparsity)
-    free = spread(path.best.kept, problem.sizes)
-    variance = None if reduced.variance is None else reduced.variance / scales[:, None] ** 2
-    uncertain = parameter_uncertainty(problem, path.best.parameters, free, variance)
-    period = responses.sampling_period_s
-
-    def in_own_units(parameters: FloatArray) -> LpvModel:
-        return LpvModel(_rescaled(parameters, problem, scales), problem.sizes, basis, period)
-
-    core = in_own_units(path.best.parameters)
-    return LpvResult(
-        local,
-        in_own_units(interpolate(aligned, problem.values)),
-        core,
-        add_integrators(core, integrators),
-        path,
-        path.best.kept,
-        scales,
-        uncertain,
-        check_stability(core),
-        integrators,
-    )
+    return tuple(solve(problem, interpolate(one, problem.values))[0] for one in bases)
 
 
 def _rescaled(parameters: FloatArray, problem: Problem, scales: FloatArray) -> FloatArray:

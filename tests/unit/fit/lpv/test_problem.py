@@ -6,7 +6,7 @@ import pytest
 from lpv_systems import POSITIONS, SIZES, local_responses, problem, true_parameters
 from robid.fit.lpv.basis import polynomial_basis
 from robid.fit.lpv.problem import cost, errors, local_jacobian, normal, reduce_rows, solve
-from robid.fit.lpv.responses import LocalResponses, make_problem, output_scales, remove_integrators
+from robid.fit.lpv.responses import LocalResponses, make_problem, output_scales, remove_integrators, smooth_variance
 from tolerances import FINITE_DIFFERENCE
 
 
@@ -122,3 +122,11 @@ def test_responses_that_make_no_sense_are_refused():
         make_problem(responses, polynomial_basis(POSITIONS, 2), 2, np.ones(1), weighted=True)
     with pytest.raises(ValueError, match="one count per output"):
         remove_integrators(responses, (1, 1))
+
+
+def test_variances_are_averaged_over_their_neighbours_without_lost_lines():
+    variance = np.arange(1.0, 8.0)[None, :, None, None].copy()
+    variance[0, 3] = np.inf
+    found = smooth_variance(variance, 3)[0, :, 0, 0]
+    np.testing.assert_allclose(found, [1.5, 2.0, 2.5, np.inf, 5.5, 6.0, 6.5])
+    np.testing.assert_allclose(smooth_variance(variance, 1), variance)

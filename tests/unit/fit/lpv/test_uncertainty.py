@@ -1,5 +1,7 @@
 """Intervals of a response against Monte Carlo, and against a change of the states' basis."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -85,3 +87,20 @@ def test_intervals_of_the_magnitude():
     low, high = found.magnitude_interval(0.95)
     np.testing.assert_allclose((high - low) / 2, 1.959964 * found.magnitude, rtol=1e-5)
     np.testing.assert_allclose((high + low) / 2, np.abs(found.response), rtol=1e-9)
+
+
+def test_variances_of_few_realizations_give_right_deviations_where_weights_average_them():
+    generator = np.random.default_rng(6)
+    fits, predicted = [], []
+    asked = _asked()
+    for _ in range(100):
+        exact = local_responses(POSITIONS, generator, frequency=np.linspace(0.002, 0.4, 60))
+        rough = exact.variance * generator.chisquare(6, exact.variance.shape) / 6
+        responses = replace(exact, variance=rough)
+        posed = make_problem(responses, polynomial_basis(POSITIONS, 4), 3, np.ones(2), weighted=True, window=15)
+        fit, _ = solve(posed, TRUTH, free=FREE)
+        fits.append(response(unpack(asked.values @ fit, SIZES), asked.z))
+        covariance = parameter_uncertainty(posed, fit, FREE, rough).covariance
+        predicted.append(response_uncertainty(asked, fit, covariance).total ** 2)
+    seen = np.mean(np.abs(np.array(fits) - np.mean(fits, axis=0)) ** 2, axis=0)
+    assert np.median(np.mean(predicted, axis=0) / seen) == pytest.approx(1.0, abs=0.15)
