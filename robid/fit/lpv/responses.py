@@ -37,6 +37,8 @@ class LocalResponses:
         check_shape("points", self.points, "n_pos n_scheduling", n_pos=len(self.response))
         if self.variance is not None and self.variance.shape != self.response.shape:
             raise ValueError("Argument `variance` must have the shape of `response`.")
+        if not np.all(np.isfinite(self.response)):
+            raise ValueError("Argument `response` must be finite; an infinite variance leaves an element out.")
         if not np.all((self.frequency_hz > 0) & (2 * self.frequency_hz * self.sampling_period_s < 1)):
             raise ValueError("Argument `frequency_hz` must lie between zero and half the sampling rate.")
 

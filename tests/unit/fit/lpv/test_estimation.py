@@ -37,7 +37,10 @@ def _integrated(responses, period, counts):
 
 @pytest.fixture(scope="module")
 def found():
+    """Behind integrators, with variances as four realizations give them."""
     fitted, held_out = (_integrated(one, 1e-3, (1, 2)) for one in _drawn(0))
+    scatter = np.random.default_rng(8).chisquare(6, fitted.variance.shape) / 6
+    fitted = dataclasses.replace(fitted, variance=fitted.variance * scatter)
     options = dataclasses.replace(SHORT, integrators=(1, 2))
     return estimate_lpv(fitted, held_out, basis(), options), held_out
 
@@ -46,6 +49,8 @@ def test_the_true_blocks_are_found_behind_integrators_and_units(found):
     result, _ = found
     assert block_names(result.kept) == STRUCTURE
     assert result.stability.stable
+    # Without averaging, weights of three degrees of freedom would give 1.5.
+    assert result.parameters.misfit == pytest.approx(1.0, abs=0.15)
     dropped = np.ones((5, 4), bool)
     dropped[0] = dropped[1, 0] = dropped[2, 1] = False
     for row in range(4):

@@ -115,6 +115,8 @@ def test_responses_that_make_no_sense_are_refused():
     good = np.ones(shape, complex)
     with pytest.raises(ValueError, match="half the sampling rate"):
         LocalResponses(POSITIONS, np.linspace(0.1, 0.6, 25), good, None, 1.0)
+    with pytest.raises(ValueError, match="must be finite"):
+        LocalResponses(POSITIONS, np.linspace(0.1, 0.4, 25), np.full(shape, np.nan + 0j), None, 1.0)
     with pytest.raises(ValueError, match="shape of `response`"):
         LocalResponses(POSITIONS, np.linspace(0.1, 0.4, 25), good, np.ones((5, 25)), 1.0)
     responses = LocalResponses(POSITIONS, np.linspace(0.1, 0.4, 25), good, np.zeros(shape), 1.0)
