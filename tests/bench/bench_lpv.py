@@ -8,8 +8,9 @@ from lpv_systems import POSITIONS, basis, local_responses, problem
 from robid.fit.lpv import penalised
 from robid.fit.lpv.alignment import align_neighbours
 from robid.fit.lpv.local import fit_local_models
+from robid.fit.lpv.options import SparsityOptions
 from robid.fit.lpv.smile import interpolate
-from robid.fit.lpv.sparse import SparsityOptions, fit_sparse
+from robid.fit.lpv.sparse import fit_sparse
 
 _GAMMA = 100.0
 _ROUNDS = 3

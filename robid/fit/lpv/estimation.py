@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,12 +12,12 @@ from robid.fit.lpv.basis import Basis
 from robid.fit.lpv.blocks import spread
 from robid.fit.lpv.local import LocalModels, fit_local_models
 from robid.fit.lpv.model import LpvModel, Stability, add_integrators, check_stability
-from robid.fit.lpv.path import Path, PathOptions, follow_path
+from robid.fit.lpv.options import LpvOptions
+from robid.fit.lpv.path import Path, follow_path
 from robid.fit.lpv.problem import Problem, solve
 from robid.fit.lpv.responses import LocalResponses, make_problem, output_scales, remove_integrators
 from robid.fit.lpv.smile import check_positions, interpolate
-from robid.fit.lpv.sparse import SparsityOptions
-from robid.fit.lpv.sparse_basis import SparseBasisOptions, find_sparse_bases
+from robid.fit.lpv.sparse_basis import find_sparse_bases
 from robid.fit.lpv.state_space import StateSpace, pack, unpack
 from robid.fit.lpv.uncertainty import (
     ParameterUncertainty,
@@ -25,29 +25,6 @@ from robid.fit.lpv.uncertainty import (
     parameter_uncertainty,
     response_uncertainty,
 )
-
-
-@dataclass(frozen=True)
-class LpvOptions:
-    """Options of a fit.
-
-    Attributes:
-        order: States of the model, integrators not counted.
-        integrators: How often each output integrates; empty for not at all.
-        weighted: Weights 1/sigma^2, or all elements alike (eq. 7).
-        weight_window: Lines over which variances are averaged for the weights; intervals take them as they are.
-        sparse_basis: How the states' basis is searched.
-        sparsity: The penalised fits.
-        path: Prices and the choice.
-    """
-
-    order: int = field(default=3, metadata={"description": "States of the model without integrators.", "ge": 1})
-    integrators: tuple[int, ...] = field(default=(), metadata={"description": "Integrators of each output."})
-    weighted: bool = field(default=True, metadata={"description": "Weights 1/sigma^2, or all alike (eq. 7)."})
-    weight_window: int = field(default=9, metadata={"description": "Lines that a weight's variance averages.", "ge": 1})
-    sparse_basis: SparseBasisOptions = field(default_factory=SparseBasisOptions)
-    sparsity: SparsityOptions = field(default_factory=SparsityOptions)
-    path: PathOptions = field(default_factory=PathOptions)
 
 
 @dataclass(frozen=True)
