@@ -9,9 +9,10 @@ from robid.fit.lpv.alignment import align_neighbours, common_order, middle_posit
 from robid.fit.lpv.basis import polynomial_basis
 from robid.fit.lpv.blocks import measure
 from robid.fit.lpv.local import fit_local_models
+from robid.fit.lpv.options import SparseBasisOptions
 from robid.fit.lpv.problem import normal
 from robid.fit.lpv.smile import check_positions, interpolate
-from robid.fit.lpv.sparse_basis import SparseBasisOptions, _Search, find_sparse_bases
+from robid.fit.lpv.sparse_basis import _Search, find_sparse_bases
 from robid.fit.lpv.state_space import StateSpace, balance, pack, response, transform, unpack
 from tolerances import FINITE_DIFFERENCE
 

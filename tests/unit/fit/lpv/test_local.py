@@ -5,7 +5,7 @@ import pytest
 
 from lpv_systems import POSITIONS, SIZES, local_responses, problem, true_systems
 from robid.errors import DataError
-from robid.fit.lpv.local import balanced_or_refused, fit_local_models
+from robid.fit.lpv.local import _rank, balanced_or_refused, fit_local_models
 from robid.fit.lpv.problem import Problem
 from robid.fit.lpv.state_space import Sizes, StateSpace, response
 from robid.fit.lpv.subspace import subspace_model
@@ -88,3 +88,10 @@ def test_an_unstable_local_model_is_refused_by_position():
     assert "integrators" in caught.value.remedy
     with pytest.raises(DataError, match="unstable"):
         balanced_or_refused(wild[3], 3)
+
+
+def test_a_stable_fit_is_preferred_to_a_better_one_that_is_not():
+    stable = true_systems(POSITIONS)[0]
+    wild = StateSpace(1.2 * stable.A, stable.B, stable.C, stable.D)
+    found = [(wild, 1.0, "converged"), (stable, 3.0, "converged"), (stable, 2.0, "converged")]
+    assert min(found, key=_rank) is found[2]

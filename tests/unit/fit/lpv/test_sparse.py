@@ -7,10 +7,11 @@ from lpv_systems import LEFT_OUT, POSITIONS, SIZES, STRUCTURE, basis, local_resp
 from robid.fit.lpv import penalised
 from robid.fit.lpv.blocks import block_names, list_blocks, measure, spread
 from robid.fit.lpv.cone_program import minimise_model
-from robid.fit.lpv.path import PathOptions, PathPoint, choose_point, follow_path
+from robid.fit.lpv.options import PathOptions, SparsityOptions
+from robid.fit.lpv.path import PathPoint, choose_point, follow_path
 from robid.fit.lpv.penalised import Penalised, descend
 from robid.fit.lpv.problem import cost, normal, solve
-from robid.fit.lpv.sparse import SparsityOptions, fit_sparse
+from robid.fit.lpv.sparse import fit_sparse
 
 LARGEST = basis().largest
 ALL = np.ones((4, 4), bool)
