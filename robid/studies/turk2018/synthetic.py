@@ -7,7 +7,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.fit.lpv.basis import Basis, polynomial_basis
 from robid.fit.lpv.blocks import block_names
-from robid.fit.lpv.estimation import LpvOptions, LpvResult, estimate_lpv
+from robid.fit.lpv.estimation import LpvResult, estimate_lpv
+from robid.fit.lpv.options import LpvOptions
 from robid.fit.lpv.responses import LocalResponses
 from robid.fit.lpv.state_space import StateSpace, response, transform
 
