@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from robid.fit.external.options import ExternalOptions
 
 _ROUNDS = 4
+_IN_A_ROW = 2
 _HOPELESS = 0.02  # per sample, difference of the criterion past which nothing is polished
 _EVEN = 2.0  # difference of the criterion that is not worth a mention
 _STRONG = 10.0  # difference of the criterion that counts as strong evidence
@@ -74,10 +75,11 @@ def choose_structure(
     )
     delays, orders = _delays(options), _orders(options)
     # Zeros of a rich structure stand in for delay; the longest that explains as much leaves them the least to do.
-    delay = _profile(candidates, orders[-1], delays, hopeless, slack=_STRONG)
+    rich = [candidates.fit(*orders[-1], each) for each in delays]
+    delay = max(each.structure.delay_samples for each in rich if each.bic <= min(one.bic for one in rich) + _STRONG)
     for _ in range(_ROUNDS):
         best = _select(candidates, orders, delay, options)
-        again = _profile(candidates, _order(best), delays, hopeless)
+        again = _nearby(candidates, best, delays, hopeless)
         if again == delay:
             break
         delay = again
@@ -91,20 +93,18 @@ def _order(candidate: Candidate) -> tuple[int, int]:
     return candidate.structure.poles, candidate.structure.zeros
 
 
-def _profile(
-    candidates: Candidates, order: tuple[int, int], delays: Sequence[int], hopeless: float, slack: float = 0.0
-) -> int:
-    """Returns the longest delay of a structure that is as good as the best but for a slack.
-
-    Past it a longer one soon has to foresee the command.
-    """
-    fits: list[Candidate] = []
-    for delay in delays:
-        fits.append(candidates.fit(*order, delay))
-        least = min(each.bic for each in fits)
-        if all(each.bic > least + hopeless for each in fits[-2:]):
-            break
-    return max(each.structure.delay_samples for each in fits if each.bic <= least + slack)
+def _nearby(candidates: Candidates, best: Candidate, delays: Sequence[int], hopeless: float) -> int:
+    """Returns the best delay of a structure, looked for on both sides until two in a row are hopeless."""
+    first = delays.index(best.structure.delay_samples)
+    for side in (delays[first + 1 :], delays[:first][::-1]):
+        bad = 0
+        for delay in side:
+            there = candidates.fit(*_order(best), delay)
+            best = min(best, there, key=lambda each: each.bic)
+            bad = bad + 1 if there.bic > best.bic + hopeless else 0
+            if bad == _IN_A_ROW:
+                break
+    return best.structure.delay_samples
 
 
 def _look_about(
@@ -156,15 +156,14 @@ def _select(
     descending = sorted(orders, key=lambda order: (order[0], -order[1]))
     if options.rule == "evidence" or len(orders) == 1:
         return min((candidates.fit(*order, delay) for order in descending), key=lambda each: each.bic)
-    best: Candidate | None = None
+    tried: list[Candidate] = []
     for count in sorted({order[0] for order in orders}):
         fits = [candidates.fit(*order, delay) for order in descending if order[0] == count]
         enough = [each for each in fits if each.nrmse >= options.sufficient_nrmse]
         if enough:
             return min(enough, key=lambda each: each.structure.zeros)
-        best = max([*fits, *([best] if best else [])], key=lambda each: each.nrmse)
-    assert best is not None
-    return best
+        tried += fits
+    return max(tried, key=lambda each: each.nrmse)
 
 
 def _reason(best: Candidate, options: ExternalOptions, n_held_back: int) -> str:
