@@ -13,9 +13,9 @@ def stacked_rows(problem, point, free):
     return np.concatenate([error.real.ravel(), error.imag.ravel()]), np.concatenate([full.real, full.imag])
 
 
-def cvxpy_step(priced, point, damping, rows=None):
+def cvxpy_step(priced, point, damping):
     """The step by cvxpy and clarabel, from the stacked rows."""
-    error, slope = rows or stacked_rows(priced.problem, priced.place(point), priced.blocks.free)
+    error, slope = stacked_rows(priced.problem, priced.place(point), priced.blocks.free)
     step = cvxpy.Variable(point.size)
     norms = [
         price * cvxpy.norm(point[own] + step[own])

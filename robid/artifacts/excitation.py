@@ -4,7 +4,8 @@ Schema history:
     1.0: first version.
     1.1: in the plan, crest factor of the motor speed, signal-to-noise ratio of the response, and duration.
     1.2: in the plan of a trajectory, condition number of its regressor.
-    1.3: `channels` of what is no motor: commands of the tool's pose.
+    1.3: `channels` of what is no motor: commands of the tool's pose; position reference of a travel beneath the
+        excitation.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) 
         "excitation/crest_factor": Column("1", (*block, "motor"), "Peak over RMS"),
         "excitation/channels": Column("1", ("motor",), "What each column is where it is no motor"),
     }
+    if content.excitation.travel is not None:
+        about = "Position reference of the motors beneath the excitation, from the configuration"
+        table["excitation/travel"] = Column("rad", ("sample", "motor"), about, compact=True)
     if content.excitation.plan is not None:
         table |= _plan_columns()
     return Artifact(EXCITATION, *to_datasets(content, table), provenance)

@@ -318,6 +318,12 @@ class Robot:
         return np.array([joint.motor.inertia_kgm2 for joint in self.joints])
 
     @property
+    def shaft_inertia_kgm2(self) -> FloatArray:
+        """Inertia (n_joint,) of the shafts behind each rotor: a rigid drive's is that of both [kg m^2]."""
+        joints = range(len(self.joints))
+        return np.array([sum(s.inertia_kgm2 for s in self.springs if s.joint == joint) for joint in joints], float)
+
+    @property
     def lower(self) -> FloatArray:
         """Lower joint limits (n_joint,) [rad, or m]."""
         return np.array([joint.lower for joint in self.joints])

@@ -22,7 +22,8 @@ def to_mjcf(model: ElasticModel, equilibrium: Equilibrium, keyframes: tuple[str,
     Args:
         model: The elastic model.
         equilibrium: Its rest in each configuration.
-        keyframes: Name of the keyframe of each configuration: positions and holding torques at rest.
+        keyframes: Name of the keyframe of each configuration: positions and holding torques at rest. Stiffness that
+            depends on a joint's position is that of the first one.
         header: What a reader should know; becomes the comment at the top.
 
     Returns:
@@ -30,9 +31,21 @@ def to_mjcf(model: ElasticModel, equilibrium: Equilibrium, keyframes: tuple[str,
     """
     spec = model.spec.copy()
     spec.modelname = model.robot.name
+    _freeze(spec, model, equilibrium)
     for name, position, torque in zip(keyframes, equilibrium.position, equilibrium.motor_torque, strict=True):
         spec.add_key(name=name, qpos=position, ctrl=torque)
     return written(spec, header)
+
+
+def _freeze(spec: mujoco.MjSpec, model: ElasticModel, equilibrium: Equilibrium) -> None:
+    """Gives springs whose stiffness depends on a joint's position the one that they have in the first configuration."""
+    if not model.varying:
+        return
+    factors = model.varying.factors(equilibrium.position[0])
+    for index in model.varying.indices.tolist():
+        spring = model.robot.springs[index]
+        owner = spec.tendon(spring.name) if spring.place == "transmission" else spec.joint(f"q_e_{spring.name}")
+        owner.stiffness = factors[index] * np.array([spring.stiffness, 0.0, spring.cubic])
 
 
 def written(spec: mujoco.MjSpec, header: str) -> str:

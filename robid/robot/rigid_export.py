@@ -152,7 +152,8 @@ def _mjcf_motor(spec: mujoco.MjSpec, robot: Robot, joint: Joint, turns: FloatArr
         owner.springlength = [0.0, 0.0]
         for index in moved:
             owner.wrap_joint(robot.joints[index].name, float(turns[index]))
-    owner.armature = ratio**2 * motor.inertia_kgm2
+    shafts = [spring.inertia_kgm2 for spring in robot.springs if robot.joints[spring.joint].name == joint.name]
+    owner.armature = ratio**2 * (motor.inertia_kgm2 + sum(shafts))
     owner.damping = np.array([ratio**2 * law.viscous_nms_rad, 0.0, 0.0])
     owner.frictionloss = abs(ratio) * law.coulomb_nm
     kind = mujoco.mjtTrn.mjTRN_JOINT if single else mujoco.mjtTrn.mjTRN_TENDON

@@ -44,7 +44,8 @@ def with_standard(robot: Robot, values: Mapping[str, float]) -> StandardRobot:
         robot: The robot, with the payload that the parameters were found with.
         values: Standard parameters of its rigid model by name; what is not there stays.
     """
-    joints = tuple(_joint(joint, values) for joint in robot.joints)
+    shafts = robot.shaft_inertia_kgm2.tolist()
+    joints = tuple(_joint(joint, values, shaft) for joint, shaft in zip(robot.joints, shafts, strict=True))
     loops = tuple(replace(link, link=_body(link.name, link.link, values)) for link in robot.loop_links)
     payload, in_link = _body(PAYLOAD, robot.payload, values), False
     if f"{PAYLOAD}.M" not in values and payload.mass_kg > 0 and f"{joints[-1].name}.M" in values:
@@ -120,8 +121,10 @@ def _spring(spring: Spring, before: Joint, after: Joint) -> Spring:
     return replace(spring, outboard=deformed(spring.outboard, before.link, after.link))
 
 
-def _joint(joint: Joint, values: Mapping[str, float]) -> Joint:
-    inertia = max(values.get(f"{joint.name}.motor_inertia", joint.motor.inertia_kgm2), _LEAST_INERTIA)
+def _joint(joint: Joint, values: Mapping[str, float], shaft: float) -> Joint:
+    """Puts a joint's values in place; what its shafts turn is not its rotor's."""
+    inertia = values.get(f"{joint.name}.motor_inertia", joint.motor.inertia_kgm2 + shaft) - shaft
+    inertia = max(inertia, _LEAST_INERTIA)
     motor = replace(joint.motor, inertia_kgm2=inertia, friction=_friction(joint, values))
     return replace(
         joint, link=_body(joint.name, joint.link, values), motor=motor, counterbalance=_counterbalance(joint, values)

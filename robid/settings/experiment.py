@@ -10,7 +10,7 @@ import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions
-from robid.design.excitation.options import MultisineOptions, PoseChirpOptions, TrajectoryOptions
+from robid.design.excitation.options import MultisineOptions, PoseChirpOptions, SignalOptions, TrajectoryOptions
 from robid.frf.options import EstimateOptions
 from robid.settings.acquire import Acquire
 from robid.settings.base import STRICT, Name, Section
@@ -157,6 +157,16 @@ class Campaign(Section):
     def moves_poses(self) -> bool:
         """Whether it commands poses of the tool, position in and position out."""
         return isinstance(self.excitation, PoseChirpOptions)
+
+    @property
+    def travels(self) -> bool:
+        """Whether a joint moves far beneath its excitation."""
+        return isinstance(self.excitation, SignalOptions) and self.excitation.travel is not None
+
+    @property
+    def has_response(self) -> bool:
+        """Whether it repeats small motions about its configurations, which have a frequency response."""
+        return not (self.is_one_shot or self.is_trajectory or self.travels)
 
     def block_size(self, n_input: int) -> int:
         """Number of experiments in a realization: as many as inputs unless it says less, a single trajectory."""

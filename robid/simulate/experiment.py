@@ -36,6 +36,8 @@ class SimulatedExperiment:
         detection_lines (n_detection,): Lines left out on purpose.
         periods: Recorded periods.
         outputs: What is recorded after the motors: `<joint>.arm` and sensors.
+        travel (n_sample, n_motor): Position reference beneath the excitation, from the configuration; None without
+            one [rad].
     """
 
     robot: Robot
@@ -47,6 +49,7 @@ class SimulatedExperiment:
     detection_lines: IntArray
     periods: int
     outputs: tuple[str, ...] = ()
+    travel: FloatArray | None = None
 
 
 def with_settled_steps(
@@ -62,6 +65,11 @@ def with_settled_steps(
     frequency_hz = experiment.excited_lines / (experiment.reference.shape[2] * controller.sampling_period_s)
     speed = peak_motor_speed(robot, controller, experiment.reference, experiment.inject)
     configurations = visited(robot, controller, experiment.reference, experiment.inject, configurations)
+    if experiment.travel is not None:
+        speed = speed + peak_motor_speed(robot, controller, experiment.travel[None], "position_reference")
+        way = experiment.travel @ robot.arm_per_motor.T
+        ends = np.stack([way.min(axis=0), way.max(axis=0)])
+        configurations = (configurations[:, None] + ends).reshape(-1, way.shape[1])
     steps = choose_steps(robot, controller, options, configurations, frequency_hz, speed)
     return replace(experiment, options=replace(options, steps_per_sample=steps.count)), steps
 
@@ -156,6 +164,8 @@ class _Run:
             angle = self._reference
         else:
             torque = self._reference
+        if experiment.travel is not None:
+            angle = angle + experiment.travel[:, None]
         self._speed, self._angle, self._torque = speed, self._rest + angle, torque
         self._cascade = Cascade(
             experiment.controller,

@@ -20,6 +20,7 @@ from robid.design.excitation.prediction import predict
 from robid.design.excitation.signal import design_signal
 from robid.design.excitation.trajectory.criterion import BaseModel
 from robid.design.excitation.trajectory.design import design_trajectory
+from robid.design.excitation.travel import with_travel
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
@@ -83,6 +84,7 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     loop = nominal_loop(robot, controller, configurations, lines / options.period_s)
     excitation = design_signal(options, len(robot.joints), campaign.realizations, period_s, loop)
     excitation = excitation.first_experiments(campaign.experiments)
+    excitation = with_travel(excitation, options.travel, robot, configurations)
     transient = next(iter(transient_periods(campaign).values()))
     return predict(excitation, loop, options, periods=campaign.periods, transient_periods=transient)
 

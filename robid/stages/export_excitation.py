@@ -136,6 +136,8 @@ def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joint
         f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log {_wanted(excitation)},"
         " at this rate.",
     ]
+    if excitation.travel is not None:
+        lines.append("Add each motor's travel to its angle reference meanwhile, from the configuration on.")
     units = readable_units(joints.units, len(joints.names))
     for number, positions in enumerate(readable(content.configurations, joints.units), start=1):
         named = zip(joints.names, positions.tolist(), units, strict=True)
@@ -171,12 +173,18 @@ def _table(
     reference = excitation.reference[index]
     time = np.arange(len(reference)) * excitation.sampling_period_s
     notes = [origin, part, *_instructions(content, campaign, joints)]
-    return encode_table(notes, columns, np.column_stack([time, reference]))
+    played = [time, reference]
+    if excitation.travel is not None:
+        columns += [f"{name} travel [rad]" for name in joints.names]
+        played.append(excitation.travel)
+    return encode_table(notes, columns, np.column_stack(played))
 
 
 def _arrays(content: CampaignExcitation, campaign: Campaign, joints: Joints, origin: str) -> dict[str, object]:
     excitation, (transient, periods) = content.excitation, _periods(campaign)
+    travel = {} if excitation.travel is None else {"travel": excitation.travel, "travel_units": "rad"}
     return {
+        **travel,
         "origin": origin,
         "instructions": _instructions(content, campaign, joints),
         "reference": excitation.reference,

@@ -199,6 +199,7 @@ def simulated_experiment(
         detection_lines=content.excitation.detection_lines,
         periods=campaign.periods,
         outputs=campaign.outputs[1:],
+        travel=content.excitation.travel,
     )
 
 

@@ -148,7 +148,7 @@ def periodic_campaigns(experiment: Experiment) -> tuple[str, ...]:
 
 def responding_campaigns(experiment: Experiment) -> tuple[str, ...]:
     """Names of those whose excitation is small enough for a frequency response."""
-    return tuple(name for name in periodic_campaigns(experiment) if not experiment.campaigns[name].is_trajectory)
+    return tuple(name for name in periodic_campaigns(experiment) if experiment.campaigns[name].has_response)
 
 
 def check_room(path: Path, needed_bytes: float) -> None:

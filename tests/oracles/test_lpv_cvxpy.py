@@ -14,7 +14,7 @@ from robid.fit.lpv.problem import normal
 
 
 def _priced(gamma):
-    posed = problem(local_responses(POSITIONS, np.random.default_rng(0)))
+    posed = problem(local_responses(POSITIONS, np.random.default_rng(0), frequency=np.linspace(0.002, 0.4, 40)))
     generator = np.random.default_rng(1)
     start = true_parameters() + 1e-3 * generator.standard_normal(true_parameters().shape)
     norms = measure(start, basis().largest, posed.sizes)

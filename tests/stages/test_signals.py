@@ -51,7 +51,7 @@ def test_every_kind_gives_the_response_that_a_multisine_gives(shop, fields):
     [
         ("slow_motion_rad_s: 5, slow_motion_line: 3", "line 3 is odd"),
         ("slow_motion_rad_s: 5, inject: torque", "needs a reference of speed or position"),
-        ("chirp_peak: 0.5", "chirp_peak: belongs to `signal: chirp`, not to `signal: multisine`"),
+        ("chirp_peak: 0.5", "chirp_peak: belongs to `signal: chirp` or `signal: pose_chirp`, not to"),
         ("signal: sweep", "'multisine', 'chirp', 'stepped_sine', 'fourier'"),
     ],
 )

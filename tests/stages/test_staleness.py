@@ -133,6 +133,8 @@ def test_every_setting_is_read_by_some_stage(file):
         # What only rigid models know is read by their fits, of which there is none here.
         of_rigid = {"robot.loop_links", "robot.joints[].counterbalance"}
         assert of_rigid <= leaves(robot_settings(loaded, "rigid")["robot"], "robot")
+        of_poses = {"robot.pose_interface"}
+        assert of_poses <= leaves(robot_settings(loaded, "pose")["robot"], "robot")
         assert {leaf for leaf in unread if not leaf.endswith("assumed")} == {
             "robot.schema_version"
-        } | brought | of_rigid
+        } | brought | of_rigid | of_poses

@@ -94,6 +94,8 @@ class Excitation:
         crest_factor (n_real, n_exp, n_motor): Peak over RMS, a slow motion left out.
         plan: Predicted motion against the limits, or None before `predict`.
         channels: What each column of the reference is where it is no motor; empty for motors.
+        travel (n_sample, n_motor): Position reference of a large motion beneath it, from the configuration; None
+            without one [rad].
     """
 
     reference: FloatArray
@@ -106,6 +108,7 @@ class Excitation:
     crest_factor: FloatArray
     plan: ExcitationPlan | None = None
     channels: tuple[Channel, ...] = ()
+    travel: FloatArray | None = None
 
     @property
     def period_s(self) -> float:

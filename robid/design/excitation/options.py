@@ -18,6 +18,20 @@ _COUNT = {"description": "Number of excited lines, of frequencies of a stepped s
 _SPACING = {"description": "How the excited lines, or a stepped sine's frequencies, are spaced."}
 
 
+@dataclass(frozen=True, kw_only=True)
+class Travel:
+    """A slow sine of one joint beneath the excitation, so that the response's place moves while it is excited."""
+
+    joint: str = field(metadata={"description": "Name of the joint."})
+    amplitude_m: float | None = field(
+        default=None, metadata={"description": "Amplitude of a prismatic joint about the configuration [m].", "gt": 0}
+    )
+    amplitude_deg: float | None = field(
+        default=None, metadata={"description": "The same of a revolute joint [deg].", "gt": 0}
+    )
+    line: int = field(default=1, metadata={"description": "Its periods in one period of the excitation.", "ge": 1})
+
+
 @dataclass(frozen=True)
 class SignalOptions:
     """What every signal has: period, band, size, limits and what is added to it.
@@ -75,6 +89,14 @@ class SignalOptions:
     slow_motion_line: int = field(
         default=2,
         metadata={"description": "Line of the slow motion, even; it and its multiples are never excited.", "ge": 2},
+    )
+    travel: Travel | None = field(
+        default=None,
+        metadata={
+            "description": "A large motion that the position reference tells one joint besides, wherever the excitation"
+            " is injected; limits of the excursion and `rms` do not count it. The campaign is then a record without a"
+            " frequency response."
+        },
     )
 
     decides_lines: ClassVar[tuple[str, ...]] = (

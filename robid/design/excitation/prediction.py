@@ -11,6 +11,7 @@ from robid.design.excitation.excitation import UNITS, Excitation, ExcitationPlan
 from robid.design.excitation.loop import NominalLoop
 from robid.design.excitation.options import PerturbationOptions
 from robid.design.excitation.snr import predicted_snr_db, residual_covariance
+from robid.design.excitation.travel import travel_demand
 from robid.errors import SettingsError
 from robid.robot.description import Robot
 from robid.signals.multisine import crest_factor, time_signal
@@ -30,6 +31,7 @@ def predict(
     """Predicts what the nominal closed loop will do, uses its limits and holds it against them.
 
     Friction is not in the prediction: a margin of a few N m should be left for it. The static torque is not scaled.
+    A travel counts for speed and torque, not for the excursion.
 
     Args:
         excitation: The excitation.
@@ -105,6 +107,8 @@ def _reach(excitation: Excitation, loop: NominalLoop, index: int) -> tuple[Float
     stacked = np.einsum("qkmi,reki->qrekm", gains, excitation.played_spectrum, optimize=True)
     signal = time_signal(stacked, excitation.played_lines, excitation.reference.shape[2])
     crest = crest_factor(signal[0]).max(axis=(0, 1))
+    if excitation.travel is not None:
+        signal[:2] += travel_demand(excitation.travel, loop, index)[:, None, None]
     signal[1] += loop.static_torque[index]
     samples = (1, 2, 3)
     rms = np.sqrt(np.mean(signal**2, axis=samples))

@@ -16,6 +16,7 @@ from robid.design.excitation.options import (
     SteppedSineOptions,
     SweepOptions,
     TrajectoryOptions,
+    Travel,
 )
 from robid.errors import SettingsError
 from robid.signals.chirp import chirp
@@ -96,6 +97,8 @@ def _perturbation_problems(options: PerturbationOptions, n_sample: int, sampling
         problems += _sweep_problems(options, n_sample, sampling_period_s)
     if options.slow_motion_rad_s > 0:
         problems += _slow_problems(options)
+    if options.travel is not None:
+        problems += _travel_problems(options.travel, options, n_sample)
     resting = RESTING_ORDERS[options.inject]
     if isinstance(options, FourierOptions) and options.at_rest and options.count <= len(resting):
         needed = len(resting) + 1
@@ -140,6 +143,17 @@ def _slow_problems(options: PerturbationOptions) -> list[str]:
             f"the slow motion's {line / options.period_s:g} Hz is not below low_hz {options.low_hz:g}"
             " (lower slow_motion_line)"
         )
+    return problems
+
+
+def _travel_problems(travel: Travel, options: PerturbationOptions, n_sample: int) -> list[str]:
+    problems = []
+    if (travel.amplitude_m is None) == (travel.amplitude_deg is None):
+        problems.append("a travel needs one amplitude (travel.amplitude_m, or travel.amplitude_deg)")
+    if _SAMPLES_PER_WAVE * travel.line > n_sample:
+        problems.append(f"the travel's line {travel.line} leaves too few samples to a turn (lower travel.line)")
+    if options.limit_share is not None:
+        problems.append("the share of a limit that a travel leaves is not known (state rms instead of limit_share)")
     return problems
 
 

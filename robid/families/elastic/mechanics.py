@@ -208,6 +208,7 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             "Friction and ripple, where there are any: passive actuators friction_<joint>."
             if friction
             else "Friction and ripple are left out; viscous friction is damping of q_m.",
+            *_frozen(found.robot, names[0]),
             f"Not in here: the delay of {1e3 * found.delay_s:.4g} ms from commanded to applied torque.",
             f"Not identified, do not rely on: {', '.join(weak)}"
             if weak
@@ -216,3 +217,12 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             *(f"  {name}: {row}" for name, row in zip(names, shown, strict=True)),
         ]
     )
+
+
+def _frozen(robot: Robot, keyframe: str) -> list[str]:
+    """What to know of stiffness that depends on a joint's position."""
+    varying = [spring.name for spring in robot.springs if spring.stiffness_over is not None]
+    if not varying:
+        return []
+    told = f"Stiffness of {', '.join(varying)} depends on a joint's position; here it is that of {keyframe} everywhere,"
+    return [told, "so that other keyframes are not quite at rest under load."]

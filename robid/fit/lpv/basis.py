@@ -11,6 +11,7 @@ from scipy.interpolate import BSpline
 
 from robid.arrays import FloatArray, check_shape
 from robid.errors import DataError
+from robid.fit.lpv.options import BasisOptions
 
 _GRID = 201
 _MARGIN = 1e-9  # of the range: rounding of a position at its end
@@ -131,6 +132,19 @@ class Basis:
                 remedy="Ask for positions within the range, or measure further out and fit again.",
             )
         return np.column_stack([np.ones(len(points)), self.functions.values(points)])
+
+
+def make_basis(points: FloatArray, options: BasisOptions) -> Basis:
+    """Makes the basis of options over the range of positions (n_pos, n_scheduling).
+
+    Raises:
+        ValueError: If a center is given that does not name every parameter.
+    """
+    if options.kind == "splines":
+        return spline_basis(points, pieces=options.pieces, degree=options.degree)
+    if options.center and len(options.center) != points.shape[1]:
+        raise ValueError("Option `center` must have one value per scheduling parameter.")
+    return polynomial_basis(points, options.degree, center=np.array(options.center) if options.center else None)
 
 
 def polynomial_basis(points: FloatArray, degree: int, *, center: FloatArray | None = None) -> Basis:

@@ -31,10 +31,7 @@ def minimise_model(
         held (n_free, n_held): Directions without a part in the step, orthonormal.
 
     Returns:
-        The step (n_free,).
-
-    Raises:
-        RuntimeError: If the solver finds none.
+        The step (n_free,); no numbers where the solver fails, which a descent takes for a step too long.
 
     Source:
         Turk et al. (2018), eq. 12, for one Levenberg-Marquardt step.
@@ -87,7 +84,4 @@ def _solve(
     cones = [clarabel.SecondOrderConeT(1 + size) for size in sizes]
     q = scale * np.concatenate([2 * gradient, price])
     solution = clarabel.DefaultSolver(P, q, A, right, cones, settings).solve()
-    found = np.array(solution.x[:n])
-    if not np.all(np.isfinite(found)):
-        raise RuntimeError(f"The cone program of a step has no solution: {solution.status}.")
-    return found
+    return np.array(solution.x[:n])

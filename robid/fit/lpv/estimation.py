@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,35 +12,19 @@ from robid.fit.lpv.basis import Basis
 from robid.fit.lpv.blocks import spread
 from robid.fit.lpv.local import LocalModels, fit_local_models
 from robid.fit.lpv.model import LpvModel, Stability, add_integrators, check_stability
-from robid.fit.lpv.path import Path, PathOptions, follow_path
+from robid.fit.lpv.options import LpvOptions
+from robid.fit.lpv.path import Path, follow_path
 from robid.fit.lpv.problem import Problem, solve
 from robid.fit.lpv.responses import LocalResponses, make_problem, output_scales, remove_integrators
 from robid.fit.lpv.smile import check_positions, interpolate
-from robid.fit.lpv.sparse import SparsityOptions
-from robid.fit.lpv.sparse_basis import SparseBasisOptions, find_sparse_bases
+from robid.fit.lpv.sparse_basis import find_sparse_bases
 from robid.fit.lpv.state_space import StateSpace, pack, unpack
-from robid.fit.lpv.uncertainty import ResponseUncertainty, parameter_covariance, response_uncertainty
-
-
-@dataclass(frozen=True)
-class LpvOptions:
-    """Options of a fit.
-
-    Attributes:
-        order: States of the model, integrators not counted.
-        integrators: How often each output integrates; empty for not at all.
-        weighted: Weights 1/sigma^2, or all elements alike (eq. 7).
-        sparse_basis: How the states' basis is searched.
-        sparsity: The penalised fits.
-        path: Prices and the choice.
-    """
-
-    order: int = field(default=3, metadata={"description": "States of the model without integrators.", "ge": 1})
-    integrators: tuple[int, ...] = field(default=(), metadata={"description": "Integrators of each output."})
-    weighted: bool = field(default=True, metadata={"description": "Weights 1/sigma^2, or all alike (eq. 7)."})
-    sparse_basis: SparseBasisOptions = field(default_factory=SparseBasisOptions)
-    sparsity: SparsityOptions = field(default_factory=SparsityOptions)
-    path: PathOptions = field(default_factory=PathOptions)
+from robid.fit.lpv.uncertainty import (
+    ParameterUncertainty,
+    ResponseUncertainty,
+    parameter_uncertainty,
+    response_uncertainty,
+)
 
 
 @dataclass(frozen=True)
@@ -55,7 +39,7 @@ class LpvResult:
         path: The regularisation path, outputs in units of `scales`.
         kept (4, n_function): Blocks of A, B, C and D that the chosen model has.
         scales (n_out,): Units of the outputs during the fit.
-        covariance (n_param, n_param): Of the chosen model's parameters, outputs in units of `scales`.
+        parameters: How far the chosen model's parameters may be off, outputs in units of `scales`.
         stability: Of the chosen model over the range, integrators not counted.
         integrators: How often each output integrates.
     """
@@ -67,7 +51,7 @@ class LpvResult:
     path: Path
     kept: BoolArray
     scales: FloatArray
-    covariance: FloatArray
+    parameters: ParameterUncertainty
     stability: Stability
     integrators: tuple[int, ...]
 
@@ -85,7 +69,7 @@ class LpvResult:
         empty = np.zeros((len(points), len(frequency_hz), n_out, n_in), complex)
         asked = LocalResponses(points, frequency_hz, empty, None, self.core.sampling_period_s)
         problem = make_problem(asked, self.core.basis, self.core.sizes.n_state, self.scales, weighted=False)
-        scaled = response_uncertainty(problem, self.path.best.parameters, self.covariance)
+        scaled = response_uncertainty(problem, self.path.best.parameters, self.parameters.covariance)
         behind = ((asked.z[:, None] - 1) / asked.sampling_period_s) ** np.array(self.integrators)
         factor = (self.scales / behind)[..., None]
         size = np.abs(factor)
@@ -108,40 +92,51 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
     Source:
         Turk et al. (2018), sec. II-C and III-B.
     """
-    n_out = responses.response.shape[2]
-    integrators = options.integrators or (0,) * n_out
+    integrators = options.integrators or (0,) * responses.response.shape[2]
     reduced, held_out = remove_integrators(responses, integrators), remove_integrators(validation, integrators)
     scales = output_scales(reduced)
-    problem = make_problem(reduced, basis, options.order, scales, weighted=options.weighted)
-    judge = make_problem(held_out, basis, options.order, scales, weighted=options.weighted)
+    problem, judge = (
+        make_problem(one, basis, options.order, scales, weighted=options.weighted, window=options.weight_window)
+        for one in (reduced, held_out)
+    )
     check_positions(problem.values)
     local = fit_local_models(problem)
     aligned = align_neighbours(local.systems, responses.points)
+    path = follow_path(
+        problem,
+        judge,
+        _starts(problem, aligned, responses, basis, options),
+        basis.largest,
+        options.path,
+        options.sparsity,
+    )
+    variance = None if reduced.variance is None else reduced.variance / scales[:, None] ** 2
+    free = spread(path.best.kept, problem.sizes)
+    smile, core = (
+        LpvModel(_rescaled(parameters, problem, scales), problem.sizes, basis, responses.sampling_period_s)
+        for parameters in (interpolate(aligned, problem.values), path.best.parameters)
+    )
+    return LpvResult(
+        local=local,
+        smile=smile,
+        core=core,
+        model=add_integrators(core, integrators),
+        path=path,
+        kept=path.best.kept,
+        scales=scales,
+        parameters=parameter_uncertainty(problem, path.best.parameters, free, variance),
+        stability=check_stability(core),
+        integrators=integrators,
+    )
+
+
+def _starts(
+    problem: Problem, aligned: StateSpace, responses: LocalResponses, basis: Basis, options: LpvOptions
+) -> tuple[FloatArray, ...]:
+    """Fits without prices, from the interpolation in each basis in which few blocks vary."""
     fixed = middle_position(responses.points)
     bases = find_sparse_bases(aligned, problem.values, basis.largest, fixed=fixed, options=options.sparse_basis)
-    starts = tuple(solve(problem, interpolate(one, problem.values))[0] for one in bases)
-    path = follow_path(problem, judge, starts, basis.largest, options.path, options.sparsity)
-    free = spread(path.best.kept, problem.sizes)
-    variance = None if reduced.variance is None else reduced.variance / scales[:, None] ** 2
-    covariance = parameter_covariance(problem, path.best.parameters, free, variance)
-    period = responses.sampling_period_s
-
-    def in_own_units(parameters: FloatArray) -> LpvModel:
-        return LpvModel(_rescaled(parameters, problem, scales), problem.sizes, basis, period)
-
-    core = in_own_units(path.best.parameters)
-    return LpvResult(
-        local,
-        in_own_units(interpolate(aligned, problem.values)),
-        core,
-        add_integrators(core, integrators),
-        path,
-        path.best.kept,
-        scales,
-        covariance,
-        check_stability(core),
-        integrators,
-    )
+    return tuple(solve(problem, interpolate(one, problem.values))[0] for one in bases)
 
 
 def _rescaled(parameters: FloatArray, problem: Problem, scales: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +33,8 @@ class LocalModels:
 def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalModels:
     """Fits one model of the problem's order at every position.
 
-    Every fit starts from subspace models, then also from its neighbours' results: the better one stays.
+    Every fit starts from subspace models, then also from its neighbours' results: the better one stays, a stable one
+    before any that is not.
 
     Args:
         problem: The responses; its basis functions play no part.
@@ -52,8 +54,7 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
     for index in [*range(1, n_pos), *range(n_pos - 2, -1, -1)]:
         for neighbour in {max(index - 1, 0), min(index + 1, n_pos - 1)} - {index}:
             again = _descend(at_position(problem, index), found[neighbour][0], max_iterations)
-            if again[1] < found[index][1]:
-                found[index] = again
+            found[index] = min(found[index], again, key=_rank)
     systems = [balanced_or_refused(system, index) for index, (system, _, _) in enumerate(found)]
     return LocalModels(stack(systems), np.array([one[1] for one in found]), tuple(one[2] for one in found))
 
@@ -70,7 +71,7 @@ def balanced_or_refused(system: StateSpace, index: int) -> StateSpace:
     """Returns a local model in its balanced basis.
 
     Raises:
-        DataError: If the model is unstable.
+        DataError: If the model is unstable, or has a state without effect.
     """
     radius = float(system.spectral_radius)
     if radius >= 1:
@@ -90,11 +91,17 @@ def _fit(problem: Problem, max_iterations: int) -> tuple[StateSpace, float, Stat
         subspace_model(problem.z, problem.response[0], problem.root_weight[0], order=n_state, n_block=depth)
         for depth in sorted(depths)
     ]
-    return min((_descend(problem, start, max_iterations) for start in starts), key=lambda one: one[1])
+    return min((_descend(problem, start, max_iterations) for start in starts), key=_rank)
+
+
+def _rank(found: tuple[StateSpace, float, Status]) -> tuple[bool, float]:
+    """Stable models first, then by cost: a pole outside the circle may fit noise no better than one inside."""
+    return bool(found[0].spectral_radius >= 1), found[1]
 
 
 def _descend(problem: Problem, start: StateSpace, max_iterations: int) -> tuple[StateSpace, float, Status]:
     if start.spectral_radius < 1:
-        start = balance(start)[0]
+        with suppress(DataError):  # a start may have more states than it needs
+            start = balance(start)[0]
     parameters, minimum = solve(problem, pack(start)[None], max_iterations=max_iterations)
     return unpack(parameters[0], problem.sizes), minimum.cost, minimum.status

@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.levenberg import Status
 from robid.fit.lpv.blocks import measure, spread
+from robid.fit.lpv.options import PathOptions, SparsityOptions
 from robid.fit.lpv.problem import Problem, cost, solve
-from robid.fit.lpv.sparse import SparseFit, SparsityOptions, fit_sparse
-
-
-@dataclass(frozen=True)
-class PathOptions:
-    """Which prices are tried and how one is chosen.
-
-    Attributes:
-        count: Prices.
-        smallest: Least price of a block, in mean squared errors of one element of a response.
-        largest: Greatest price.
-        allowance: How much more than the least a model's error on the validation data may be, relative, where it has
-            fewer blocks.
-    """
-
-    count: int = field(default=10, metadata={"description": "Prices along the path.", "ge": 2})
-    smallest: float = field(default=1.0, metadata={"description": "Least price, in mean squared errors.", "gt": 0})
-    largest: float = field(default=1e4, metadata={"description": "Greatest price, in mean squared errors.", "gt": 0})
-    allowance: float = field(default=0.05, metadata={"description": "Excess allowed for sparsity.", "ge": 0})
+from robid.fit.lpv.sparse import SparseFit, fit_sparse
 
 
 @dataclass(frozen=True)

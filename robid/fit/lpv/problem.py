@@ -11,7 +11,6 @@ from robid.fit.levenberg import Minimum, Normal, minimise
 from robid.fit.lpv.state_space import Sizes, resolvent, unpack
 
 _MEANT_NOTHING = 1e-3  # decrease of the cost, in mean squared errors of one element
-_SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no response
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,8 @@ def solve(
 ) -> tuple[FloatArray, Minimum]:
     """Minimises the cost from a start.
 
-    The states' basis is free, so some directions move no response; they are kept out of every step.
+    The states' basis is free, so some directions move no response: the gradient has no part in them, and damping
+    keeps them out of every step.
 
     Args:
         problem: What the model is held against.
@@ -152,7 +152,7 @@ def solve(
 
     def model(inside: FloatArray) -> Normal:
         here = normal(problem, place(inside))
-        return Normal(here.cost, here.gradient[moved], _stiffened(here.hessian[np.ix_(moved, moved)]))
+        return Normal(here.cost, here.gradient[moved], here.hessian[np.ix_(moved, moved)])
 
     found = minimise(
         lambda inside: cost(problem, place(inside)),
@@ -162,21 +162,3 @@ def solve(
         cost_tolerance=_MEANT_NOTHING / max(problem.n_data, 1),
     )
     return place(found.parameters), found
-
-
-def null_directions(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns directions that move no response.
-
-    Returns:
-        The directions (n_param, n_null), orthonormal where parameters are multiplied by the scale (n_param,), and it.
-    """
-    root = np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(hessian / np.outer(root, root))
-    return vectors[:, values < _SINGULAR * values[-1]], root
-
-
-def _stiffened(hessian: FloatArray) -> FloatArray:
-    """The Hessian with the directions that move no response made stiff: the gradient has no part in them."""
-    null, root = null_directions(hessian)
-    scaled = null * root[:, None]
-    return np.asarray(hessian + scaled @ scaled.T)

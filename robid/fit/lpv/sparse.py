@@ -2,35 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.lpv.blocks import list_blocks, measure, spread
+from robid.fit.lpv.options import SparsityOptions
 from robid.fit.lpv.penalised import Penalised, descend
 from robid.fit.lpv.problem import Problem, cost
-
-
-@dataclass(frozen=True)
-class SparsityOptions:
-    """When blocks are dropped and when the penalised fit ends.
-
-    Attributes:
-        epsilon: Relative norm at which a block's price bends from a count to its size (eq. 13).
-        zero: Relative norm below which a block has vanished.
-        reweightings: Times the prices are renewed, at most.
-        settled: Change of any block's relative norm, over itself plus epsilon, at which they are not renewed again.
-        tolerance: Relative decrease of the penalised cost at which a descent ends.
-        step_limit: Cone programs of one descent, at most.
-    """
-
-    epsilon: float = field(default=1e-3, metadata={"description": "Relative norm of a block that counts.", "gt": 0})
-    zero: float = field(default=1e-5, metadata={"description": "Relative norm of a block that is gone.", "gt": 0})
-    reweightings: int = field(default=10, metadata={"description": "Renewals of the weights at most.", "ge": 1})
-    settled: float = field(default=1e-2, metadata={"description": "Change that ends the renewals.", "gt": 0})
-    tolerance: float = field(default=1e-5, metadata={"description": "Decrease that ends a descent.", "gt": 0})
-    step_limit: int = field(default=30, metadata={"description": "Steps of one descent at most.", "ge": 1})
 
 
 @dataclass(frozen=True)

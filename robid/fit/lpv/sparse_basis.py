@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.fit.levenberg import Normal, minimise
 from robid.fit.lpv.blocks import Norms, measure
+from robid.fit.lpv.options import SparseBasisOptions
 from robid.fit.lpv.state_space import StateSpace, pack, similarity_tangent, transform
 
 _FIRST_LEVEL = 1.0  # relative norm at which blocks begin to be told apart
 _PREFERENCES = ((1, 1, 1, 1), (30, 1, 1000, 1), (30, 1000, 1, 1))  # first weights of A, B, C, D
 _STEPS = 30
 _ENOUGH = 1e-4  # relative decrease of a pass' cost
-
-
-@dataclass(frozen=True)
-class SparseBasisOptions:
-    """How the basis is searched.
-
-    Attributes:
-        smallest: Relative norm below which a block counts as zero.
-        passes: Passes from equal weights to that norm.
-    """
-
-    smallest: float = field(default=3e-3, metadata={"description": "Relative norm of a block that is none.", "gt": 0})
-    passes: int = field(default=12, metadata={"description": "Passes of the search.", "ge": 1})
 
 
 class _Search:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.errors import DataError
 
 MATRICES = ("A", "B", "C", "D")
 
@@ -132,14 +133,14 @@ def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
         The model and the transformation that was applied (n_state, n_state).
 
     Raises:
-        ValueError: If a state can neither be moved nor seen.
+        DataError: If a state can neither be moved nor seen.
     """
     reached = solve_discrete_lyapunov(system.A, system.B @ system.B.T)
     seen = solve_discrete_lyapunov(system.A.T, system.C.T @ system.C)
     left, right = _root(reached), _root(seen)
     U, values, _ = np.linalg.svd(right.T @ left)
     if not values[-1] > np.finfo(float).eps * values[0]:
-        raise ValueError("A model with a state that cannot be moved or seen has no balanced basis: lower its order.")
+        raise DataError("A state of the model can neither be moved nor seen.", remedy="Lower the order.")
     T = (U / np.sqrt(values)).T @ right.T
     return transform(system, T), T
 

@@ -8,7 +8,24 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.fit.lpv.problem import Problem, local_jacobian, null_directions
+from robid.fit.lpv.problem import Problem, local_jacobian
+
+_SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no response
+
+
+@dataclass(frozen=True)
+class ParameterUncertainty:
+    """How far the parameters may be off, the states' basis apart.
+
+    Attributes:
+        covariance (n_param, n_param): Of all parameters, zero where one is fixed.
+        n_determined: Combinations of parameters that the responses determine.
+        misfit: Mean weighted square error of an element, less what those take: near 1 with right weights `1/sigma^2`.
+    """
+
+    covariance: FloatArray
+    n_determined: int
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -34,10 +51,10 @@ class ResponseUncertainty:
         return np.maximum(size - half, 0), size + half
 
 
-def parameter_covariance(
+def parameter_uncertainty(
     problem: Problem, parameters: FloatArray, free: BoolArray, variance: FloatArray | None
-) -> FloatArray:
-    """Returns the covariance (n_param, n_param) of all parameters, zero where one is fixed.
+) -> ParameterUncertainty:
+    """Returns the covariance of all parameters.
 
     The states' basis is free: the directions that move no response are taken out by a pseudo-inverse. The covariance
     is that of one basis, but what it says of responses holds in any.
@@ -52,12 +69,12 @@ def parameter_covariance(
     error, slope = local_jacobian(problem, parameters)
     full = np.einsum("qk,qrl->qrkl", problem.values, slope).reshape(-1, parameters.size)[:, free.ravel()]
     bread = np.real(full.conj().T @ full)
-    null, root = null_directions(bread)
+    null, root = _null_directions(bread)
     scaled = bread / np.outer(root, root) + null @ null.T
     inverse = np.linalg.inv(scaled) - null @ null.T
     inverse = inverse / np.outer(root, root)
-    n_left = problem.n_data - (bread.shape[0] - null.shape[1]) / 2
-    misfit = float(np.sum(np.abs(error) ** 2)) / max(n_left, 1.0)
+    n_determined = bread.shape[0] - null.shape[1]
+    misfit = float(np.sum(np.abs(error) ** 2)) / max(problem.n_data - n_determined / 2, 1.0)
     if variance is None:
         inner = 0.5 * misfit * inverse
     else:
@@ -66,7 +83,7 @@ def parameter_covariance(
         inner = 0.5 * inverse @ filling @ inverse
     covariance = np.zeros((parameters.size, parameters.size))
     covariance[np.ix_(free.ravel(), free.ravel())] = inner
-    return covariance
+    return ParameterUncertainty(covariance, n_determined, misfit)
 
 
 def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: FloatArray) -> ResponseUncertainty:
@@ -90,3 +107,14 @@ def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: F
     found = here.reshape(shape)
     size = np.maximum(np.abs(found), np.finfo(float).tiny)
     return ResponseUncertainty(found, np.sqrt(along + across), np.sqrt(along), np.sqrt(across) / size)
+
+
+def _null_directions(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns directions that move no response.
+
+    Returns:
+        The directions (n_param, n_null), orthonormal where parameters are multiplied by the scale (n_param,), and it.
+    """
+    root = np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(hessian / np.outer(root, root))
+    return vectors[:, values < _SINGULAR * values[-1]], root

@@ -67,10 +67,10 @@ def drive_terms(robot: Robot, options: RigidOptions) -> Iterator[DriveTerm]:
     The inertias of rotors that ride on links are not among them: they belong to the tree.
     """
     turns = robot.arm_per_motor
-    for joint, row in zip(robot.joints, np.eye(len(robot.joints)), strict=True):
-        motor = joint.motor
+    inertias = (robot.motor_inertia_kgm2 + robot.shaft_inertia_kgm2).tolist()
+    for joint, row, inertia in zip(robot.joints, np.eye(len(robot.joints)), inertias, strict=True):
         if options.motor_inertias and robot.rotor == "spong":
-            yield _term(joint, row, "motor_inertia", motor.inertia_kgm2, _acceleration)
+            yield _term(joint, row, "motor_inertia", inertia, _acceleration)
         yield from _friction(joint, row, options)
         if options.offsets:
             yield _term(joint, row, "torque_offset", 0.0, _one)

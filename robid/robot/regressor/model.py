@@ -209,7 +209,8 @@ def build_rigid_model(robot: Robot, options: RigidOptions | None = None) -> Rigi
     chosen = options or RigidOptions()
     tree = rigid_tree(robot, rotors=chosen.motor_inertias, payload=chosen.payload == "body")
     inertials = _inertials(robot, chosen)
-    rotors = {joint.name: joint.motor.inertia_kgm2 for joint in robot.joints}
+    drives = robot.motor_inertia_kgm2 + robot.shaft_inertia_kgm2
+    rotors = {joint.name: float(inertia) for joint, inertia in zip(robot.joints, drives, strict=True)}
     parameters: list[StandardParameter] = []
     for body in tree.bodies:
         if body.is_rotor:

@@ -46,6 +46,9 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> _Fo
     if campaign.moves_poses:
         message = f"campaign `{design.campaign}` commands poses, which tells nothing of springs: name another one"
         yield (*field, "campaign"), message
+    if campaign.travels:
+        message = f"campaign `{design.campaign}` travels, so it has no responses to choose by: name another one"
+        yield (*field, "campaign"), message
     if campaign.configurations is None and campaign.is_one_shot:
         yield (*field, "campaign"), f"campaign `{design.campaign}` is one shot without configurations to choose from"
         return

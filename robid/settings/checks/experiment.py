@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
 
-from robid.design.excitation.options import PoseChirpOptions, TrajectoryOptions
+from robid.design.excitation.options import PoseChirpOptions, SignalOptions, TrajectoryOptions
 from robid.design.excitation.signal_lines import check_signal
 from robid.errors import SettingsError
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
@@ -118,6 +118,7 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
     acquire = None if campaign.source is None else campaign.source.acquire
+    yield from _travel((*field, "excitation", "travel"), campaign, robot)
     if not campaign.is_one_shot:
         if not (campaign.is_trajectory or campaign.moves_poses):
             yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
@@ -139,6 +140,21 @@ def _campaign_of_logs(name: str, campaign: Campaign, robot: RobotFile) -> _Found
     if acquire is not None and not campaign.is_one_shot and not campaign.is_trajectory:
         yield from _experiments(field, campaign, len(acquire.inputs))
         yield from _lines(field, campaign, robot)
+
+
+def _travel(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+    travel = campaign.excitation.travel if isinstance(campaign.excitation, SignalOptions) else None
+    if travel is None:
+        return
+    joints = {joint.name: joint for joint in robot.joints}
+    if travel.joint not in joints:
+        yield (*field, "joint"), f"there is no joint `{travel.joint}`; {suggest(travel.joint, joints)}"
+        return
+    wanted, other = (
+        ("amplitude_m", "amplitude_deg") if joints[travel.joint].slides else ("amplitude_deg", "amplitude_m")
+    )
+    if getattr(travel, other) is not None:
+        yield (*field, other), f"has the wrong unit for `{travel.joint}`: write `{wanted}`"
 
 
 def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
@@ -193,6 +209,8 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families
             yield (*field, key), f"campaign `{campaign}` is one shot, which has no frequency response to read"
         elif experiment.campaigns[campaign].is_trajectory and "frf" in reads:
             yield (*field, key), f"campaign `{campaign}` plays a trajectory, which has no frequency response to read"
+        elif experiment.campaigns[campaign].travels and "frf" in reads:
+            yield (*field, key), f"campaign `{campaign}` travels, so it has no frequency response to read"
     if fit.validate_on in fit.campaigns:
         yield (*field, "validate_on"), f"campaign `{fit.validate_on}` is what the fit reads: validate on another one"
     if len(set(fit.campaigns)) < len(fit.campaigns):

@@ -79,6 +79,15 @@ def test_a_straight_wrist_is_named(arm):
     assert reached.loose.tolist() == [False, False, False, True, False, True]
 
 
+def test_a_wrist_that_is_straight_at_the_end_is_refused(arm):
+    bent, straight = np.deg2rad([[0.0, -90, 90, 0, 20, 0], [0.0, -90, 90, 0, 0, 0]])
+    way = displacement(*arm.poses(bent), *(each[None] for each in arm.poses(straight)))
+    assert reach_poses(arm, bent, 0.9 * way).is_whole
+    reached = reach_poses(arm, bent, way)
+    assert 0.98 < reached.share[0] < 1
+    assert reached.loose.tolist() == [False, False, False, True, False, True]
+
+
 def test_poses_beyond_the_arm_end_where_it_is_stretched_out(arm):
     reached = reach_poses(arm, HOME, np.array([[0.1, 0, 0, 0, 0, 0], [-3.0, 0, 0, 0, 0, 0]]))
     assert reached.share[0] == 1

@@ -12,7 +12,9 @@ from robid.robot.derivatives import jacobian
 from robid.robot.description import StiffnessLaw
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
+from robid.robot.regressor.model import build_rigid_model
 from robid.robot.response import motion_matrices, nominal_parameters, response, with_values
+from robid.robot.standard import with_standard
 from robid.robot.stiffness_law import LawFactor
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
@@ -178,3 +180,12 @@ def test_fast_and_general_response_agree(robot):
     wanted = wanted.reshape(-1, rows.size, slopes.shape[0]).transpose(2, 1, 0)
     for own, other in zip(slopes, wanted, strict=True):
         np.testing.assert_allclose(own, other, atol=1e-9 * np.abs(other).max())
+
+
+def test_shafts_of_a_rigid_drive_are_part_of_its_inertia():
+    robot = ball_screw(2)
+    model = build_rigid_model(robot)
+    nominal = {each.name: each.nominal for each in model.parameters}
+    assert nominal["rail.motor_inertia"] == pytest.approx(1e-3 + 2e-4 + 4e-4, rel=IDENTITY)
+    changed = with_standard(robot, {"rail.motor_inertia": 2e-3}).robot
+    assert changed.motor_inertia_kgm2[0] == pytest.approx(2e-3 - 6e-4, rel=IDENTITY)

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco.batch import Batch
+from scipy.integrate import solve_ivp
 
 from exact_systems import ball_screw, varying_arm
 from robid.frf.estimate import estimate_frf
@@ -112,6 +113,64 @@ def test_a_moving_robot_keeps_its_energy(case):
     assert fine < 3e-4
     assert fine < coarse / 2.5
     assert drift(*moving, 5e-4, CASES[case][3], pushes=False) > 10 * fine
+
+
+def test_a_travelling_screw_is_its_differential_equation():
+    robot, speed, period_s, end_s = ball_screw(1), 0.5, 2.5e-4, 0.05
+    model = build_model(robot, timestep_s=period_s)
+    batch = Batch(model.mujoco, 1, nthread=1)
+    start = np.array([125.7 * -0.1, 1e-3, -0.1, 125.7 * speed, 0.0, speed])  # motor, twist, slide, and their rates
+    place = [model.motor[0], model.mujoco.joint("q_e_twist_1").dofadr[0], model.arm[0]]
+    batch.qpos[0, place], batch.qvel[0, place] = start[:3], start[3:]
+    varying = VaryingStiffness(model, batch, period_s)
+    for _ in range(round(end_s / period_s)):
+        varying.follow()
+        batch.step()
+
+    def rates(_time, state):
+        motor, twist, slide, motor_rate, twist_rate, slide_rate = state
+        softer = 1 / (1 + 0.9 * slide)
+        slope = -0.9 * softer**2
+        bend, bend_rate = (motor + twist) / 125.7 - slide, (motor_rate + twist_rate) / 125.7 - slide_rate
+        nut = softer * 3e7 * bend + 2e3 * bend_rate
+        screw = softer * 1.5e3 * twist + 0.05 * twist_rate
+        push = slope * (0.5 * 3e7 * bend**2 + 0.5 * 1.5e3 * twist**2)
+        motor_gain = (screw - 2e-3 * motor_rate) / 1e-3
+        lump_gain = (-screw - nut / 125.7) / 2e-4
+        return [motor_rate, twist_rate, slide_rate, motor_gain, lump_gain - motor_gain, (nut - push) / 51.0]
+
+    wanted = solve_ivp(rates, (0, end_s), start, method="DOP853", rtol=1e-11, atol=1e-14).y[:, -1]
+    found = np.concatenate([batch.qpos[0, place], batch.qvel[0, place]])
+    # With the first stiffness held, the twist would be off by 9 % and its rate by a third.
+    assert (np.abs(found / wanted - 1) < [1e-5, 2e-3, 1e-5, 1e-5, 1e-2, 1e-5]).all()
+
+
+def test_a_travelling_slide_answers_as_it_does_where_it_is():
+    robot, period_s, line = ball_screw(1), 2.0, 120
+    count, rate = round(period_s / SLOW.sampling_period_s), 1 / SLOW.sampling_period_s
+    turn = 2 * np.pi * np.arange(count) / count
+    run = replace(
+        campaign(robot, 0.1, ("rail.arm",)),
+        reference=0.5 * np.sin(line * turn)[None, None, :, None],
+        excited_lines=np.array([line]),
+        travel=125.7 * 0.3 * np.sin(turn)[:, None],
+    )
+    record = simulate(run, np.zeros(1), 0)
+    motor, place = record.outputs[0, 0, 0, 0].T
+    time = np.arange(-400, 401) / rate
+    basis = np.column_stack([*(time**power for power in range(6)), np.exp(2j * np.pi * 60 * time).real])
+    basis = np.column_stack([basis, np.exp(2j * np.pi * 60 * time).imag])
+    model, shares = build_model(robot), []
+    for middle in (int(place.argmin()), int(place.argmax())):
+        window = (middle + np.arange(-400, 401)) % count
+        parts = np.linalg.lstsq(basis, np.column_stack([motor, place])[window], rcond=None)[0]
+        found = (parts[-2] - 1j * parts[-1])[1] / (parts[-2] - 1j * parts[-1])[0]
+        at = np.array([[place[middle]]])
+        linear = linearize(model, solve_statics(model, at), ("rail", "rail.arm"))
+        wanted = response(linear, nominal_parameters(robot, linear, 0.0), np.array([60.0]), None).sampled[0, 0, :, 0]
+        assert abs(found / (wanted[1] / wanted[0]) - 1) < 0.02
+        shares.append(abs(found))
+    assert abs(shares[0] / shares[1] - 1) > 0.3
 
 
 def test_a_slides_encoder_shows_its_steps():

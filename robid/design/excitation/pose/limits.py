@@ -17,6 +17,9 @@ from robid.signals.pose import ANGLES
 _LOOKED_AT = 12
 """Poses of each experiment that are held against floor and shapes."""
 
+_STILL = 1e-9
+"""Share of a limit below which a motion is none."""
+
 
 @dataclass(frozen=True)
 class PoseLimits:
@@ -134,11 +137,13 @@ def _problems(
 
 
 def admissible(least: FloatArray, most: FloatArray, offset: FloatArray, limits: FloatArray) -> FloatArray:
-    """Factor on a motion about an offset at which each quantity meets its limit; arrays of one shape."""
-    with np.errstate(divide="ignore"):
-        upward = (limits - offset) / np.maximum(most - offset, 0)
-        downward = (limits + offset) / np.maximum(offset - least, 0)
-    return np.asarray(np.maximum(np.minimum(upward, downward), 0))
+    """Factor on a motion about an offset at which each quantity meets its limit, infinite for what stands still."""
+    limits = np.broadcast_to(limits, least.shape)
+    sides = ((limits - offset, most - offset), (limits + offset, offset - least))
+    factors = [
+        np.divide(room, way, out=np.full(least.shape, np.inf), where=way > _STILL * limits) for room, way in sides
+    ]
+    return np.asarray(np.maximum(np.minimum(*factors), 0))
 
 
 def _unreached(robot: Robot, motion: PoseMotion) -> str:

@@ -152,6 +152,16 @@ def test_a_joint_near_its_limit_is_named(flat, channel, home, words):
         designed(flat, replace(OPTIONS, amplitude_deg=5), (channel,), np.array([home]))
     for word in (f"channel {channel}, configuration 1", *words):
         assert word in error.value.what
+    # 1 mm is left to the rail of the 4 that are asked for, 2 degrees to the wrist, which turns less than the tool.
+    enough = float(error.value.what.split("about ")[1].split()[0])
+    assert (0.9 < enough <= 1.0) if channel == "R" else (2 < enough < 4)
+
+
+def test_a_joint_that_rests_at_its_limit_hinders_no_other(flat):
+    home = np.array([[0.0, *FLAT_HOME[0, 1:]]])
+    assert designed(flat, channels=("X", "A"), homes=home).plan is not None
+    with pytest.raises(SettingsError, match="joint `rail` would go to"):
+        designed(flat, channels=("R",), homes=home)
 
 
 def test_the_amplitude_that_would_do_does(flat):

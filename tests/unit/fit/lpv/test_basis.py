@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.fit.lpv.basis import polynomial_basis, spline_basis
+from robid.fit.lpv.basis import make_basis, polynomial_basis, spline_basis
+from robid.fit.lpv.options import BasisOptions
 from tolerances import IDENTITY
 
 POINTS = np.array([-0.35, -0.1625, 0.025, 0.2125, 0.4])[:, None]
@@ -48,3 +49,14 @@ def test_rounding_at_the_end_of_the_range_is_no_reason_to_refuse():
     for basis in (polynomial_basis(POINTS, 2), spline_basis(POINTS, pieces=2)):
         ends = np.array([[-0.35 - 1e-12], [0.4 + 1e-12]])
         np.testing.assert_allclose(basis.values(ends), basis.values(np.array([[-0.35], [0.4]])), atol=1e-9)
+
+
+def test_options_make_each_kind_of_basis():
+    splines = make_basis(POINTS, BasisOptions(kind="splines", degree=2, pieces=2))
+    np.testing.assert_array_equal(splines.values(POINTS), spline_basis(POINTS, pieces=2, degree=2).values(POINTS))
+    centred = make_basis(POINTS, BasisOptions(degree=2, center=(0.1,)))
+    np.testing.assert_allclose(centred.values(POINTS)[:, 1], (POINTS[:, 0] - 0.1) / 0.45, rtol=IDENTITY)
+    plain = make_basis(POINTS, BasisOptions(degree=3))
+    np.testing.assert_array_equal(plain.values(POINTS), polynomial_basis(POINTS, 3).values(POINTS))
+    with pytest.raises(ValueError, match="one value per scheduling parameter"):
+        make_basis(PLANE, BasisOptions(center=(0.1,)))

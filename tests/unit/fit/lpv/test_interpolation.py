@@ -9,9 +9,10 @@ from robid.fit.lpv.alignment import align_neighbours, common_order, middle_posit
 from robid.fit.lpv.basis import polynomial_basis
 from robid.fit.lpv.blocks import measure
 from robid.fit.lpv.local import fit_local_models
+from robid.fit.lpv.options import SparseBasisOptions
 from robid.fit.lpv.problem import normal
 from robid.fit.lpv.smile import check_positions, interpolate
-from robid.fit.lpv.sparse_basis import SparseBasisOptions, _Search, find_sparse_bases
+from robid.fit.lpv.sparse_basis import _Search, find_sparse_bases
 from robid.fit.lpv.state_space import StateSpace, balance, pack, response, transform, unpack
 from tolerances import FINITE_DIFFERENCE
 
@@ -96,7 +97,7 @@ def test_the_search_for_a_sparse_basis_has_the_derivative_of_finite_differences(
     np.testing.assert_allclose(here.gradient, jacobian.T @ search.residual(point, weights), rtol=1e-4, atol=1e-6)
 
 
-@pytest.mark.parametrize("degree", [4, 3])
+@pytest.mark.parametrize("degree", [4, 2])
 def test_without_noise_one_of_the_bases_has_the_true_blocks_alone(degree):
     """Also with more positions than functions, where few bases let the functions explain the models at all."""
     powers = polynomial_basis(POSITIONS, degree)
@@ -110,6 +111,8 @@ def test_without_noise_one_of_the_bases_has_the_true_blocks_alone(degree):
     true[0, 0] = true[1, 1] = True
     assert before[~true].max() > 0.01
     assert min(size[~true].max() for size in sizes) < 1e-3
+    left = [np.abs(values @ interpolate(one, values) - pack(one)).max() for one in bases]
+    assert max(left) < 1e-3
     for one in bases:
         np.testing.assert_allclose(response(one, Z), response(aligned, Z), rtol=1e-6)
 

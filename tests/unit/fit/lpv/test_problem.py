@@ -6,7 +6,7 @@ import pytest
 from lpv_systems import POSITIONS, SIZES, local_responses, problem, true_parameters
 from robid.fit.lpv.basis import polynomial_basis
 from robid.fit.lpv.problem import cost, errors, local_jacobian, normal, reduce_rows, solve
-from robid.fit.lpv.responses import LocalResponses, make_problem, output_scales, remove_integrators
+from robid.fit.lpv.responses import LocalResponses, make_problem, output_scales, remove_integrators, smooth_variance
 from tolerances import FINITE_DIFFERENCE
 
 
@@ -115,6 +115,8 @@ def test_responses_that_make_no_sense_are_refused():
     good = np.ones(shape, complex)
     with pytest.raises(ValueError, match="half the sampling rate"):
         LocalResponses(POSITIONS, np.linspace(0.1, 0.6, 25), good, None, 1.0)
+    with pytest.raises(ValueError, match="must be finite"):
+        LocalResponses(POSITIONS, np.linspace(0.1, 0.4, 25), np.full(shape, np.nan + 0j), None, 1.0)
     with pytest.raises(ValueError, match="shape of `response`"):
         LocalResponses(POSITIONS, np.linspace(0.1, 0.4, 25), good, np.ones((5, 25)), 1.0)
     responses = LocalResponses(POSITIONS, np.linspace(0.1, 0.4, 25), good, np.zeros(shape), 1.0)
@@ -122,3 +124,11 @@ def test_responses_that_make_no_sense_are_refused():
         make_problem(responses, polynomial_basis(POSITIONS, 2), 2, np.ones(1), weighted=True)
     with pytest.raises(ValueError, match="one count per output"):
         remove_integrators(responses, (1, 1))
+
+
+def test_variances_are_averaged_over_their_neighbours_without_lost_lines():
+    variance = np.arange(1.0, 8.0)[None, :, None, None].copy()
+    variance[0, 3] = np.inf
+    found = smooth_variance(variance, 3)[0, :, 0, 0]
+    np.testing.assert_allclose(found, [1.5, 2.0, 2.5, np.inf, 5.5, 6.0, 6.5])
+    np.testing.assert_allclose(smooth_variance(variance, 1), variance)

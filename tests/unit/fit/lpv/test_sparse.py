@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from lpv_systems import LEFT_OUT, POSITIONS, SIZES, STRUCTURE, basis, local_responses, problem, true_parameters
+from robid.fit.lpv import penalised
 from robid.fit.lpv.blocks import block_names, list_blocks, measure, spread
 from robid.fit.lpv.cone_program import minimise_model
-from robid.fit.lpv.path import PathOptions, PathPoint, choose_point, follow_path
+from robid.fit.lpv.options import PathOptions, SparsityOptions
+from robid.fit.lpv.path import PathPoint, choose_point, follow_path
 from robid.fit.lpv.penalised import Penalised, descend
 from robid.fit.lpv.problem import cost, normal, solve
-from robid.fit.lpv.sparse import SparsityOptions, fit_sparse
+from robid.fit.lpv.sparse import fit_sparse
 
 LARGEST = basis().largest
 ALL = np.ones((4, 4), bool)
@@ -93,6 +95,13 @@ def test_vanished_blocks_are_exactly_zero_and_true_ones_stay():
     assert abs(cost(posed, refit) - (2000 - 23 / 2)) < 4 * np.sqrt(2000)
 
 
+def test_a_block_that_has_just_vanished_is_zero_too():
+    posed, start = _noisy()
+    found = fit_sparse(posed, start, LARGEST, 100.0, SparsityOptions(reweightings=1))
+    assert not found.kept.all()
+    assert np.all(found.parameters[~spread(found.kept, SIZES)] == 0)
+
+
 def test_a_price_near_nothing_drops_nothing_that_the_data_need():
     posed, start = _noisy()
     found = fit_sparse(posed, start, LARGEST, 1e-3, SparsityOptions())
@@ -124,3 +133,23 @@ def test_the_choice_is_the_sparsest_within_the_allowance_then_the_best_fit():
     assert choose_point(points, 0.05) == 2
     assert choose_point(points, 0.07) == 3
     assert choose_point(points, 0.0) == 0
+
+
+def test_a_step_that_the_solver_does_not_find_is_tried_shorter(monkeypatch):
+    posed, start = _noisy()
+    norms = measure(start, LARGEST, SIZES)
+    priced = Penalised(posed, list_blocks(ALL, SIZES), 100 * norms.scale / (norms.relative + 1e-3))
+    take, lost = penalised.take_step, []
+
+    def fails_at_first(priced, point, here, damping):
+        step = take(priced, point, here, damping)
+        if len(lost) < 2:
+            lost.append(damping)
+            return np.full(step.size, np.nan)
+        return step
+
+    expected = descend(priced, start, tolerance=1e-6, step_limit=60)
+    monkeypatch.setattr(penalised, "take_step", fails_at_first)
+    found = descend(priced, start, tolerance=1e-6, step_limit=60)
+    assert lost[1] > lost[0]
+    assert found.objective == pytest.approx(expected.objective, rel=1e-4)

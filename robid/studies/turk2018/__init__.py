@@ -1,0 +1,1 @@
+"""Turk et al. (2018): position-dependent dynamics from local responses. Read `synthetic`."""
