@@ -86,9 +86,11 @@ robot: pose_arm.yaml
 campaigns:
   told:
     configurations: {list: [[1, 40, -70, 30]]}
-    excitation: &chirp {signal: pose_chirp, channels: [X, R, A], period_s: 6, low_hz: 0.3, high_hz: 5, amplitude_mm: {X: 5, R: 4}, amplitude_deg: 1}
+    excitation: &chirp
+      {signal: pose_chirp, channels: [X, R, A], period_s: 6, low_hz: 0.3, high_hz: 5, amplitude_mm: {X: 5, R: 4}}
     periods: 1
-    source: {simulate: &simulate {imperfections: {friction: lugre, encoder_noise_rad: 1.0e-5}, seed: 1}}
+    source:
+      simulate: &simulate {imperfections: {friction: lugre, encoder_noise_rad: 1.0e-5}, seed: 1}
   again:
     configurations: {list: [[1, 40, -70, 30]]}
     excitation: {<<: *chirp, high_hz: 4}
