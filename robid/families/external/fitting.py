@@ -115,7 +115,7 @@ def at_homes(record: Record, homes: FloatArray) -> Record:
     """Returns a record in those of its configurations that are homes; all of it where none is."""
     if record.configurations is None or homes.shape[1] != record.configurations.shape[1]:
         return record
-    apart = np.abs(record.configurations[:, None] - homes).max(axis=2).min(axis=1, initial=np.inf)
+    apart = np.abs(record.configurations[:, None] - homes).max(axis=2, initial=0.0).min(axis=1, initial=np.inf)
     rows = np.flatnonzero(apart < _SAME_HOME).tolist()
     return _rows(record, rows) if rows else record
 
