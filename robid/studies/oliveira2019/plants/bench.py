@@ -87,8 +87,8 @@ class Bench:
         return np.asarray(dlsim(matrices, late[:, None])[1][:, 0])
 
     def step(self, plant: Plant, n_sample: int) -> FloatArray:
-        """Returns the true answer (n_sample,) to a unit step without delay and average, at the samples."""
-        return replace(self, delay_samples=0, moving_average=1).answer(plant, np.ones(n_sample))
+        """Returns the true answer (n_sample,) to a unit step without the moving average, at the samples."""
+        return replace(self, moving_average=1).answer(plant, np.ones(n_sample))
 
     def measure(self, plant: Plant, answer: FloatArray, generator: np.random.Generator) -> FloatArray:
         """Returns what is measured of a position (n_repeat, n_sample): noisy, then quantised [m or rad]."""

@@ -162,10 +162,9 @@ def simulation_of(fitted: Fitted, command: FloatArray) -> tuple[FloatArray, Floa
 
 
 def step_of(fitted: Fitted, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the step response (n_time,) since a step reached the plant, and its deviation."""
-    late = time_s + fitted.model.delay_samples * fitted.model.sampling_period_s
-    step = fitted.model.step(late)[:, 0, 0]
-    slopes = np.array([(other.step(late)[:, 0, 0] - step) / nudge for other, nudge in fitted.nudged()])
+    """Returns the answer (n_time,) to a unit step of the command, without the moving average, and its deviation."""
+    step = fitted.model.step(time_s)[:, 0, 0]
+    slopes = np.array([(other.step(time_s)[:, 0, 0] - step) / nudge for other, nudge in fitted.nudged()])
     return step, fitted.deviation(slopes)
 
 

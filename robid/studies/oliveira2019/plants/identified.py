@@ -77,8 +77,8 @@ class Identified:
         measured (n_sample,): Mean of the repeats.
         simulated (n_sample,): What the estimate says.
         bound (n_sample,): Half width of its interval of `CONFIDENCE`.
-        step_s (n_step,): Times since a step reached the plant: every sample [s].
-        step (n_step,): Unit step response of the estimate, without its delay.
+        step_s (n_step,): Times since a unit step of the command: every sample [s].
+        step (n_step,): What the estimate answers, without the moving average.
         step_std (n_step,): Its predicted deviation.
     """
 
