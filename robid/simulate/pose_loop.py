@@ -22,6 +22,7 @@ from robid.simulate.experiment import encoder_readings
 from robid.simulate.options import Controller, PoseInterface, SimulateOptions
 from robid.simulate.pose_path import channel_motion, followed, joint_path
 from robid.simulate.steps import Steps, choose_steps
+from robid.simulate.varying import VaryingStiffness
 
 TOOL = "pose_of_the_tool"
 """Name of the sensor that shows where the tool is."""
@@ -160,6 +161,8 @@ class _Loop:
         self.batch = Batch(model.mujoco, n_real * n_exp, nthread=threads)
         self.batch.qpos[:] = rest.position
         self.batch.ctrl[:, : model.motor.size] = rest.motor_torque[0]
+        self._varying = VaryingStiffness(model, self.batch, experiment.controller.sampling_period_s)
+        self._varying.follow()
         self.batch.forward()
         self._first, self._steady = self._told(index)
         self._last = model.motor_angles(self.batch.qpos)
@@ -220,6 +223,7 @@ class _Loop:
             reference = self._last + ((sub + 1) / count) * change
             self._pending.append(self._cascade.command(measured, reference, speed))
             batch.ctrl[:, : model.motor.size] = self._pending.pop(0) + disturbance[sub]
+            self._varying.follow()
             batch.step(nstep=steps)
         self._last = told
 

@@ -15,7 +15,7 @@ from robid.fit.external.data import Shot
 from robid.fit.external.etfe import Etfe, moved_inputs
 from robid.fit.external.options import ExternalOptions
 
-FindingKind = Literal["left_out", "quantised", "stuck", "mixed", "short"]
+FindingKind = Literal["left_out", "quantised", "stuck", "mixed"]
 
 _FEWEST_STEPS, _FEW_STEPS = 3.0, 20.0
 _STUCK_SAMPLES, _STUCK_MOTION, _DWELL = 4, 0.05, 3.0

@@ -12,7 +12,7 @@ from robid.validation.doubt import Doubt, two_digits
 from robid.validation.external.limits import NRMSE_LIMIT, excess_doubts, expected_std
 
 _FAR, _TOO_FAR = 1.25, 3.0
-_CAUSES = {"quantised": "excitation", "stuck": "saturation", "mixed": "coupling", "short": "excitation"}
+_CAUSES = {"quantised": "excitation", "stuck": "saturation", "mixed": "coupling"}
 _MISTAKES = {1e3: "metres were read as millimetres", 1e-3: "millimetres were read as metres",
              180 / np.pi: "radians were read as degrees", np.pi / 180: "degrees were read as radians"}  # fmt: skip
 _ROUGHLY = 1.3

@@ -93,7 +93,8 @@ def test_every_example_loads_without_its_data(path, monkeypatch):
 
 def test_every_robot_is_used_by_an_example():
     examples = [*CONFIGS.glob("*.yaml"), *(CONFIGS / "studies").glob("*.yaml")]
-    used = {(path.parent / load_experiment(path).experiment.robot).resolve() for path in examples}
+    named = [(path, load_experiment(path).experiment.robot) for path in examples]
+    used = {(path.parent / robot).resolve() for path, robot in named if robot is not None}
     assert used == {path.resolve() for path in (CONFIGS / "robots").glob("*.yaml")}
 
 

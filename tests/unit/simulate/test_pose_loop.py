@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
+from robid.robot.description import StiffnessLaw
 from robid.settings.load import load_robot
 from robid.settings.pose import tool_arm
 from robid.signals.chirp import chirp
@@ -71,6 +72,16 @@ def test_small_commands_give_the_response_of_the_linearised_loop(file, measured)
     coupling = np.abs(expected * (1 - np.eye(4))).max()
     assert coupling > 10e-3, "the map has coupling to compare"
     assert np.abs(linear(whole, "tool") - linear(whole, "motors")).max() > 10e-3, "the arm gives way"
+
+
+def test_springs_that_depend_on_a_position_have_the_stiffness_of_the_home(file):
+    whole = experiment(file, measured_pose="tool")
+    law = StiffnessLaw(0, "stiffness", np.array([1.0, -0.5]))
+    springs = tuple(replace(spring, stiffness_over=law) for spring in whole.robot.springs)
+    softer = replace(whole, robot=replace(whole.robot, springs=springs))
+    found, expected = responses(simulate_poses(softer, HOME, 0)), linear(softer, "tool")
+    assert np.abs(expected - linear(whole, "tool")).max() > 10e-3, "the law matters"
+    np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
 @pytest.mark.parametrize(
