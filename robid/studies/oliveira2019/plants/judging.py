@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,9 @@ from robid.arrays import ComplexArray, FloatArray
 
 _JUDGED_BELOW = 0.005  # predicted relative deviation
 _REAL = 1e-9
+_KNOWN = 0.2  # predicted relative deviation beyond which a number is as good as unknown
+_SAME, _CANCELLED = 0.1, 0.05  # relative distance
+_WORDS = {"rate": "of rate", "frequency": "pair of natural frequency"}
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,33 @@ def judge_roots(
         deviation = one.relative_std * abs(one.value)
         errors.append(RootError(one.name, one.value, truth, 100 * off / abs(truth), off / deviation))
     return errors
+
+
+def undetermined_roots(
+    found: Sequence[RootValue], numerator: tuple[float, ...], denominator: tuple[float, ...], nyquist_rad_s: float
+) -> tuple[str, ...]:
+    """Names the true poles and zeros that the estimate does not show, each with what hides it.
+
+    Args:
+        found: The estimates.
+        numerator: The true numerator, highest power first.
+        denominator: The true denominator.
+        nyquist_rad_s: Half the sampling rate [rad/s].
+    """
+    true = {"zero": root_values(numerator), "pole": root_values(denominator)}
+    told = []
+    for kind, other in (("pole", "zero"), ("zero", "pole")):
+        for what, size, value in true[kind]:
+            estimates = [one for one in found if (one.kind, one.what) == (kind, what) and one.relative_std < _KNOWN]
+            if what not in _WORDS or any(abs(one.value / value - 1) < _SAME for one in estimates):
+                continue
+            cause = "the data do not tell it from a simpler structure"
+            if size > nyquist_rad_s:
+                cause = f"it lies above the Nyquist frequency of {nyquist_rad_s:.4g} rad/s"
+            elif any(one[0] == what and abs(one[2] / value - 1) < _CANCELLED for one in true[other]):
+                cause = f"a {other} nearly cancels it"
+            told.append(f"the true {kind} {_WORDS[what]} {value:.4g} rad/s is not determined: {cause}")
+    return tuple(told)
 
 
 def undershoot(step: FloatArray) -> tuple[int, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ from robid.report.numbers import MINUS, MISSING, percent, significant
 from robid.report.section import Notes, Row, Section, Table
 from robid.studies.oliveira2019.plants.bench import ROTATIONS, Bench, Plant
 from robid.studies.oliveira2019.plants.identified import Identified
-from robid.studies.oliveira2019.plants.judging import RootError, root_values
+from robid.studies.oliveira2019.plants.judging import RootError, root_values, undetermined_roots
 
 _DIGITS = 4
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -30,7 +31,18 @@ def table_section(
         " is known, the delay is not. A structure is chosen by evidence, of each channel on its own."
     )
     tables = (_amplitudes(plants, paper), _functions(plants, found), _roots(plants, found, errors))
-    told = tuple(sentence for one in found.values() for sentence in one.undetermined)
+    nyquist = math.pi / bench.sampling_period_s
+    told = tuple(
+        sentence
+        for plant in plants
+        for sentence in (
+            *found[plant.name].undetermined,
+            *(
+                f"{plant.name}: {hidden}"
+                for hidden in undetermined_roots(found[plant.name].roots, plant.numerator, plant.denominator, nyquist)
+            ),
+        )
+    )
     notes = (Notes(told),) if told else ()
     return Section("The paper's channels: Tables 1 to 4", lead, (*tables, *notes, _measures(plants, found, paper)))
 

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from robid.studies.oliveira2019.plants.judging import RootValue, band_errors, judge_roots, root_values, undershoot
+from robid.studies.oliveira2019.plants.judging import (
+    RootValue,
+    band_errors,
+    judge_roots,
+    root_values,
+    undershoot,
+    undetermined_roots,
+)
 
 PAIR = (1.0, 6.0, 25.0)  # 5 rad/s, damping 0.6
 TRUE = tuple(np.polymul(PAIR, (1.0, 20.0)).tolist())
@@ -52,3 +59,17 @@ def test_responses_are_off_in_magnitude_and_phase():
 def test_an_undershoot_is_where_the_step_response_is_lowest():
     assert undershoot(np.array([0.0, -0.2, -0.3, 0.5])) == (2, pytest.approx(0.3))
     assert undershoot(np.array([0.0, 0.2]))[1] == 0
+
+
+def test_what_is_there_but_not_found_is_named_with_its_cause():
+    denominator = tuple(np.polymul(TRUE, np.polymul((1.0, 900.0), (1.0, 2.0))).tolist())
+    found = [root(value=5.1), root("rate", 30.0, 30.0), root("rate", 900.0, 900.0, std=0.8)]
+    told = undetermined_roots(found, (1.0, 2.01), denominator, 262)
+    assert [text.partition(":")[2].strip() for text in told] == [
+        "it lies above the Nyquist frequency of 262 rad/s",
+        "the data do not tell it from a simpler structure",
+        "a zero nearly cancels it",
+        "a pole nearly cancels it",
+    ]
+    assert told[0].startswith("the true pole of rate 900 rad/s is not determined")
+    assert not undetermined_roots([root(), root("damping", value=0.6), root("rate", 20.0, 20.0)], (1.0,), TRUE, 262)
