@@ -64,8 +64,8 @@ def test_unknown_keys_and_kinds_are_named(refused):
     assert "study.grup: unknown key; did you mean `group`?" in refused(("group: 2", "grup: 2"))
     wrong = refused(("kind: frf", "kind: frequency"))
     assert (
-        "study.kind: input should be one of 'frf', 'wernholt2008', 'zimmermann2023', 'mistakes', 'janot2009' (found"
-        " 'frequency')" in wrong
+        "study.kind: input should be one of 'frf', 'wernholt2008', 'zimmermann2023', 'mistakes', 'janot2009',"
+        " 'oliveira2019' (found 'frequency')" in wrong
     )
     assert "study.kind: is missing" in refused(("  kind: frf\n", ""))
 

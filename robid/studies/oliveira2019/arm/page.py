@@ -62,12 +62,9 @@ def conclude_arm(run: Run, results: Sequence[Artifact]) -> PartFound | None:
     asked["arm.decoupled_hz"] = Asked(lower=paper["decoupled_hz"])
     ports = solution.ports
     maps = tuple(
-        replace(
-            coupling_section(home.map, ports, options),
-            title=f"Decoupling in home {index}: Fig. 9",
-            anchor=f"decoupling-{index}",
-        )
+        replace(section, title=f"Decoupling in home {index}: Fig. 9", anchor=f"decoupling-{index}")
         for index, home in enumerate(homes, start=1)
+        for section in coupling_section(home.map, ports, options)
     )
     sections = (_channels(solution, validation, paper), _coupling(homes, figures, paper), _resonances(homes), *maps)
     return PartFound(figures, asked, sections)

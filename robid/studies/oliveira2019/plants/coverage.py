@@ -9,8 +9,6 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.artifacts.store import read_header
-from robid.artifacts.task import TASK
 from robid.fit.external.graphs import Fitted
 from robid.fit.external.output_error import fit_block
 from robid.fit.external.problem import Structure
@@ -50,7 +48,7 @@ def coverage_tasks(run: Run, earlier: Mapping[str, Results]) -> list[Task]:
     for index, channel in enumerate(channels_of(run)):
         case, known = channel.case, earlier["plants"]
         start = _model(channel, from_content(known[index]))
-        chosen = read_header(known.paths[index], TASK).content_sha256
+        chosen = [start.numerator.ravel().tolist(), start.denominator.tolist(), start.delay_samples]
         last = case.first_seed + case.seeds
         for first in range(case.first_seed, last, case.seeds_per_task):
             seeds = range(first, min(first + case.seeds_per_task, last))

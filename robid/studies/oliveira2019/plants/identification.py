@@ -98,7 +98,11 @@ def identify_channel(plant: Plant, bench: Bench, case: PlantsCase, seed: int) ->
         reason=quality.reason[0],
         status=quality.status[0],
         roots=_roots(solution),
-        undetermined=(*solution.estimate.undetermined, *(finding.message for finding in solution.findings)),
+        undetermined=(
+            *solution.estimate.undetermined,
+            *solution.remarks,
+            *(f"{finding.channel}: {finding.message}" for finding in solution.findings),
+        ),
         tried=tuple(
             Tried(one.poles, one.zeros, one.delay_samples, one.bic, one.whiteness_p, one.chosen)
             for one in solution.tried

@@ -62,7 +62,7 @@ class Identified:
         reason: Why this structure.
         status: How the fit ended.
         roots: Poles and zeros.
-        undetermined: What the data do not determine, a sentence each.
+        undetermined: What the data do not determine, and what else is to be known, a sentence each.
         tried: The structures that were tried.
         quality: On the validation.
         frequency_hz (n_freq,): Frequencies of the responses [Hz].

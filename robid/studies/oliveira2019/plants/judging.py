@@ -104,4 +104,4 @@ def judge_roots(
 def undershoot(step: FloatArray) -> tuple[int, float]:
     """Returns where a step response (n_time,) is lowest and how far it is below zero there, 0 if nowhere."""
     lowest = int(np.argmin(step))
-    return lowest, float(max(-step[lowest], 0.0))
+    return lowest, float(max(0.0, -step[lowest]))

@@ -30,7 +30,7 @@ def table_section(
         " is known, the delay is not. A structure is chosen by evidence, of each channel on its own."
     )
     tables = (_amplitudes(plants, paper), _functions(plants, found), _roots(plants, found, errors))
-    told = tuple(f"{name}: {sentence}" for name, one in found.items() for sentence in one.undetermined)
+    told = tuple(sentence for one in found.values() for sentence in one.undetermined)
     notes = (Notes(told),) if told else ()
     return Section("The paper's channels: Tables 1 to 4", lead, (*tables, *notes, _measures(plants, found, paper)))
 
