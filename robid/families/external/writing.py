@@ -15,6 +15,7 @@ from robid.fit.external.solution import ExternalSolution
 
 _COLUMNS = ("name", "kind", "unit", "estimate", "lower", "upper", "relative_std", "identifiable")
 _POWERS = ("channel", "input", "output", "polynomial", "power", "value", "std")
+_TIMING = ("delay_samples", "sampling_period_s", "hold", "moving_average_samples")
 
 
 def _origin(task: ExportTask, solution: ExternalSolution) -> dict[str, str]:
@@ -79,30 +80,38 @@ def _numerators(solution: ExternalSolution, block: int) -> FloatArray:
 
 
 def _csv(task: ExportTask) -> bytes:
-    return encode_csv(_POWERS, list(_powers(solution_from_artifact(task.model))))
+    return encode_csv((*_POWERS, *_TIMING), list(_powers(solution_from_artifact(task.model))))
 
 
 def _powers(solution: ExternalSolution) -> Iterator[tuple[object, ...]]:
     """Yields a row for each coefficient of each channel."""
     own, ports = solution.transfers, solution.ports
     for block in range(len(own.blocks)):
-        std = np.linalg.norm(own.root_of(block), axis=1)
         numerators, denominator = _numerators(solution, block), solution.transfer(block).denominator
-        below = [0.0, *std[numerators.size :].tolist()]
-        above = std[: numerators.size].reshape(numerators.shape)
+        above, below = _deviations(solution, block)
+        timing = own.delay_samples[block].item(), ports.sampling_period_s, ports.hold, own.moving_average
         for channel, numerator, own_std in zip(own.channels_of(block).tolist(), numerators, above, strict=True):
             who = own.names[channel], ports.inputs[own.inputs[channel]], ports.outputs[own.outputs[channel]]
-            for word, values, deviations in (
-                ("numerator", numerator, own_std.tolist()),
-                ("denominator", denominator, below),
-            ):
-                for index, (value, deviation) in enumerate(zip(values.tolist(), deviations, strict=True)):
-                    yield (*who, word, len(values) - 1 - index, value, deviation)
+            for word, values, std in (("numerator", numerator, own_std), ("denominator", denominator, below)):
+                for index, (value, deviation) in enumerate(zip(values.tolist(), std.tolist(), strict=True)):
+                    yield (*who, word, len(values) - 1 - index, value, deviation, *timing)
+
+
+def _deviations(solution: ExternalSolution, block: int) -> tuple[FloatArray, FloatArray]:
+    """Deviations of the numerators (n_channel, n_power) of a block, and of its denominator (n_power,)."""
+    std = np.linalg.norm(solution.transfers.root_of(block), axis=1)
+    numerators = _numerators(solution, block)
+    return std[: numerators.size].reshape(numerators.shape), np.concatenate([[0.0], std[numerators.size :]])
 
 
 def _mat(task: ExportTask) -> bytes:
     solution = solution_from_artifact(task.model)
     own, ports, found = solution.transfers, solution.ports, solution.estimate
+    numerator_std, denominator_std = np.zeros_like(own.numerator), np.zeros_like(own.denominator)
+    for block in range(len(own.blocks)):
+        above, below = _deviations(solution, block)
+        numerator_std[own.channels_of(block), -above.shape[1] :] = above
+        denominator_std[block, -len(below) :] = below
     content: Content = {
         **_origin(task, solution),
         "sampling_period_s": ports.sampling_period_s,
@@ -113,6 +122,8 @@ def _mat(task: ExportTask) -> bytes:
         "outputs": tuple(ports.outputs[index] for index in own.outputs),
         "numerator": own.numerator,
         "denominator": own.denominator[own.block_of],
+        "numerator_std": numerator_std,
+        "denominator_std": denominator_std[own.block_of],
         "delay_samples": own.delay_samples[own.block_of],
         "names": found.names,
         "kinds": found.kinds,

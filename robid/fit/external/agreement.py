@@ -22,8 +22,9 @@ class Agreement:
         r_squared: Coefficient of determination.
         error_std: Root mean square of the error, in the output's unit.
         motion_std: Root mean square of the output about its mean.
-        noise_std: Standard deviation of the output's noise, from repeats; NaN without.
+        noise_std: Standard deviation of the noise of the averaged output, from repeats; NaN without.
         amplitude: Largest deviation of a command from where it is counted from.
+        single_noise_std: Standard deviation of the noise of a single repeat; NaN without repeats.
     """
 
     output: str
@@ -34,6 +35,7 @@ class Agreement:
     motion_std: float
     noise_std: float
     amplitude: float
+    single_noise_std: float = float("nan")
 
 
 def agreements(
@@ -65,7 +67,7 @@ def agreements(
         error_std, motion_std = (
             np.sqrt(np.mean(np.concatenate(each) ** 2, axis=0)) for each in ([errors[index] for index in chosen], moved)
         )
-        noise_std = _noise(there, outputs)
+        noise_std, single = _noise(there, outputs), _noise(there, outputs, single=True)
         amplitude = max(float(np.abs(shot.inputs[:, list(inputs)]).max()) for shot in there)
         for index, name in enumerate(names):
             left = float(error_std[index] / motion_std[index]) if motion_std[index] > 0 else np.inf
@@ -79,11 +81,16 @@ def agreements(
                     motion_std=float(motion_std[index]),
                     noise_std=float(noise_std[index]),
                     amplitude=amplitude,
+                    single_noise_std=float(single[index]),
                 )
             )
     return tuple(found)
 
 
-def _noise(shots: Sequence[Shot], outputs: Sequence[int]) -> FloatArray:
-    known = [shot.noise_std[list(outputs)] for shot in shots if shot.noise_std is not None]
+def _noise(shots: Sequence[Shot], outputs: Sequence[int], *, single: bool = False) -> FloatArray:
+    known = [
+        shot.noise_std[list(outputs)] * (np.sqrt(shot.repeats) if single else 1.0)
+        for shot in shots
+        if shot.noise_std is not None
+    ]
     return np.sqrt(np.mean(np.square(known), axis=0)) if known else np.full(len(outputs), np.nan)

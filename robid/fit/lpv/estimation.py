@@ -26,6 +26,8 @@ from robid.fit.lpv.uncertainty import (
     response_uncertainty,
 )
 
+_FIRST_STEPS = 10
+
 
 @dataclass(frozen=True)
 class LpvResult:
@@ -133,10 +135,14 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
 def _starts(
     problem: Problem, aligned: StateSpace, responses: LocalResponses, basis: Basis, options: LpvOptions
 ) -> tuple[FloatArray, ...]:
-    """Fits without prices, from the interpolation in each basis in which few blocks vary."""
+    """Begins fits without prices, from the interpolation in each basis in which few blocks vary.
+
+    Only begins: with more positions than functions, a fit goes on for long and far from that basis for next to nothing.
+    """
     fixed = middle_position(responses.points)
     bases = find_sparse_bases(aligned, problem.values, basis.largest, fixed=fixed, options=options.sparse_basis)
-    return tuple(solve(problem, interpolate(one, problem.values))[0] for one in bases)
+    guesses = (interpolate(one, problem.values) for one in bases)
+    return tuple(solve(problem, guess, max_iterations=_FIRST_STEPS)[0] for guess in guesses)
 
 
 def _rescaled(parameters: FloatArray, problem: Problem, scales: FloatArray) -> FloatArray:

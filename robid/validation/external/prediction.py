@@ -145,5 +145,6 @@ def _noise(solution: ExternalSolution, one: NewShots, shot: Shot) -> FloatArray:
         size = max(float(shot.outputs[:, output].std()), np.finfo(float).tiny)
         own = [each for each in solution.agreements if each.output == name and each.motion_std > 0]
         alike = min(own, key=lambda each: abs(np.log(each.motion_std / size)))
-        found.append(alike.error_std if np.isnan(alike.noise_std) else alike.noise_std)
+        # The fit's own shots may be averages of several repeats; this one is not.
+        found.append(alike.error_std if np.isnan(alike.single_noise_std) else alike.single_noise_std)
     return np.array(found)

@@ -122,6 +122,27 @@ def test_csv_and_mat_hold_the_same(solution, model):
     np.testing.assert_array_equal(content["delay_samples"].ravel(), 3)
 
 
+def test_every_format_tells_timing_and_deviations(solution, model):
+    rows = list(csv.DictReader(io.StringIO(written(model, "csv").decode())))
+    assert {(row["delay_samples"], row["hold"], row["moving_average_samples"]) for row in rows} == {("3", "zoh", "1")}
+    assert {float(row["sampling_period_s"]) for row in rows} == {PERIOD_S}
+    content = loadmat(io.BytesIO(written(model, "mat")))
+    channels_of = {
+        channel["name"]: (block, place)
+        for block in json.loads(written(model, "json"))["blocks"]
+        for place, channel in enumerate(block["channels"])
+    }
+    for index, cell in enumerate(content["channels"]):
+        block, place = channels_of[str(cell[0][0])]
+        expected = np.sqrt(np.diag(block["covariance"]))
+        above = len(block["channels"][place]["numerator"])
+        np.testing.assert_allclose(
+            content["numerator_std"][index][-above:], expected[place * above : (place + 1) * above]
+        )
+        np.testing.assert_allclose(content["denominator_std"][index][-2:], expected[-2:])
+        assert content["denominator_std"][index][-3] == 0
+
+
 def test_python_control_gets_them_as_its_own(solution, model):
     found, script = transfer_functions(model), {}
     exec(compile(written(model, "control"), "transfer_functions.py", "exec"), script)

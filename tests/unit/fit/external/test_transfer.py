@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from external_shots import CHANNELS, PERIOD_S, answer, sweep, transfer
-from robid.fit.external.hold import build_cascade, find_stages
+from robid.fit.external.hold import build_cascade, discretise, find_stages, propagate
 from robid.fit.external.transfer import TransferMatrix, delayed
 from tolerances import IDENTITY
 
@@ -39,6 +39,17 @@ def test_period_of_an_integrator_moves_nowhere():
     moved = model.simulate(command - command.mean(), "periodic")[:, 0]
     wanted = PERIOD_S * np.cumsum(command - command.mean())
     np.testing.assert_allclose(moved[1:], wanted[:-1], atol=IDENTITY)
+
+
+def test_slopes_of_an_integrator_are_those_of_a_very_slow_pole():
+    command = np.random.default_rng(1).standard_normal((1, 256))
+    command -= command.mean()
+    integrator, slow = (
+        propagate(discretise(build_cascade(find_stages(np.poly([-1.0, pole])), 2), 0.1, "zoh"), 0.1, command, "periodic")
+        for pole in (-1e-13, -1e-5)
+    )
+    without_levels = [each - each.mean(axis=-1, keepdims=True) for each in (integrator, slow)]
+    np.testing.assert_allclose(without_levels[0], without_levels[1], atol=1e-3)
 
 
 def test_response_and_step_of_a_lag():

@@ -44,6 +44,11 @@ def test_a_right_model_is_trusted_and_its_bounds_hold_what_they_say(sound):
     assert assess_external(sound, KNOWN).value == PREDICTS, "by itself it predicts at best"
 
 
+def test_bounds_of_a_single_new_motion_hold_the_noise_that_averaging_took_from_the_fit(sound):
+    found = held(sound, [SOUND], repeats=1)
+    assert found.bounds[0].inside == pytest.approx(0.95, abs=0.02)
+
+
 def test_measures_are_those_of_the_table(sound):
     found = held(sound, [SOUND])
     measured, predicted = found.traces.measured, found.traces.predicted
