@@ -150,12 +150,14 @@ def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, per
     wanted = mapping.drop_periods + periods
     if held >= wanted:
         return []
+    fewer = int(held) - mapping.drop_periods
+    remedy = f"Set periods to {fewer} at most" if fewer > 0 else "Record longer"
     return [
         DataError(
             f"It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
             f" ({mapping.drop_periods} dropped and {periods} used).",
             where=f"{mapping.file}: {n_sample} samples",
-            remedy=f"Set periods to {max(int(held) - mapping.drop_periods, 0)} at most, or correct the period.",
+            remedy=f"{remedy}, or correct the period.",
         )
     ]
 

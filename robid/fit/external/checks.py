@@ -15,13 +15,14 @@ from robid.fit.external.data import Shot
 from robid.fit.external.etfe import Etfe, moved_inputs
 from robid.fit.external.options import ExternalOptions
 
-FindingKind = Literal["left_out", "quantised", "stuck", "mixed"]
+FindingKind = Literal["left_out", "quantised", "stuck", "mixed", "unsteady"]
 
 _FEWEST_STEPS, _FEW_STEPS = 3.0, 20.0
 _STUCK_SAMPLES, _STUCK_MOTION, _DWELL = 4, 0.05, 3.0
 _STUCK_SHARE = 0.05
 _SAMPLES_PER_PARAMETER = 10
 _MIXED = 0.05  # of an output's motion
+_UNSTEADY, _TOO_UNSTEADY = 0.01, 0.05  # of an output's motion
 
 
 @dataclass(frozen=True)
@@ -127,6 +128,24 @@ def signal_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -
             yield Finding("stuck", block.name, told, decisive=share > _STUCK_SHARE, strength=1 + share / _STUCK_SHARE)
 
 
+def unsteady_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -> Iterator[Finding]:
+    """Yields outputs of a channel whose periods differ by more than noise."""
+    for output in block.outputs:
+        share = {
+            shot.name: float(shot.wander[output]) / max(float(shot.outputs[:, output].std()), 1e-300)
+            for shot in shots
+            if shot.wander is not None
+        }
+        worst = max(share, key=lambda name: share[name], default=None)
+        if worst is not None and share[worst] > _UNSTEADY:
+            told = (
+                f"periods of {names[output]} in `{worst}` lie apart by {share[worst]:.2g} of its motion: leave out the "
+                "first ones (`drop_periods`) where the robot had not settled"
+            )
+            decisive, strength = share[worst] > _TOO_UNSTEADY, share[worst] / _UNSTEADY
+            yield Finding("unsteady", block.name, told, decisive=decisive, strength=strength)
+
+
 def mixed_findings(block: Block, shots: Sequence[Shot], floor: FloatArray, etfe: Etfe) -> Iterator[Finding]:
     """Yields shots in which commands of other channels move an output too, which a fit of its own cannot know."""
     worst: tuple[float, Shot, int] | None = None
@@ -177,7 +196,8 @@ def _refuse_short(block: Block, shots: Sequence[Shot], options: ExternalOptions)
     needed = max(_SAMPLES_PER_PARAMETER * n_parameter, 4 * reach)
     if n_sample < needed:
         message = f"{n_sample} samples of {block.name} are too short a record for {n_parameter} parameters"
-        raise DataError(message, where="record", remedy=f"record at least {needed} samples, or ask for fewer poles")
+        fewer = ", or ask for fewer poles" if options.poles else ""
+        raise DataError(message, where="record", remedy=f"record at least {needed} samples{fewer}")
 
 
 def _quanta(shots: Sequence[Shot], output: int) -> list[float]:

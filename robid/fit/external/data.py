@@ -16,6 +16,8 @@ from robid.signals.record import Record
 
 _SAME = 1e-6  # of a command's range
 _ROUNDING = 1e-6  # of the largest value, as samples are stored
+_STRETCHES = 20
+_CHANCE = 3.0  # of what noise from sample to sample does to the level of a stretch
 _OFF_GRID, _ON_GRID = 0.1, 0.95
 
 
@@ -35,6 +37,7 @@ class Shot:
         offset: Whether a constant offset of each output is estimated along.
         place: Campaign and configuration; shots of one place in which several commands move are read together.
         quantum (n_out,): Step between values of a single repeat, 0 where they lie on no grid; None where unknown.
+        wander (n_out,): How far periods lie apart beyond noise from sample to sample; None without several.
     """
 
     inputs: FloatArray
@@ -47,6 +50,7 @@ class Shot:
     offset: bool = True
     place: str = ""
     quantum: FloatArray | None = None
+    wander: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,8 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
     outputs = record.outputs + record.output_offset[:, None, None, None, None] if absolute else record.outputs
     start = options.start if options.start != "auto" else ("free" if record.is_one_shot else "periodic")
     found = []
-    for place, told, answers in _experiments(commands, outputs):
+    for place, told, repeats in _experiments(commands, outputs):
+        answers = repeats.reshape(-1, *repeats.shape[2:])
         zero = 0.0 if absolute else (told.mean(axis=0) if start == "periodic" else told[0])
         shot = Shot(
             inputs=told - zero,
@@ -115,6 +120,7 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
             offset=not absolute,
             place=", ".join([name, *_words(place[:1], record.inputs.shape[:1])]),
             quantum=np.array([quantum_of(each) for each in answers[0].T]),
+            wander=_wander(repeats),
         )
         found.append(shot)
     return tuple(found)
@@ -147,7 +153,10 @@ def refuse_unlike(shots: Sequence[Shot]) -> None:
 def _experiments(
     commands: FloatArray, outputs: FloatArray
 ) -> Iterator[tuple[tuple[int, int, int], FloatArray, FloatArray]]:
-    """Yields configuration, realization and experiment, the command (n_sample, n_in), and all answers to it."""
+    """Yields configuration, realization and experiment, the command (n_sample, n_in), and all answers to it.
+
+    These are (n_alike, n_period, n_sample, n_out): periods of one log follow each other, logs do not.
+    """
     n_conf, n_real, n_exp = outputs.shape[:3]
     for configuration, experiment in np.ndindex(n_conf, n_exp):
         left = list(range(n_real))
@@ -156,11 +165,10 @@ def _experiments(
             told = commands[configuration, :, experiment].mean(axis=1)
             limit = _SAME * np.ptp(told[first], axis=0)
             alike = [one for one in left if (np.abs(told[one] - told[first]) <= limit).all()]
-            answers = outputs[configuration, alike, experiment]
             yield (
                 (configuration, first, experiment),
                 told[alike].mean(axis=0),
-                answers.reshape(-1, *answers.shape[2:]),
+                outputs[configuration, alike, experiment],
             )
             left = [one for one in left if one not in alike]
 
@@ -175,6 +183,19 @@ def _scatter(answers: FloatArray, *, offset: bool) -> FloatArray | None:
         apart = apart - apart.mean(axis=1, keepdims=True)
     deviation = np.sqrt((apart**2).sum(axis=0).mean(axis=0) / (count - 1) / count)
     return np.asarray(deviation) if deviation.any() else None
+
+
+def _wander(repeats: FloatArray) -> FloatArray | None:
+    """Standard deviation (n_out,) of slow differences between a log's periods (n_alike, n_period, n_sample, n_out)."""
+    count, length = repeats.shape[1], repeats.shape[2] // _STRETCHES
+    if count < 2 or length < 2:
+        return None
+    apart = (repeats - repeats.mean(axis=1, keepdims=True))[:, :, : length * _STRETCHES]
+    stretches = apart.reshape(-1, _STRETCHES, length, apart.shape[3])
+    levels = stretches.mean(axis=2)
+    alone = count / (count - 1) * (levels**2).mean(axis=(0, 1))
+    by_noise = stretches.var(axis=2, ddof=1).mean(axis=(0, 1)) * count / (count - 1) / length
+    return np.asarray(np.where(alone > _CHANCE * by_noise, np.sqrt(np.maximum(alone - by_noise, 0.0)), 0.0))
 
 
 def _words(place: Sequence[int], counts: Sequence[int]) -> list[str]:

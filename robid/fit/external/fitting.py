@@ -9,7 +9,14 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.external.channels import Block, blocks_of
-from robid.fit.external.checks import Finding, mixed_findings, shots_for, signal_findings, usable_blocks
+from robid.fit.external.checks import (
+    Finding,
+    mixed_findings,
+    shots_for,
+    signal_findings,
+    unsteady_findings,
+    usable_blocks,
+)
 from robid.fit.external.choice import choose_structure
 from robid.fit.external.coupling import Pairs, map_coupling
 from robid.fit.external.data import Shot, refuse_unlike
@@ -58,6 +65,7 @@ def fit_external(
     told: list[Finding] = [*findings]
     for one in fitted:
         told += signal_findings(one.block, one.shots, ports.outputs)
+        told += unsteady_findings(one.block, one.shots, ports.outputs)
         told += mixed_findings(one.block, one.shots, ports.floor, etfe)
     return make_solution(fitted, ports, options, etfe, coupling, told)
 

@@ -12,7 +12,7 @@ from robid.validation.doubt import Doubt, two_digits
 from robid.validation.external.limits import NRMSE_LIMIT, excess_doubts, expected_std
 
 _FAR, _TOO_FAR = 1.25, 3.0
-_CAUSES = {"quantised": "excitation", "stuck": "saturation", "mixed": "coupling"}
+_CAUSES = {"quantised": "excitation", "stuck": "saturation", "mixed": "coupling", "unsteady": "unsteady"}
 _MISTAKES = {1e3: "metres were read as millimetres", 1e-3: "millimetres were read as metres",
              180 / np.pi: "radians were read as degrees", np.pi / 180: "degrees were read as radians"}  # fmt: skip
 _ROUGHLY = 1.3
@@ -28,6 +28,7 @@ def solution_doubts(solution: ExternalSolution, options: ExternalOptions) -> tup
         *_gains(solution),
         *_unstable(solution),
         *_undamped(solution),
+        *_drifting(solution),
         *_delays(solution, options),
         *_coupling(solution),
     ]
@@ -96,7 +97,10 @@ def _delays(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Do
         if searched and delay == options.max_delay_samples
     ]
     if late:
-        told = f"the delay of {', '.join(late)} is the longest that was searched, {options.max_delay_samples} samples"
+        told = (
+            f"the delay of {', '.join(late)} is the longest that was searched, {options.max_delay_samples} samples: "
+            "raise `max_delay_samples`"
+        )
         yield Doubt("delay", told, decisive=False, strength=2.0)
     open_ = [name for name in own.blocks if _is_open(solution, name)]
     if open_:
@@ -125,6 +129,21 @@ def _undamped(solution: ExternalSolution) -> Iterator[Doubt]:
         ringing = poles[(poles.imag > 0) & (np.abs(poles.real) * longest_s < _RINGING)]
         if ringing.size:
             told = f"{name} has poles that never stop ringing, at {ringing.imag[0] / (2 * np.pi):.3g} Hz"
+            yield Doubt("model", told, decisive=True, strength=2.0)
+
+
+def _drifting(solution: ExternalSolution) -> Iterator[Doubt]:
+    """Real poles far slower than any shot, and a gain that no position loop has: they follow from what is no motion."""
+    own, ports = solution.transfers, solution.ports
+    longest_s = float(solution.traces.time_s.max())
+    for channel, name in enumerate(own.names):
+        one, other = int(own.inputs[channel]), int(own.outputs[channel])
+        poles = solution.transfer(int(own.block_of[channel])).poles
+        slowest = np.abs(poles[poles.imag == 0].real).min(initial=np.inf)
+        gain = abs(float(solution.estimate.value[solution.estimate.names.index(f"{name}.gain")]))
+        alike = ports.inputs[one] == ports.outputs[other] and ports.input_units[one] == ports.output_units[other]
+        if alike and slowest * longest_s < _RINGING and not 1 / _TOO_FAR < gain < _TOO_FAR:
+            told = f"{name} has a pole that is too slow for its data, as of a log that drifts or has not settled"
             yield Doubt("model", told, decisive=True, strength=2.0)
 
 

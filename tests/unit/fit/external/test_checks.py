@@ -1,11 +1,13 @@
 """Channels that cannot be fitted are refused by name, doubtful ones told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from robid.errors import DataError
 from robid.fit.external.channels import Block
-from robid.fit.external.checks import mixed_findings, signal_findings, usable_blocks
+from robid.fit.external.checks import mixed_findings, signal_findings, unsteady_findings, usable_blocks
 from robid.fit.external.data import Shot, quantum_of
 from robid.fit.external.etfe import estimate_etfe, floors
 from robid.fit.external.options import ExternalOptions
@@ -53,6 +55,23 @@ def test_what_cannot_be_fitted_is_refused_by_name():
         usable(shot_of(COMMAND, step=2e-3))
     with pytest.raises(DataError, match="too short a record"):
         usable(shot_of(COMMAND[:30], COMMAND[:30]), ExternalOptions(poles=4))
+
+
+def test_only_where_poles_were_asked_for_fewer_are_the_remedy():
+    for options in (ExternalOptions(poles=4), DEFAULTS):
+        with pytest.raises(DataError, match="too short a record") as told:
+            usable(shot_of(COMMAND[:10], COMMAND[:10]), options)
+        assert ("fewer poles" in told.value.remedy) == (options.poles is not None)
+
+
+@pytest.mark.parametrize(("wander", "decisive"), [(None, []), (0.0, []), (0.02, [False]), (0.2, [True])])
+def test_periods_that_lie_apart_are_told(wander, decisive):
+    shot = shot_of(COMMAND)
+    if wander is not None:
+        shot = replace(shot, wander=wander * shot.outputs.std(axis=0))
+    found = list(unsteady_findings(BLOCKS[0], [shot_of(COMMAND), shot], NAMES))
+    assert [each.decisive for each in found] == decisive
+    assert all("drop_periods" in each.message and each.kind == "unsteady" for each in found)
 
 
 @pytest.mark.parametrize("step", [0.0, 1e-6, 1e-5, 2e-4])

@@ -43,6 +43,20 @@ def test_the_deviation_of_the_mean_is_that_of_the_scatter():
     assert np.sqrt(np.mean(predicted**2)) == pytest.approx(spread, rel=0.01)
 
 
+def test_periods_that_lie_apart_by_more_than_noise_wander():
+    told = np.tile(waves(1, 1, 1, 1, N_SAMPLE, 1), (1, 2, 1, 4, 1, 1))
+    noise = 0.3 * waves(*told.shape, seed=1)
+    drift = 0.1 * np.arange(4)[:, None, None]
+    logs = 5.0 * np.arange(2)[:, None, None, None, None]
+    steady, drifting = (
+        shots_of(record_of(told, told + noise + logs + more), ExternalOptions(), "fit")[0] for more in (0.0, drift)
+    )
+    assert steady.wander == 0.0, "noise is none, nor are levels of logs of their own"
+    assert drifting.wander == pytest.approx(0.1 * np.std(np.arange(4), ddof=1), rel=0.05)
+    single = shots_of(record_of(told[:, :, :, :1], told[:, :, :, :1]), ExternalOptions(), "fit")[0]
+    assert single.wander is None
+
+
 def test_realizations_with_other_commands_are_shots_of_their_own():
     told = waves(1, 3, 2, 1, N_SAMPLE, 1)
     told[0, 2] = told[0, 0]

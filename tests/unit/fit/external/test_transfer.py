@@ -45,7 +45,9 @@ def test_slopes_of_an_integrator_are_those_of_a_very_slow_pole():
     command = np.random.default_rng(1).standard_normal((1, 256))
     command -= command.mean()
     integrator, slow = (
-        propagate(discretise(build_cascade(find_stages(np.poly([-1.0, pole])), 2), 0.1, "zoh"), 0.1, command, "periodic")
+        propagate(
+            discretise(build_cascade(find_stages(np.poly([-1.0, pole])), 2), 0.1, "zoh"), 0.1, command, "periodic"
+        )
         for pole in (-1e-13, -1e-5)
     )
     without_levels = [each - each.mean(axis=-1, keepdims=True) for each in (integrator, slow)]

@@ -82,6 +82,19 @@ def test_a_delay_that_zeros_take_up_is_open():
     short = replace(options, max_delay_samples=1)
     longest = assess_external(fitted([SOUND], options=short), short)
     assert "is the longest that was searched" in " ".join(longest.messages)
+    assert "raise `max_delay_samples`" in " ".join(longest.messages)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-4])
+def test_a_log_that_drifts_makes_no_model_to_be_used(speed):
+    def robot(command):
+        return SOUND(command) + speed * PERIOD_S * np.arange(len(command))
+
+    options = replace(KNOWN, poles=3, zeros=2)
+    found = held(fitted([robot], options=options), [robot], options)
+    told = "X has a pole that is too slow for its data" in " ".join(found.outcome.grade.reasons)
+    assert told == (speed > 0)
+    assert (found.outcome.grade.value == DO_NOT_USE) == (speed > 0)
 
 
 @pytest.mark.parametrize(
