@@ -122,7 +122,7 @@ def test_csv_and_mat_hold_the_same(solution, model):
     np.testing.assert_array_equal(content["delay_samples"].ravel(), 3)
 
 
-def test_every_format_tells_timing_and_deviations(solution, model):
+def test_every_format_tells_timing_and_deviations(model):
     rows = list(csv.DictReader(io.StringIO(written(model, "csv").decode())))
     assert {(row["delay_samples"], row["hold"], row["moving_average_samples"]) for row in rows} == {("3", "zoh", "1")}
     assert {float(row["sampling_period_s"]) for row in rows} == {PERIOD_S}
