@@ -17,6 +17,7 @@ PLAYED = (
         "assumed_angle_noise_rad",
         "assumed_torque_noise_nm",
         "random_block_phases",
+        "travel",
     ),
 )
 ESTIMATION = {"estimation/excitation.h5", "estimation/record.h5", "estimation/frf.h5"}
