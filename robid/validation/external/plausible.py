@@ -66,6 +66,7 @@ def _gains(solution: ExternalSolution) -> Iterator[Doubt]:
             ports.inputs[one] != ports.outputs[other]
             or ports.input_units[one] != ports.output_units[other]
             or not known
+            or not solution.transfer(int(own.block_of[channel])).is_stable  # comes to rest nowhere
         ):
             continue
         gain = float(solution.estimate.value[index])

@@ -59,6 +59,14 @@ def test_measures_are_those_of_the_table(sound):
     assert found.bounds[0].fpe == pytest.approx(left * (1 + ratio) / (1 - ratio))
 
 
+def test_what_is_unstable_comes_to_rest_nowhere():
+    options = ExternalOptions(poles=1, zeros=0, delay_samples=3, stable=False)
+    messages = " ".join(assess_external(fitted([linear([2.0], [1.0, -0.2], 3)], options=options), options).messages)
+    assert "has a pole in the right half plane" in messages
+    assert "moves against its command" not in messages
+    assert "comes to rest at" not in messages
+
+
 def test_a_missing_pole_is_a_doubt():
     slow = linear(np.multiply(15.0, NUMERATOR), np.polymul(DENOMINATOR, [1.0, 15.0]), 3)
     found = held(fitted([slow]), [slow])
