@@ -171,8 +171,9 @@ def _find(hint: Any, artifact: Artifact, path: str, missing: list[str]) -> objec
         return float(attribute) if hint is float and isinstance(attribute, int) else attribute
     row = _row_type(hint)
     if row is not None:
-        names = [field.name for field in dataclasses.fields(row)]
-        if any(f"{path}/{name}" not in artifact.datasets for name in names):
+        fields = dataclasses.fields(row)
+        names = [field.name for field in fields if f"{path}/{field.name}" in artifact.datasets]
+        if not names or any(field.name not in names and field.default is dataclasses.MISSING for field in fields):
             return None
         columns = (artifact.datasets[f"{path}/{name}"].values.tolist() for name in names)
         return tuple(row(**dict(zip(names, values, strict=True))) for values in zip(*columns, strict=True))

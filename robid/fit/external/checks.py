@@ -184,7 +184,8 @@ def _refuse_resting(name: str, signals: Sequence[FloatArray], quanta: Sequence[f
     steps = max(_steps(signal, quantum) for signal, quantum in zip(signals, quanta, strict=True))
     if steps < _FEWEST_STEPS:
         message = f"{name} moves by {steps:.2g} steps of its resolution: quantised to nothing"
-        raise DataError(message, where="record", remedy="excite it with a larger amplitude, or leave it out of `pairs`")
+        remedy = "excite it with a larger amplitude, see whether channels are swapped, or leave it out of `pairs`"
+        raise DataError(message, where="record", remedy=remedy)
 
 
 def _refuse_short(block: Block, shots: Sequence[Shot], options: ExternalOptions) -> None:

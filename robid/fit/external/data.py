@@ -37,7 +37,8 @@ class Shot:
         offset: Whether a constant offset of each output is estimated along.
         place: Campaign and configuration; shots of one place in which several commands move are read together.
         quantum (n_out,): Step between values of a single repeat, 0 where they lie on no grid; None where unknown.
-        wander (n_out,): How far periods lie apart beyond noise from sample to sample; None without several.
+        wander (n_out,): How far periods lie apart beyond noise from sample to sample; None without
+            several, and where commands are no positions.
     """
 
     inputs: FloatArray
@@ -102,6 +103,9 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
         name: Name of its campaign.
     """
     commands = commands_of(record, options).values
+    # What is moved by speeds or torques need not come back to where it was.
+    played = record.input_channels if record.reference is None else record.reference_channels
+    holds_position = all(channel.quantity == "position_command" for channel in played)
     absolute = options.offset == "none"
     outputs = record.outputs + record.output_offset[:, None, None, None, None] if absolute else record.outputs
     start = options.start if options.start != "auto" else ("free" if record.is_one_shot else "periodic")
@@ -120,7 +124,7 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
             offset=not absolute,
             place=", ".join([name, *_words(place[:1], record.inputs.shape[:1])]),
             quantum=np.array([quantum_of(each) for each in answers[0].T]),
-            wander=_wander(repeats),
+            wander=_wander(repeats) if holds_position else None,
         )
         found.append(shot)
     return tuple(found)

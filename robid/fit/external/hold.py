@@ -228,15 +228,15 @@ def _recur(
 ) -> FloatArray | ComplexArray:
     """Solves `x+ = mode x + force` (n_in, n_sample) from a first value, or with the last followed by the first."""
     ahead, behind = [1.0], [1.0, -mode]
-    left = 1 - mode ** force.shape[-1]
-    if periodic and abs(left) <= _STANDING and np.isrealobj(force):
+    standing = periodic and abs(1 - mode ** force.shape[-1]) <= _STANDING
+    if standing and np.isrealobj(force):
         # Levels of an integrator and of what drives it are free: the offset estimated along holds them.
         force = force - force.mean(axis=-1, keepdims=True)
     found = np.empty(force.shape, dtype=np.result_type(force, np.asarray(mode)))
     found[:, 0] = first
     if periodic:
         returned = lfilter(ahead, behind, force, axis=-1)[:, -1]
-        found[:, 0] = returned / left if abs(left) > _STANDING else 0.0
+        found[:, 0] = 0.0 if standing else returned / (1 - mode ** force.shape[-1])
     memory = mode * found[:, :1]
     found[:, 1:], _ = lfilter(ahead, behind, force[:, :-1], axis=-1, zi=memory)
     return found

@@ -60,11 +60,13 @@ def refine(
     for index in range(passes):
         cascade = build_basis(denominator).single
         told, answered = discretise(cascade, period, hold), discretise(cascade, period, "foh")
-        signals = [
-            _Filtered(each, told, answered, period, n_zero, scale)
-            for each, scale in zip(experiments, noise, strict=True)
-        ]
-        step = _solve(signals, n_in * (n_zero + 1), instruments=index >= _PLAIN_PASSES)
+        # Poles far in the right half plane overflow: nothing of what follows from them would be of use.
+        with np.errstate(over="ignore", invalid="ignore"):
+            signals = [
+                _Filtered(each, told, answered, period, n_zero, scale)
+                for each, scale in zip(experiments, noise, strict=True)
+            ]
+            step = _solve(signals, n_in * (n_zero + 1), instruments=index >= _PLAIN_PASSES)
         change = np.concatenate([[0.0], step @ cascade.numerators])
         if not np.isfinite(change).all():
             break
@@ -128,12 +130,17 @@ def _solve(signals: Sequence[_Filtered], n_told: int, *, instruments: bool) -> F
         signals: The filtered signals.
         n_told: Numerator coefficients of one output.
         instruments: Whether the simulated outputs are instruments for the measured ones.
+
+    Returns:
+        The change; NaN where the signals overflow.
     """
     n_out, n_pole, _ = signals[0].answered.shape
     gram, pull = np.zeros((n_told, n_told)), np.zeros((n_told, n_out))
     for each in signals:
         gram[np.ix_(each.places, each.places)] += each.told @ each.told.T
         pull[each.places] += each.told @ each.outputs.T
+    if not np.isfinite(gram).all():
+        return np.full(n_pole, np.nan)
     inverse = np.linalg.pinv(gram, rcond=1e-14, hermitian=True)
     best = inverse @ pull
     matrix, right = np.zeros((n_pole, n_pole)), np.zeros(n_pole)
@@ -148,6 +155,8 @@ def _solve(signals: Sequence[_Filtered], n_told: int, *, instruments: bool) -> F
             cross_told[each.places] -= each.told @ each.answered[output].T
         matrix -= cross @ inverse @ cross_told
         right -= cross @ inverse @ pull[:, output]
+    if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
+        return np.full(n_pole, np.nan)
     size = np.sqrt(np.abs(np.diag(matrix)))
     size[size == 0] = 1.0
     return np.asarray(np.linalg.lstsq(matrix / np.outer(size, size), right / size, rcond=1e-12)[0] / size)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from robid.fit.external.covariance import WHITE
 from robid.fit.external.options import ExternalOptions
 from robid.fit.external.solution import ExternalSolution
 from robid.validation.doubt import Doubt, two_digits
@@ -30,6 +31,7 @@ def solution_doubts(solution: ExternalSolution, options: ExternalOptions) -> tup
         *_undamped(solution),
         *_drifting(solution),
         *_delays(solution, options),
+        *_orders(solution, options),
         *_coupling(solution),
     ]
     return tuple(sorted(found, key=lambda doubt: (not doubt.decisive, -doubt.strength)))
@@ -66,6 +68,7 @@ def _gains(solution: ExternalSolution) -> Iterator[Doubt]:
             ports.inputs[one] != ports.outputs[other]
             or ports.input_units[one] != ports.output_units[other]
             or not known
+            or not solution.transfer(int(own.block_of[channel])).is_stable  # comes to rest nowhere
         ):
             continue
         gain = float(solution.estimate.value[index])
@@ -106,6 +109,22 @@ def _delays(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Do
     if open_:
         told = f"other delays explain {', '.join(open_)} about as well, with other zeros"
         yield Doubt("delay", told, decisive=False, strength=1.5)
+
+
+def _orders(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Doubt]:
+    """Orders that are the largest that were tried, where the residual still holds what a model could."""
+    own, quality = solution.transfers, solution.quality
+    short = [
+        name
+        for name, poles, chance in zip(own.blocks, own.poles, quality.whiteness_p, strict=True)
+        if poles == options.max_poles and chance < WHITE
+    ]
+    if short and options.poles is None and options.rule == "evidence":
+        told = (
+            f"{', '.join(short)} took all of `max_poles` ({options.max_poles}), and more than noise is left: "
+            "raise it, or take `rule: sufficient` where that is friction"
+        )
+        yield Doubt("model", told, decisive=False, strength=1.5)
 
 
 def _is_open(solution: ExternalSolution, block: str) -> bool:

@@ -171,6 +171,7 @@ class Inner:
 class Row:
     name: str
     size: float
+    place: str = "here"
 
 
 @dataclass(frozen=True)
@@ -221,6 +222,11 @@ def test_a_field_of_a_newer_minor_version_gets_its_default() -> None:
     del datasets["notes"], attributes["kind"]
     found = from_datasets(Outer, Artifact(KIND, datasets, attributes, PROVENANCE))
     assert (found.notes, found.kind) == (("none",), "default")
+    datasets, attributes = to_datasets(replace(ROWS, rows=(Row("a", 1.5, "there"),)), TABLE)
+    del datasets["rows/place"]
+    assert from_datasets(Outer, Artifact(KIND, datasets, attributes, PROVENANCE)).rows == (Row("a", 1.5),)
+    del datasets["rows/size"]
+    assert from_datasets(Outer, Artifact(KIND, datasets, attributes, PROVENANCE)).rows == ()
 
 
 def test_missing_fields_are_named_together() -> None:

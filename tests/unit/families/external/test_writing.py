@@ -124,7 +124,8 @@ def test_csv_and_mat_hold_the_same(solution, model):
 
 def test_every_format_tells_timing_and_deviations(model):
     rows = list(csv.DictReader(io.StringIO(written(model, "csv").decode())))
-    assert {(row["delay_samples"], row["hold"], row["moving_average_samples"]) for row in rows} == {("3", "zoh", "1")}
+    timing = ("delay_samples", "hold", "moving_average_samples")
+    assert {tuple(row[name] for name in timing) for row in rows} == {("3", "zoh", "1")}
     assert {float(row["sampling_period_s"]) for row in rows} == {PERIOD_S}
     content = loadmat(io.BytesIO(written(model, "mat")))
     channels_of = {

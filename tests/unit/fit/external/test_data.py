@@ -55,6 +55,9 @@ def test_periods_that_lie_apart_by_more_than_noise_wander():
     assert drifting.wander == pytest.approx(0.1 * np.std(np.arange(4), ddof=1), rel=0.05)
     single = shots_of(record_of(told[:, :, :, :1], told[:, :, :, :1]), ExternalOptions(), "fit")[0]
     assert single.wander is None
+    record = record_of(told, told + drift)
+    speeds = replace(record, input_channels=(Channel("X", "speed_reference", "m/s", "tool"),))
+    assert shots_of(speeds, ExternalOptions(), "fit")[0].wander is None, "no loop holds its position"
 
 
 def test_realizations_with_other_commands_are_shots_of_their_own():

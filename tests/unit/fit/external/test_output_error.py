@@ -5,7 +5,8 @@ from external_shots import CHANNELS, PERIOD_S, answer, shot, sweep, transfer
 from robid.errors import DataError
 from robid.fit.external.data import Shot
 from robid.fit.external.output_error import fit_block
-from robid.fit.external.problem import Structure, pose
+from robid.fit.external.problem import Structure, first_noise, pose
+from robid.fit.external.starting import refine
 from robid.fit.external.transfer import TransferMatrix
 from tolerances import FINITE_DIFFERENCE, RECOVERY, RECOVERY_SIGMA
 
@@ -104,6 +105,15 @@ def test_unstable_poles_are_reflected_only_on_request():
     kept = fit_block([measured], [0], [0], structure_of(model))
     assert kept.model.is_stable
     assert kept.reflected
+
+
+def test_a_start_whose_signals_overflow_leads_nowhere():
+    model = transfer([4.0], [1.0, 3.0, -0.2])
+    problem = pose([shot(model, sweep(3.0, 1500), noise=1e-3)], [0], [0], structure_of(model, stable=False))
+    denominator = np.poly([15.0 / problem.period, 10.0 / problem.period])
+    noise = first_noise(problem.experiments)
+    assert refine(problem.experiments, denominator, 0, 1, noise, problem.period, "zoh",
+                  limit=problem.limit, stable=False) == []  # fmt: skip
 
 
 def test_common_poles_of_a_matrix():

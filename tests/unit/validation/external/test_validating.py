@@ -10,6 +10,7 @@ from robid.errors import DataError
 from robid.fit.external.fitting import fit_external
 from robid.fit.external.options import ExternalOptions
 from robid.validation.external.grading import assess_external
+from robid.validation.external.plausible import solution_doubts
 from robid.validation.external.validating import validate_external
 from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST
 
@@ -57,6 +58,14 @@ def test_measures_are_those_of_the_table(sound):
     assert found.agreements[0].nrmse == pytest.approx(1 - np.sqrt(left))
     ratio = sound.quality.n_parameter[0] / measured.size
     assert found.bounds[0].fpe == pytest.approx(left * (1 + ratio) / (1 - ratio))
+
+
+def test_what_is_unstable_comes_to_rest_nowhere():
+    options = ExternalOptions(poles=1, zeros=0, delay_samples=3, stable=False)
+    messages = " ".join(assess_external(fitted([linear([2.0], [1.0, -0.2], 3)], options=options), options).messages)
+    assert "has a pole in the right half plane" in messages
+    assert "moves against its command" not in messages
+    assert "comes to rest at" not in messages
 
 
 def test_a_missing_pole_is_a_doubt():
@@ -191,3 +200,15 @@ def test_what_the_validation_does_not_move_is_told_and_nothing_at_all_refused(so
         validate_external(sound, [shot_of([SOUND], (2.08, 0.0))])
     with pytest.raises(DataError, match="sampled every"):
         validate_external(sound, [replace(shot_of([SOUND], NEW_BAND), sampling_period_s=PERIOD_S / 3)])
+
+
+def test_an_order_that_ends_where_the_search_does_is_a_doubt():
+    late = linear(np.multiply(60.0, NUMERATOR), np.polymul(DENOMINATOR, [1.0, 60.0]), 3)
+    for options, told in (
+        (ExternalOptions(delay_samples=3, max_poles=2), True),
+        (ExternalOptions(delay_samples=3, max_poles=3), False),
+        (ExternalOptions(delay_samples=3, max_poles=2, poles=2), False),
+        (ExternalOptions(delay_samples=3, max_poles=2, rule="sufficient"), False),
+    ):
+        doubts = solution_doubts(fitted([late], options=options), options)
+        assert any("took all of `max_poles`" in doubt.message for doubt in doubts) == told
