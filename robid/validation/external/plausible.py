@@ -9,6 +9,7 @@ import numpy as np
 from robid.fit.external.covariance import WHITE
 from robid.fit.external.options import ExternalOptions
 from robid.fit.external.solution import ExternalSolution
+from robid.signals.pose import POSE
 from robid.validation.doubt import Doubt, two_digits
 from robid.validation.external.limits import NRMSE_LIMIT, excess_doubts, expected_std
 
@@ -17,6 +18,7 @@ _CAUSES = {"quantised": "excitation", "stuck": "saturation", "mixed": "coupling"
 _MISTAKES = {1e3: "metres were read as millimetres", 1e-3: "millimetres were read as metres",
              180 / np.pi: "radians were read as degrees", np.pi / 180: "degrees were read as radians"}  # fmt: skip
 _ROUGHLY = 1.3
+_TILTED = "; poses that were logged in another frame than the tool's at home are turned by `pose`"
 _RINGING = 0.1  # time constants
 _ALIKE = 10.0  # difference of the criterion that is strong evidence
 
@@ -72,12 +74,13 @@ def _gains(solution: ExternalSolution) -> Iterator[Doubt]:
         ):
             continue
         gain = float(solution.estimate.value[index])
+        tilted = _TILTED if ports.outputs[other] in POSE else ""
         if gain < 0:
-            told = f"{name} moves against its command (static gain {two_digits(gain)})"
+            told = f"{name} moves against its command (static gain {two_digits(gain)}){tilted}"
             yield Doubt("angle_sign", told, decisive=True, strength=10.0)
         elif not 1 / _FAR < gain < _FAR:
             size = abs(np.log(gain))
-            told = f"{name} comes to rest at {two_digits(gain)} times its command{_as_if(gain)}"
+            told = f"{name} comes to rest at {two_digits(gain)} times its command{_as_if(gain) or tilted}"
             yield Doubt("units", told, bool(size > np.log(_TOO_FAR)), float(size / np.log(_FAR)))
 
 

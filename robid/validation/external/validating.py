@@ -29,6 +29,9 @@ from robid.validation.outcome import Outcome
 from robid.validation.recovery import recover
 
 _SAME_RATE = 1e-6
+_OUTSIDE = 3.0  # times as many samples outside the bounds as their level says
+_EXPLAINED = 1.2  # of the expected error
+_NOISE = ", which noise explains: move farther, or repeat more often"
 
 
 @dataclass(frozen=True)
@@ -103,9 +106,9 @@ def validate_external(
     bounds = tuple(each for pair in zip(found, traces, strict=True) for each in _bounds(solution, *pair))
     tested = {solution.transfers.blocks[one.block] for one in found}
     untested = tuple(name for name in solution.transfers.blocks if name not in tested)
-    failures = _failures(agreed)
+    failures = _failures(agreed, bounds)
     excess = excess_doubts(agreed, [one.expected_std for one in bounds])
-    every = [*doubts, *novelty_doubts(solution, found), *excess, *_untested(untested)]
+    every = [*doubts, *novelty_doubts(solution, found), *excess, *_outside(bounds, solution), *_untested(untested)]
     return ExternalValidation(
         outcome=Outcome(
             ok=not failures,
@@ -152,12 +155,26 @@ def _bounds(solution: ExternalSolution, one: NewShots, traces: Sequence[Predicte
         )
 
 
-def _failures(agreed: Sequence[Agreement]) -> tuple[str, ...]:
+def _failures(agreed: Sequence[Agreement], bounds: Sequence[Bounds]) -> tuple[str, ...]:
     return tuple(
         f"{one.output} is predicted with an NRMSE of {one.nrmse:.3g} in `{one.place}`, limit {NRMSE_LIMIT:g}"
-        for one in agreed
+        f"{_NOISE if one.error_std < _EXPLAINED * bound.expected_std else ''}"
+        for one, bound in zip(agreed, bounds, strict=True)
         if one.nrmse < NRMSE_LIMIT
     )
+
+
+def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> tuple[Doubt, ...]:
+    """Doubts intervals where far more samples lie outside the bounds than their level says."""
+    confidence, worst = solution.estimate.confidence, min(bounds, key=lambda one: one.inside)
+    excess = (1 - worst.inside) / (1 - confidence)
+    if excess <= _OUTSIDE:
+        return ()
+    told = (
+        f"{worst.inside:.0%} of the samples of {worst.output} lie inside the {confidence:.0%} bounds ({worst.place}):"
+        " the intervals do not hold what the model lacks"
+    )
+    return (Doubt("model", told, decisive=False, strength=excess / _OUTSIDE),)
 
 
 def _untested(names: Sequence[str]) -> tuple[Doubt, ...]:

@@ -138,6 +138,26 @@ def test_wrong_units_and_signs_are_named(factor, words):
     assert words in grade.sentence
 
 
+@pytest.mark.parametrize(("name", "told"), [("Z", True), ("slide", False)])
+def test_poses_of_another_frame_may_be_what_moves_against_its_command(name, told):
+    grade = assess_external(fitted([lambda command: -0.8 * SOUND(command)], (name,)), KNOWN)
+    assert ("turned by `pose`" in grade.sentence) == told
+
+
+def test_bounds_that_hold_too_few_samples_are_a_doubt_though_the_error_is_small(sound):
+    found = held(sound, [lambda command: 1.007 * SOUND(command)], noise=1e-6)
+    assert found.bounds[0].inside < 0.85
+    assert found.agreements[0].nrmse > 0.99
+    assert found.outcome.grade.value == PREDICTS
+    assert "inside the 95% bounds" in found.outcome.grade.sentence
+
+
+def test_what_noise_explains_is_told_apart_from_what_the_model_lacks(sound):
+    tiny = held(sound, [SOUND], band=(2.08, 2e-5))
+    assert "which noise explains: move farther" in tiny.outcome.verdict
+    assert "noise explains" not in held(sound, [limited_rate(0.02)]).outcome.verdict
+
+
 def test_a_record_in_other_units_than_the_fits_fails(sound):
     found = held(sound, [lambda command: 57.3 * SOUND(command)])
     assert found.outcome.grade.value == DO_NOT_USE
