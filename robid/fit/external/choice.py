@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 _ROUNDS = 4
 _IN_A_ROW = 2
 _HOPELESS = 0.02  # per sample, difference of the criterion past which nothing is polished
-_EVEN = 2.0  # difference of the criterion that is not worth a mention
-_STRONG = 10.0  # difference of the criterion that counts as strong evidence
+_WEAK = 6.0  # difference of the criterion below which evidence is not strong
+_STRONG = 10.0  # difference of the criterion that is very strong evidence
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def choose_structure(
 
     Source:
         Oliveira et al. (2019), sec. 2.4, for the rule `sufficient`; Schwarz (1978), "Estimating the dimension of a
-        model", for `evidence`.
+        model", for `evidence`, and Kass and Raftery (1995), "Bayes factors", for what is strong.
     """
     common = Structure(1, 0, 0, options.moving_average, hold, options.static_gain == "one", options.stable)
     hopeless = _HOPELESS * sum(shot.outputs.shape[0] for shot in shots) * len(outputs)
@@ -85,6 +85,7 @@ def choose_structure(
         delay = again
     if options.rule == "evidence":
         best = _look_about(candidates, orders, best, options)
+        best = _simplest(candidates, orders, best, delays, hopeless)
     messages = _about_delay(candidates, best, delays) + _about_order(best, options)
     return Choice(best.structure, best, candidates.tried, _reason(best, options, len(choose_on)), messages)
 
@@ -117,8 +118,16 @@ def _look_about(
             simpler = [order for order in orders if order[0] <= best.structure.poles]
             best = min(best, _select(candidates, simpler, delay, options), key=lambda each: each.bic)
         seen |= alike
-    # What evidence cannot tell apart is decided for the fewer poles.
-    even = [each for each in candidates.tried if each.bic <= best.bic + _EVEN]
+    return best
+
+
+def _simplest(
+    candidates: Candidates, orders: Sequence[tuple[int, int]], best: Candidate, delays: Sequence[int], hopeless: float
+) -> Candidate:
+    """Returns the fewest poles, at a delay of their own, against which there is no strong evidence."""
+    for order in (each for each in orders if each[0] < best.structure.poles):
+        _nearby(candidates, candidates.fit(*order, best.structure.delay_samples), delays, hopeless)
+    even = [each for each in candidates.tried if each.bic <= best.bic + _WEAK]
     return min(even, key=lambda each: (each.structure.poles, each.bic))
 
 
@@ -179,7 +188,7 @@ def _reason(best: Candidate, options: ExternalOptions, n_held_back: int) -> str:
             f"{chosen} come nearest to an NRMSE of {options.sufficient_nrmse:g} on {where}, and reach {best.nrmse:.3g}"
         )
     white = "white" if best.whiteness >= WHITE else "coloured"
-    return f"{chosen} have the least Bayesian information criterion, and {white} residuals"
+    return f"{chosen}: strong evidence asks for no more (Bayesian information criterion), {white} residuals"
 
 
 def _counted(count: int, word: str) -> str:

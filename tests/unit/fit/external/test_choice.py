@@ -50,6 +50,17 @@ def test_a_delay_that_slow_commands_do_not_tell():
     assert any("not determined" in each for each in choice.messages)
 
 
+def test_without_strong_evidence_fewer_poles_are_taken_at_their_own_delay():
+    command = sweep(5.0, 4000)
+    close = shot(transfer(*CHANNELS["C"], delay=4, average=4), command, noise=3e-3, seed=6)
+    options = ExternalOptions(max_poles=3, max_delay_samples=6, moving_average=4)
+    choice = choose_structure([close], [0], [0], options)
+    least = min(choice.tried, key=lambda each: each.bic)
+    assert least.structure.poles == 3, "by the criterion alone, noise would add a pole"
+    found = choice.structure
+    assert (found.poles, found.zeros, found.delay_samples) == (2, 1, 4)
+
+
 def test_orders_of_random_plants():
     found = find_orders(range(3))
     assert found.order_correct_share == 1.0
