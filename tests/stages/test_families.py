@@ -63,13 +63,13 @@ CASES = {
     ),
     "lpv": Case(
         FAMILIES["lpv"],
-        "{family: lpv, from: estimation, validate_on: validation, scheduling: [lift], choose_on: [2], inputs: [turn],"
-        " outputs: [turn], order: 2, basis: {degree: 1}, path: {count: 3, smallest: 10}}",
-        ("count: 3", "count: 2"),
+        "{family: lpv, from: estimation, validate_on: validation, scheduling: [lift], choose_on: [4], inputs: [turn],"
+        " outputs: [turn], order: 3, basis: {degree: 2}, path: {count: 2, smallest: 10}}",
+        ("count: 2, smallest", "count: 3, smallest"),
         "Regularisation path",
         swap=(
             "configurations: {from: best}",
-            "configurations: {list_deg: [[20, -20], [20, 10], [20, 40], [20, 70]]}",
+            "configurations: {list_deg: [[20, 0], [20, 20], [20, 40], [20, 60], [20, 10]]}",
         ),
     ),
     "inertia": Case(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from robid.errors import DataError
@@ -49,6 +51,7 @@ def fit_lpv(
             message = "The responses have no covariance that could weigh them."
             raise DataError(message, remedy="measure several realizations or periods, or set `weighted: false`")
     found = estimate_lpv(own, choosing, make_basis(own.points, basis), options)
+    found = _widened(found) if options.weighted else found
     best, covariance = found.path.best, found.parameters.covariance
     norms = measure(found.core.parameters, found.core.basis.largest, found.core.sizes)
     return LpvSolution(
@@ -97,6 +100,13 @@ def hold(responses: LocalResponses, model: ResponseUncertainty, degrees_of_freed
         degrees_of_freedom=degrees_of_freedom,
         agreement=agreement,
     )
+
+
+def _widened(found: LpvResult) -> LpvResult:
+    """Widens intervals by what the residual is beyond its weights: the model, or the variances, are off by as much."""
+    parameters = found.parameters
+    covariance = parameters.covariance * max(1.0, parameters.misfit)
+    return replace(found, parameters=replace(parameters, covariance=covariance))
 
 
 def _held(found: LpvResult, responses: LocalResponses, degrees_of_freedom: float) -> Held:

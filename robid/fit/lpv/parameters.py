@@ -64,7 +64,7 @@ def estimate_poles(
         covariance=whole,
         degrees_of_freedom=np.full(len(rows), np.inf),
         confidence=confidence,
-        interval_rule="the covariance of the responses, linearised",
+        interval_rule="the covariance of the responses, or the residual where it is larger",
         relative_std=std / scale,
         predicted_relative_std=std / scale,
         prior_relative_std=np.full(len(rows), np.inf),
