@@ -80,6 +80,8 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
             yield ("scheduling", index), f"there is no joint or output `{one}`; {suggest(one, (*joints, *known))}"
         elif one in fit.scheduling[:index]:
             yield ("scheduling", index), "is there twice"
+    if min(fit.integrators, default=0) < 0:
+        yield ("integrators",), "has a count below 0"
     count = len(fit.outputs or known)
     if fit.integrators and len(fit.integrators) != count:
         yield ("integrators",), f"has {len(fit.integrators)} counts for {count} outputs"
