@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray
 
 _DEVIATIONS = 2.0
 
@@ -68,14 +68,14 @@ def expected_share(degrees_of_freedom: float) -> float:
     return float(-np.expm1(-degrees_of_freedom * np.log1p(_DEVIATIONS**2 / degrees_of_freedom)))
 
 
-def _mean(values: FloatArray, chosen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> FloatArray:
+def _mean(values: FloatArray, chosen: BoolArray) -> FloatArray:
     """Mean over the lines of the chosen elements; NaN where there is none."""
     count = chosen.sum(axis=1)
     total = np.where(chosen, values, 0.0).sum(axis=1)
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return np.asarray(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
 
 
-def _median(values: FloatArray, chosen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> FloatArray:
-    some = chosen.any(axis=1, keepdims=True)
-    found = np.nanmedian(np.where(chosen | ~some, values, np.nan), axis=1)
-    return np.where(some[:, 0], found, np.nan)
+def _median(values: FloatArray, chosen: BoolArray) -> FloatArray:
+    some = np.asarray(chosen.any(axis=1))
+    found = np.nanmedian(np.where(chosen | ~some[:, None], values, np.nan), axis=1)
+    return np.where(some, found, np.nan)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.fit.estimate import Estimate
 from robid.fit.lpv.model import LpvModel
 
@@ -77,7 +77,7 @@ def estimate_poles(
     )
 
 
-def continuous_poles(A: FloatArray, sampling_period_s: float) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]]:
+def continuous_poles(A: FloatArray, sampling_period_s: float) -> ComplexArray:
     """Returns the logarithms of the poles (..., n_state) over the sampling period [rad/s]."""
     return np.asarray(np.log(np.linalg.eigvals(A).astype(complex)) / sampling_period_s)
 
@@ -100,9 +100,7 @@ def _rows(core: LpvModel, point: FloatArray, place: str) -> Iterator[_Row]:
         yield from _described(f"{place}.pole{number}", complex(s[index]), moves, is_real=is_real)
 
 
-def _described(
-    name: str, s: complex, moves: np.ndarray[tuple[int, ...], np.dtype[np.complex128]], *, is_real: bool
-) -> Iterator[_Row]:
+def _described(name: str, s: complex, moves: ComplexArray, *, is_real: bool) -> Iterator[_Row]:
     """Describes a real pole by its rate, a pair by natural frequency and damping ratio."""
     size = abs(s)
     if is_real:

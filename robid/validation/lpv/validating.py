@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robid.arrays import BoolArray
 from robid.errors import DataError
 from robid.fit.lpv.agreement import expected_share
 from robid.fit.lpv.fitting import hold
@@ -33,7 +34,7 @@ class LpvValidation:
 
     outcome: Outcome
     held: Held
-    new: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    new: BoolArray
 
 
 def validate_lpv(
@@ -83,7 +84,7 @@ def validate_lpv(
     )
 
 
-def _seen(new: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Iterator[Doubt]:
+def _seen(new: BoolArray) -> Iterator[Doubt]:
     if not new.any():
         told = "every position of the validation is one of the fit: nothing was tested in between"
         yield Doubt("same_motion", told, decisive=False, strength=2.0)

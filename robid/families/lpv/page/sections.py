@@ -18,7 +18,7 @@ from robid.fit.lpv.state_space import MATRICES
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
-from robid.report.section import Beside, Choice, Notes, Part, Row, Section, Table
+from robid.report.section import Beside, Choice, ColumnStyle, Notes, Part, Row, Section, Table
 from robid.validation.lpv.validating import LpvValidation
 
 _FITTED, _CHOOSING, _NEW = "fitted", "chooses the structure", "left out"
@@ -91,7 +91,7 @@ def _agreements(groups: tuple[tuple[str, Held], ...], ports: Ports) -> Table:
         "Error / deviation: root mean square over the lines. Error in dB: median of the magnitudes. Beyond noise: root"
         " mean square of the error that the deviations do not explain, over that of the response."
     )
-    styles = ("name", "text", "number", "number", "number", "number", "number")
+    styles: tuple[ColumnStyle, ...] = ("name", "text", "number", "number", "number", "number", "number")
     return Table(heads, tuple(rows), caption=caption, styles=styles, fit="tall")
 
 
@@ -135,7 +135,7 @@ def _path(solution: LpvSolution) -> Section:
         )
         rows.append(Row(cells, faint=index != path.chosen))
     heads = ("Price", "Blocks", "Dropped", "Cost", "Cost of what chooses", "Refit", "")
-    styles = ("name", "number", "text", "number", "number", "text", "text")
+    styles: tuple[ColumnStyle, ...] = ("name", "number", "text", "number", "number", "text", "text")
     table = Table(heads, tuple(rows), styles=styles, fit="tall")
     lead = (
         "Each block has a price; what vanishes at a price is dropped, and the rest is fitted again without prices. Of"
