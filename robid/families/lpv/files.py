@@ -33,7 +33,7 @@ def _held(prefix: str) -> Mapping[str, Column]:
         f"{prefix}/agreement/error_ratio": Column("1", _ELEMENT, "Error over deviation, root mean square"),
         f"{prefix}/agreement/error_db": Column("dB", _ELEMENT, "Median distance of the magnitudes"),
         f"{prefix}/agreement/relative_error": Column("1", _ELEMENT, "Error over response, root mean square"),
-        f"{prefix}/agreement/excess": Column("1", _ELEMENT, "The same of what deviations do not explain"),
+        f"{prefix}/agreement/excess": Column("1", _ELEMENT, "What deviations do not explain, over what is natural"),
     }
 
 

@@ -20,7 +20,9 @@ class Agreement:
         error_ratio: Root mean square of the error over its deviation; NaN where that is unknown.
         error_db: Median distance of the magnitudes [dB].
         relative_error: Root mean square of the error over that of the response.
-        excess: The same of what the deviations do not explain.
+        excess: The same of what the deviations do not explain, over the response at all positions, or what is natural
+            to the element by the others of its row and column where that is larger: coupling that is hardly there
+            need not be known.
     """
 
     share_within: FloatArray
@@ -53,7 +55,7 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray) -> Ag
         error_ratio=np.sqrt(_mean(ratio**2, known)),
         error_db=_median(decibels, counts),
         relative_error=np.sqrt(error / power),
-        excess=np.sqrt(np.maximum(error - expected, 0) / power),
+        excess=np.sqrt(np.maximum(error - expected, 0)) / _natural(power),
     )
 
 
@@ -66,6 +68,17 @@ def expected_share(degrees_of_freedom: float) -> float:
     if degrees_of_freedom <= 0:
         return float("nan")
     return float(-np.expm1(-degrees_of_freedom * np.log1p(_DEVIATIONS**2 / degrees_of_freedom)))
+
+
+def _natural(power: FloatArray) -> FloatArray:
+    """Size (n_out, n_in) of each element over all positions, or what its row and column make of it if that is more.
+
+    A product of a factor of the output and one of the input does not depend on their units.
+    """
+    size = np.sqrt(np.nanmean(power, axis=0))
+    logarithm = np.log(np.maximum(size, np.finfo(float).tiny))
+    rows, columns = logarithm.mean(axis=1, keepdims=True), logarithm.mean(axis=0, keepdims=True)
+    return np.asarray(np.maximum(size, np.exp(rows + columns - logarithm.mean())))
 
 
 def _mean(values: FloatArray, chosen: BoolArray) -> FloatArray:

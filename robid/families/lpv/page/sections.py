@@ -89,7 +89,8 @@ def _agreements(groups: tuple[tuple[str, Held], ...], ports: Ports) -> Table:
              "Beyond noise")  # fmt: skip
     caption = (
         "Error / deviation: root mean square over the lines. Error in dB: median of the magnitudes. Beyond noise: root"
-        " mean square of the error that the deviations do not explain, over that of the response."
+        " mean square of the error that the deviations do not explain, over the response at all positions, or over what"
+        " is natural to an element by its row and column where that is larger."
     )
     styles: tuple[ColumnStyle, ...] = ("name", "text", "number", "number", "number", "number", "number")
     return Table(heads, tuple(rows), caption=caption, styles=styles, fit="tall")

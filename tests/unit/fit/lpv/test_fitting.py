@@ -83,6 +83,19 @@ def test_agreement_tells_what_deviations_do_not_explain():
     assert found.error_db.item() == pytest.approx(20 * np.log10(1.1))
 
 
+def test_coupling_that_is_hardly_there_need_not_be_known():
+    response = np.tile(np.array([[4.0, 0.04], [0.01, 1.0]]).astype(complex), (2, 30, 1, 1))
+    modelled = response + np.array([[0.0, 0.02], [0.005, 0.0]])
+    unknown = np.full(response.shape, np.nan)
+    found = agree(response, modelled, unknown)
+    np.testing.assert_allclose(found.relative_error[:, [0, 1], [1, 0]], 0.5)
+    natural = np.sqrt(np.sqrt(4 * 1) * np.sqrt(0.04 * 0.01)) * np.array([2.0, 0.5])
+    np.testing.assert_allclose(found.excess[0, [0, 1], [1, 0]], [0.02, 0.005] / natural, rtol=1e-9)
+    metres = np.array([[1.0], [1e-3]]) * np.array([5.0, 0.2])
+    other = agree(response * metres, modelled * metres, unknown)
+    np.testing.assert_allclose(other.excess, found.excess, rtol=1e-9)
+
+
 def test_weights_without_a_covariance_are_refused():
     responses = local_responses(POSITIONS)
     bare = LocalResponses(responses.points, responses.frequency_hz, responses.response, None, 1.0)
