@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -36,18 +37,34 @@ def fit(data: Data, work: Work) -> Artifact:
         message = "`choose_on` leaves no configuration to fit"
         raise DataError(message, where=f"fits.{data.name}", remedy="leave it fewer of them")
     own, choosing = (frf.select(np.flatnonzero(rows).tolist()) for rows in (~held_back, held_back))
-    solution = fit_lpv(
-        responses_of(own, data.loaded, settings),
-        responses_of(choosing, data.loaded, settings),
-        ports_of(own, data.loaded, settings),
-        settings.basis,
-        settings.options(),
-        degrees_of_freedom=frf.degrees_of_freedom,
-        confidence=settings.confidence,
-        identifiable_relative_std=settings.identifiable_relative_std,
-    )
+    with _named_positions(own, data.loaded, settings):
+        solution = fit_lpv(
+            responses_of(own, data.loaded, settings),
+            responses_of(choosing, data.loaded, settings),
+            ports_of(own, data.loaded, settings),
+            settings.basis,
+            settings.options(),
+            degrees_of_freedom=frf.degrees_of_freedom,
+            confidence=settings.confidence,
+            identifiable_relative_std=settings.identifiable_relative_std,
+        )
     work.progress.advance()
     return model_of(solution, assess_lpv(solution, list(_moving(frf, data.loaded, settings))))
+
+
+@contextmanager
+def _named_positions(own: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[None]:
+    """Names the position that an error is about by its scheduling parameters in place of its number."""
+    try:
+        yield
+    except DataError as error:
+        word, _, number = error.where.partition(" ")
+        if word != "position":
+            raise
+        point = _points(own, loaded, settings)[int(number)].tolist()
+        pairs = zip(settings.scheduling, point, strict=True)
+        where = ", ".join(f"{name} = {value:.4g} {_unit(own, loaded, name)}" for name, value in pairs)
+        raise DataError(error.what, where=where, remedy=error.remedy) from error
 
 
 def validate(data: Data, model: Artifact) -> Artifact:

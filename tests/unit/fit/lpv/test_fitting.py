@@ -1,5 +1,7 @@
 """What is kept of a fit: poles with intervals, agreement, and a model that comes back from plain values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,17 @@ def test_the_model_comes_back_from_plain_values(found):
     matrices = found.model.coefficients
     np.testing.assert_array_equal(matrices.A, found.matrices.A)
     assert (here.total > 0).all()
+
+
+def test_intervals_widen_where_the_residual_is_larger_than_its_variance(found):
+    generator = np.random.default_rng(1)
+    own, choosing = (
+        replace(one, variance=one.variance / 9)
+        for one in (local_responses(POSITIONS, generator), local_responses(LEFT_OUT, generator))
+    )
+    other = fit_lpv(own, choosing, PORTS, BasisOptions(), SHORT, **LEVELS)
+    assert other.misfit == pytest.approx(9, rel=0.1)
+    np.testing.assert_allclose(other.estimate.relative_std, found.estimate.relative_std, rtol=0.1)
 
 
 def test_agreement_of_noise_is_what_noise_gives(found):
