@@ -8,11 +8,12 @@ import pytest
 from lpv_systems import LEFT_OUT, POSITIONS, local_responses, true_systems
 from robid.errors import DataError
 from robid.fit.lpv.agreement import agree, expected_share
+from robid.fit.lpv.basis import polynomial_basis, spline_basis
 from robid.fit.lpv.fitting import fit_lpv
 from robid.fit.lpv.options import BasisOptions, LpvOptions, PathOptions
 from robid.fit.lpv.parameters import estimate_poles
 from robid.fit.lpv.responses import LocalResponses
-from robid.fit.lpv.solution import Ports
+from robid.fit.lpv.solution import Ports, tabulate_basis
 
 SHORT = LpvOptions(order=3, path=PathOptions(count=2, smallest=30, largest=300))
 PORTS = Ports(("u",), ("N m",), ("y1", "y2"), ("rad", "m"), ("slide",), ("m",), 1.0)
@@ -77,6 +78,15 @@ def test_intervals_widen_where_the_residual_is_larger_than_its_variance(found):
     other = fit_lpv(own, choosing, PORTS, BasisOptions(), SHORT, **LEVELS)
     assert other.misfit == pytest.approx(9, rel=0.1)
     np.testing.assert_allclose(other.estimate.relative_std, found.estimate.relative_std, rtol=0.1)
+
+
+@pytest.mark.parametrize("pieces", [0, 2])
+def test_a_basis_comes_back_from_its_table(pieces):
+    points = np.random.default_rng(1).uniform(-1, 2, (20, 2))
+    basis = spline_basis(points, pieces=pieces, degree=2) if pieces else polynomial_basis(points, 3)
+    again = tabulate_basis(basis).basis()
+    np.testing.assert_array_equal(again.values(points), basis.values(points))
+    assert again.functions.names == basis.functions.names
 
 
 def test_agreement_of_noise_is_what_noise_gives(found):
