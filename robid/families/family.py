@@ -45,6 +45,7 @@ class Data:
         records: Record of each campaign, where the family reads them.
         configurations: Index of each configuration of the response in its campaigns, those of further ones counted on.
         taken: Models of the fits that it takes something of, by what it takes.
+        origins: Campaign of each configuration of the response, where a fit reads one.
     """
 
     loaded: LoadedExperiment
@@ -53,6 +54,7 @@ class Data:
     records: tuple[Record, ...] = ()
     configurations: tuple[int, ...] = ()
     taken: Mapping[HandedOn, Artifact] = field(default_factory=dict)
+    origins: tuple[str, ...] = ()
 
     @property
     def settings(self) -> FitSettings:

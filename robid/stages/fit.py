@@ -44,9 +44,11 @@ def data_of(loaded: LoadedExperiment, name: str, frfs: Sequence[Frf], records: t
     if not frfs:
         return Data(loaded, name, None, records, fit.configurations or ())
     frf = frfs[0] if len(frfs) == 1 else join(frfs, fit.campaigns)
-    if fit.configurations is None:
-        return Data(loaded, name, frf, records, tuple(range(len(frf.configurations))))
-    return Data(loaded, name, frf.select(fit.configurations), records, fit.configurations)
+    of_each = [name for name, one in zip(fit.campaigns, frfs, strict=True) for _ in one.configurations]
+    chosen = tuple(range(len(of_each))) if fit.configurations is None else fit.configurations
+    origins = tuple(of_each[index] for index in chosen)
+    selected = frf if fit.configurations is None else frf.select(chosen)
+    return Data(loaded, name, selected, records, chosen, origins=origins)
 
 
 def run(job: Job) -> str:

@@ -17,14 +17,16 @@ from robid.settings.load import load_robot
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PLACES = [-0.35, 0.4]
+FIXED = ["coupling.stiffness", "coupling.damping"]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The example in two places, with short periods, few lines and no friction; an elastic fit."""
+    """The example in two places, with short periods, few lines and no friction; an elastic fit in place of its own."""
     folder = tmp_path_factory.mktemp("screw")
     data = YAML(typ="safe").load((CONFIGS / "ballscrew.yaml").read_text())
     data["robot"] = str(CONFIGS / data["robot"])
+    del data["campaigns"]["choosing"]
     for campaign in data["campaigns"].values():
         campaign["excitation"] |= {"period_s": 1.024, "low_hz": 12, "count": 100}
         campaign |= {"realizations": 2, "periods": 2}
@@ -32,7 +34,9 @@ def folder(tmp_path_factory):
     data["campaigns"]["global"] |= {"realizations": 1}
     data["campaigns"]["global"]["excitation"]["travel"]["amplitude_m"] = 0.2
     data["campaigns"]["local"]["configurations"] = {"list": [[place] for place in PLACES]}
-    data["fits"]["elastic"]["starts"] = 1
+    data["fits"] = {
+        "elastic": {"family": "elastic", "from": "local", "validate_on": "left_out", "starts": 1, "fixed": FIXED}
+    }
     data["execution"] = {"backend": "serial"}
     YAML().dump(data, folder / "screw.yaml")
     assert run_command(["run", str(folder / "screw.yaml"), "--run-dir", str(folder / "run")]) in (0, 5)

@@ -34,6 +34,7 @@ class Case:
     change: tuple[str, str]
     section: str
     left_out: tuple[str, ...] = ()
+    swap: tuple[str, str] = ("", "")  # what the experiment has otherwise for this family
     code: int = 0  # what a run exits with: 5 where the model is not to be used
 
 
@@ -60,6 +61,17 @@ CASES = {
         ("estimation/frf.h5", "validation/frf.h5"),
         code=5,  # two places with other resonances, one model
     ),
+    "lpv": Case(
+        FAMILIES["lpv"],
+        "{family: lpv, from: estimation, validate_on: validation, scheduling: [lift], choose_on: [4], inputs: [turn],"
+        " outputs: [turn], order: 3, basis: {degree: 2}, path: {count: 2, smallest: 10}}",
+        ("count: 2, smallest", "count: 3, smallest"),
+        "Regularisation path",
+        swap=(
+            "configurations: {from: best}",
+            "configurations: {list_deg: [[20, 0], [20, 20], [20, 40], [20, 60], [20, 10]]}",
+        ),
+    ),
     "inertia": Case(
         INERTIA,
         "{family: inertia, from: estimation, validate_on: validation}",
@@ -76,6 +88,7 @@ def case(request, shop, monkeypatch):
     known: Mapping[str, Family] = {**FAMILIES, found.family.name: found.family}
     monkeypatch.setattr(files, "FAMILIES", known)
     shop.change("elastic: {family: elastic, from: estimation, validate_on: validation, starts: 2}", f"own: {found.fit}")
+    shop.change(*found.swap)
     return found
 
 

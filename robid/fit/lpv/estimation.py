@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.lpv.alignment import align_neighbours, middle_position
+from robid.fit.lpv.bands import model_response, rescaled
 from robid.fit.lpv.basis import Basis
 from robid.fit.lpv.blocks import spread
 from robid.fit.lpv.local import LocalModels, fit_local_models
@@ -18,13 +17,8 @@ from robid.fit.lpv.problem import Problem, solve
 from robid.fit.lpv.responses import LocalResponses, make_problem, output_scales, remove_integrators
 from robid.fit.lpv.smile import check_positions, interpolate
 from robid.fit.lpv.sparse_basis import find_sparse_bases
-from robid.fit.lpv.state_space import StateSpace, pack, unpack
-from robid.fit.lpv.uncertainty import (
-    ParameterUncertainty,
-    ResponseUncertainty,
-    parameter_uncertainty,
-    response_uncertainty,
-)
+from robid.fit.lpv.state_space import StateSpace
+from robid.fit.lpv.uncertainty import ParameterUncertainty, ResponseUncertainty, parameter_uncertainty
 
 _FIRST_STEPS = 10
 
@@ -67,15 +61,8 @@ class LpvResult:
         Raises:
             DataError: If a point lies outside the range.
         """
-        n_out, n_in = self.core.sizes.n_out, self.core.sizes.n_in
-        empty = np.zeros((len(points), len(frequency_hz), n_out, n_in), complex)
-        asked = LocalResponses(points, frequency_hz, empty, None, self.core.sampling_period_s)
-        problem = make_problem(asked, self.core.basis, self.core.sizes.n_state, self.scales, weighted=False)
-        scaled = response_uncertainty(problem, self.path.best.parameters, self.parameters.covariance)
-        behind = ((asked.z[:, None] - 1) / asked.sampling_period_s) ** np.array(self.integrators)
-        factor = (self.scales / behind)[..., None]
-        size = np.abs(factor)
-        return ResponseUncertainty(scaled.response * factor, scaled.total * size, scaled.magnitude * size, scaled.phase)
+        covariance = self.parameters.covariance
+        return model_response(self.core, self.scales, covariance, self.integrators, points, frequency_hz)
 
 
 def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: Basis, options: LpvOptions) -> LpvResult:
@@ -115,7 +102,7 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
     variance = None if reduced.variance is None else reduced.variance / scales[:, None] ** 2
     free = spread(path.best.kept, problem.sizes)
     smile, core = (
-        LpvModel(_rescaled(parameters, problem, scales), problem.sizes, basis, responses.sampling_period_s)
+        LpvModel(rescaled(parameters, problem.sizes, scales), problem.sizes, basis, responses.sampling_period_s)
         for parameters in (interpolate(aligned, problem.values), path.best.parameters)
     )
     return LpvResult(
@@ -143,8 +130,3 @@ def _starts(
     bases = find_sparse_bases(aligned, problem.values, basis.largest, fixed=fixed, options=options.sparse_basis)
     guesses = (interpolate(one, problem.values) for one in bases)
     return tuple(solve(problem, guess, max_iterations=_FIRST_STEPS)[0] for guess in guesses)
-
-
-def _rescaled(parameters: FloatArray, problem: Problem, scales: FloatArray) -> FloatArray:
-    inside = unpack(parameters, problem.sizes)
-    return pack(StateSpace(inside.A, inside.B, inside.C * scales[:, None], inside.D * scales[:, None]))

@@ -94,9 +94,20 @@ class LpvOptions:
     """
 
     order: int = field(default=3, metadata={"description": "States of the model without integrators.", "ge": 1})
-    integrators: tuple[int, ...] = field(default=(), metadata={"description": "Integrators of each output."})
-    weighted: bool = field(default=True, metadata={"description": "Weights 1/sigma^2, or all alike (eq. 7)."})
+    integrators: tuple[int, ...] = field(
+        default=(), metadata={"description": "How often each output integrates; not at all when empty."}
+    )
+    weighted: bool = field(
+        default=True, metadata={"description": "Whether lines weigh by their variance, or all alike."}
+    )
     weight_window: int = field(default=9, metadata={"description": "Lines that a weight's variance averages.", "ge": 1})
-    sparse_basis: SparseBasisOptions = field(default_factory=SparseBasisOptions)
-    sparsity: SparsityOptions = field(default_factory=SparsityOptions)
-    path: PathOptions = field(default_factory=PathOptions)
+    sparse_basis: SparseBasisOptions = field(
+        default_factory=SparseBasisOptions, metadata={"description": "How the states' basis is searched."}
+    )
+    sparsity: SparsityOptions = field(
+        default_factory=SparsityOptions,
+        metadata={"description": "When blocks are dropped and when the penalised fit ends."},
+    )
+    path: PathOptions = field(
+        default_factory=PathOptions, metadata={"description": "Which prices are tried and how one is chosen."}
+    )

@@ -142,7 +142,7 @@ def test_a_travel_that_cannot_be_is_refused(tmp_path, case):
 def test_no_fit_reads_responses_of_what_travels(tmp_path):
     def change(data):
         travelling()(data)
-        data["fits"]["elastic"]["from"] = "global"
+        data["fits"]["lpv"] |= {"from": "global", "choose_on": [0]}
 
     with pytest.raises(SettingsError) as error:
         load_experiment(write(tmp_path, change, EXPERIMENT, "experiment.yaml"))

@@ -1,0 +1,192 @@
+"""The position-dependent family's fit and validation: settings and artifacts in, artifacts out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.artifacts.artifact import Artifact
+from robid.artifacts.grade import grade_from_artifact
+from robid.errors import DataError
+from robid.families.family import Data, Work
+from robid.families.lpv.files import model_of, solution_from_artifact, validation_of
+from robid.families.lpv.settings import LpvFit, lpv_fit
+from robid.fit.lpv.blocks import block_names
+from robid.fit.lpv.fitting import fit_lpv
+from robid.fit.lpv.responses import LocalResponses
+from robid.fit.lpv.solution import Ports
+from robid.frf.frf import Frf
+from robid.settings.load import LoadedExperiment
+from robid.signals.quantities import Channel
+from robid.validation.doubt import Doubt
+from robid.validation.lpv.grading import assess_lpv
+from robid.validation.lpv.validating import validate_lpv
+
+_SAME = 1e-3  # rad, or m
+
+
+def fit(data: Data, work: Work) -> Artifact:
+    """Fits a model and grades it by itself."""
+    settings = lpv_fit(data.loaded.experiment, data.name)
+    work.progress.expect(1, "fits")
+    frf, held_back = data.response, _held_back(data, settings)
+    if held_back.all():
+        message = "`choose_on` leaves no configuration to fit"
+        raise DataError(message, where=f"fits.{data.name}", remedy="leave it fewer of them")
+    own, choosing = (frf.select(np.flatnonzero(rows).tolist()) for rows in (~held_back, held_back))
+    with _named_positions(own, data.loaded, settings):
+        solution = fit_lpv(
+            responses_of(own, data.loaded, settings),
+            responses_of(choosing, data.loaded, settings),
+            ports_of(own, data.loaded, settings),
+            settings.basis,
+            settings.options(),
+            degrees_of_freedom=frf.degrees_of_freedom,
+            confidence=settings.confidence,
+            identifiable_relative_std=settings.identifiable_relative_std,
+        )
+    work.progress.advance()
+    return model_of(solution, assess_lpv(solution, list(_moving(frf, data.loaded, settings))))
+
+
+@contextmanager
+def _named_positions(own: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[None]:
+    """Names the position that an error is about by its scheduling parameters in place of its number."""
+    try:
+        yield
+    except DataError as error:
+        word, _, number = error.where.partition(" ")
+        if word != "position":
+            raise
+        point = _points(own, loaded, settings)[int(number)].tolist()
+        pairs = zip(settings.scheduling, point, strict=True)
+        where = ", ".join(f"{name} = {value:.4g} {_unit(own, loaded, name)}" for name, value in pairs)
+        raise DataError(error.what, where=where, remedy=error.remedy) from error
+
+
+def validate(data: Data, model: Artifact) -> Artifact:
+    """Holds a model against responses that it never saw."""
+    settings = lpv_fit(data.loaded.experiment, data.name)
+    frf, solution = data.response, solution_from_artifact(model)
+    ports, responses = ports_of(frf, data.loaded, settings), responses_of(frf, data.loaded, settings)
+    doubts = grade_from_artifact(model).doubts
+    return validation_of(validate_lpv(solution, ports, responses, frf.degrees_of_freedom, doubts))
+
+
+def phrase_of_model(model: Artifact) -> str:
+    """Says how the fit ended, in a phrase, from its artifact."""
+    solution = solution_from_artifact(model)
+    kept = solution.blocks.kept
+    dropped = ", ".join(block_names(~kept)) or "none"
+    return (
+        f"{solution.estimate.status}, {solution.core.n_state} states, {int(kept.sum())} of {kept.size} blocks "
+        f"(dropped: {dropped}), largest pole {solution.largest_pole:.4f}"
+    )
+
+
+def responses_of(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> LocalResponses:
+    """Returns the responses of a fit's channels at the values of its scheduling parameters.
+
+    Raises:
+        DataError: If a channel or a scheduling parameter is not there.
+    """
+    outputs, inputs = _channels(frf, settings)
+    place = np.ix_(np.arange(len(frf.response)), np.arange(len(frf.frequency_hz)), outputs, inputs)
+    response, variance = frf.response[place], frf.element_variance()[place]
+    missing = ~np.isfinite(response) | ~np.isfinite(variance)
+    unknown = not variance.any()
+    return LocalResponses(
+        points=_points(frf, loaded, settings),
+        frequency_hz=frf.frequency_hz,
+        response=np.where(missing, 0, response),
+        variance=None if unknown and not missing.any() else np.where(missing, np.inf, variance),
+        sampling_period_s=frf.sampling_period_s,
+    )
+
+
+def ports_of(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Ports:
+    """Returns channels and scheduling parameters of a fit."""
+    outputs, inputs = _channels(frf, settings)
+    used = [frf.input_channels[index] for index in inputs], [frf.output_channels[index] for index in outputs]
+    units = [_unit(frf, loaded, name) for name in settings.scheduling]
+    return Ports(*_names(used[0]), *_names(used[1]), settings.scheduling, tuple(units), frf.sampling_period_s)
+
+
+def _names(channels: Sequence[Channel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    return tuple(one.name for one in channels), tuple(one.unit for one in channels)
+
+
+def _held_back(data: Data, settings: LpvFit) -> BoolArray:
+    """Which configurations (n_conf,) only choose the structure.
+
+    Raises:
+        DataError: If there is none of them.
+    """
+    if isinstance(settings.choose_on, str):
+        rows = np.array([origin == settings.choose_on for origin in data.origins], bool)
+    else:
+        rows = np.isin(np.array(data.configurations), settings.choose_on)
+    if not rows.any():
+        message = "`choose_on` names no configuration that the fit reads"
+        raise DataError(message, where=f"fits.{data.name}", remedy="name some of them, or a campaign of `from`")
+    return np.asarray(rows)
+
+
+def _channels(frf: Frf, settings: LpvFit) -> tuple[IntArray, IntArray]:
+    """Indices of a fit's outputs and inputs."""
+    found = []
+    for wanted, known, word in (
+        (settings.outputs, frf.output_names, "output"),
+        (settings.inputs, frf.input_names, "input"),
+    ):
+        missing = [name for name in wanted if name not in known]
+        if missing:
+            message = f"the response has no {word} `{missing[0]}` (it has {', '.join(known)})"
+            raise DataError(message, where=f"fits.{word}s", remedy="name channels of the response")
+        found.append(np.array([known.index(name) for name in wanted or known]))
+    return found[0], found[1]
+
+
+def _points(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> FloatArray:
+    """Values (n_conf, n_scheduling) of the scheduling parameters."""
+    columns = []
+    for name in settings.scheduling:
+        joints = _joints(frf, loaded)
+        if name in joints:
+            columns.append(frf.configurations[:, joints.index(name)])
+        elif name in frf.output_names and frf.mean_output is not None:
+            columns.append(frf.mean_output[:, frf.output_names.index(name)])
+        else:
+            message = f"the responses do not say where `{name}` was"
+            remedy = "schedule by a joint whose positions the campaign names, or by an output with its mean"
+            raise DataError(message, where="fits.scheduling", remedy=remedy)
+    return np.column_stack(columns)
+
+
+def _joints(frf: Frf, loaded: LoadedExperiment) -> tuple[str, ...]:
+    """Names of the joints whose positions a response has."""
+    names = tuple(joint.name for joint in loaded.robot.joints)
+    return names if frf.configurations.shape[1:] == (len(names),) else ()
+
+
+def _unit(frf: Frf, loaded: LoadedExperiment, name: str) -> str:
+    joints = _joints(frf, loaded)
+    if name in joints:
+        return "rad" if frf.joint_units is None else frf.joint_units[joints.index(name)]
+    channels = frf.measured_channels or frf.output_channels
+    return channels[frf.output_names.index(name)].unit
+
+
+def _moving(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
+    """Yields a doubt where joints that schedule nothing differ between configurations."""
+    joints = _joints(frf, loaded)
+    spread = np.ptp(frf.configurations, axis=0) if joints else np.zeros(0)
+    moved = [
+        name for name, width in zip(joints, spread, strict=True) if width > _SAME and name not in settings.scheduling
+    ]
+    if moved:
+        told = f"{', '.join(moved)} stood elsewhere in other configurations, of which the model knows nothing"
+        yield Doubt("model", told, decisive=False, strength=1.5)

@@ -1,0 +1,78 @@
+"""How far to trust a position-dependent fit: absolute limits of its error beyond noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from robid.fit.lpv.solution import Held, LpvSolution, Ports
+from robid.validation.doubt import Doubt
+from robid.validation.grade import Grade, grade_alone, grade_held, ordered
+
+UNUSABLE = 0.3
+"""Error beyond noise, over the response, from which on a model must not be used."""
+
+DOUBTFUL = 0.1
+"""The same from which on it is to be doubted."""
+
+
+def assess_lpv(solution: LpvSolution, told: Sequence[Doubt] = ()) -> Grade:
+    """Gathers the doubts about a fit and grades it by itself: it predicts at best.
+
+    Args:
+        solution: What the fit found.
+        told: Further doubts about its data.
+    """
+    doubts = ordered([*_unstable(solution), *told, *error_doubts(solution.own, solution.ports, "the fit's own data")])
+    return grade_alone(_unusable(solution, doubts), _doubtful(doubts), doubts)
+
+
+def grade_lpv(solution: LpvSolution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
+    """Grades a fit that was held against responses that it never saw.
+
+    Args:
+        solution: What the fit found.
+        doubts: Doubts about it, the first to blame first.
+        failures: What the validation found beyond its limits, a clause each.
+    """
+    every = ordered(doubts)
+    return grade_held((*_unusable(solution, every), *failures), _doubtful(every), every)
+
+
+def error_doubts(held: Held, ports: Ports, where: str) -> Iterator[Doubt]:
+    """Yields a doubt where the error beyond noise is too large, decisive where the model must not be used."""
+    worst = float(np.nanmax(held.agreement.excess, initial=0.0))
+    if worst > DOUBTFUL:
+        told = f"{worst_place(held, ports)} is off by {worst:.0%} beyond noise on {where}, limit {DOUBTFUL:.0%}"
+        yield Doubt("model", told, decisive=worst > UNUSABLE, strength=worst / DOUBTFUL)
+
+
+def worst_place(held: Held, ports: Ports) -> str:
+    """Names the element and position with the largest error beyond noise."""
+    position, output, port = np.unravel_index(int(np.nanargmax(held.agreement.excess)), held.agreement.excess.shape)
+    return f"{ports.outputs[output]} by {ports.inputs[port]} at {place_text(held, ports, int(position))}"
+
+
+def place_text(held: Held, ports: Ports, position: int) -> str:
+    """Names a position by its scheduling parameters."""
+    values = zip(ports.scheduling, held.points[position].tolist(), ports.scheduling_units, strict=True)
+    return ", ".join(f"{name} = {value:.4g} {unit}" for name, value, unit in values)
+
+
+def _unstable(solution: LpvSolution) -> Iterator[Doubt]:
+    if solution.largest_pole >= 1:
+        at = ", ".join(f"{value:.4g}" for value in solution.largest_pole_at.tolist())
+        told = f"the model is unstable within its range: a pole of absolute value {solution.largest_pole:.6g} at {at}"
+        yield Doubt("model", told, decisive=True, strength=3.0)
+
+
+def _unusable(solution: LpvSolution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
+    found = [doubt.message for doubt in doubts if doubt.decisive]
+    if solution.estimate.status != "converged":
+        found.append("the fit has not converged")
+    return tuple(found)
+
+
+def _doubtful(doubts: Sequence[Doubt]) -> tuple[str, ...]:
+    return tuple(doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1)

@@ -1,0 +1,58 @@
+"""What a position-dependent fit takes of responses: channels, variances, and where each of them was."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from robid.errors import DataError
+from robid.families.lpv.fitting import responses_of
+
+LOADED = SimpleNamespace(robot=SimpleNamespace(joints=[SimpleNamespace(name="turn"), SimpleNamespace(name="lift")]))
+
+
+def frf():
+    generator = np.random.default_rng(1)
+    response = generator.standard_normal((3, 4, 2, 2)) + 1j
+    return SimpleNamespace(
+        response=response,
+        element_variance=lambda: np.abs(response),
+        frequency_hz=np.arange(1.0, 5.0),
+        output_names=("turn", "tool"),
+        input_names=("turn", "lift"),
+        configurations=np.arange(6.0).reshape(3, 2),
+        mean_output=np.array([[0.1, 7.0], [0.2, 8.0], [0.3, 9.0]]),
+        sampling_period_s=1e-3,
+    )
+
+
+def settings(**changes):
+    return SimpleNamespace(**{"inputs": (), "outputs": (), "scheduling": ("lift",), **changes})
+
+
+def test_a_joint_or_the_mean_of_an_output_schedules():
+    found = responses_of(frf(), LOADED, settings(scheduling=("lift", "tool")))
+    np.testing.assert_array_equal(found.points, [[1, 7], [3, 8], [5, 9]])
+    bare = frf()
+    bare.mean_output = None
+    with pytest.raises(DataError, match="do not say where `tool` was"):
+        responses_of(bare, LOADED, settings(scheduling=("tool",)))
+
+
+def test_channels_are_chosen_by_name():
+    own = frf()
+    found = responses_of(own, LOADED, settings(inputs=("lift",), outputs=("tool", "turn")))
+    np.testing.assert_array_equal(found.response, own.response[:, :, [1, 0]][..., [1]])
+    np.testing.assert_array_equal(found.variance, np.abs(found.response))
+    with pytest.raises(DataError, match="the response has no input `twist`"):
+        responses_of(own, LOADED, settings(inputs=("twist",)))
+
+
+def test_what_is_missing_is_left_out_and_an_unknown_variance_is_none():
+    own = frf()
+    own.response[1, 2, 0, 1] = np.nan
+    found = responses_of(own, LOADED, settings())
+    assert np.argwhere(np.isinf(found.variance)).tolist() == [[1, 2, 0, 1]]
+    silent = frf()
+    silent.element_variance = lambda: np.zeros(silent.response.shape)
+    assert responses_of(silent, LOADED, settings()).variance is None

@@ -1,0 +1,75 @@
+"""Verdicts on position-dependent models: right ones hold, wrong ones do not, by absolute limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lpv_systems import LEFT_OUT, POSITIONS, local_responses
+from robid.errors import DataError
+from robid.fit.lpv.fitting import fit_lpv
+from robid.fit.lpv.options import BasisOptions, LpvOptions, PathOptions
+from robid.fit.lpv.solution import Ports
+from robid.validation.doubt import Doubt
+from robid.validation.lpv.grading import assess_lpv
+from robid.validation.lpv.validating import validate_lpv
+
+PORTS = Ports(("u",), ("N m",), ("y1", "y2"), ("rad", "m"), ("slide",), ("m",), 1.0)
+NEW = np.array([[0.3], [0.8]])
+
+
+@pytest.fixture(scope="module")
+def solution():
+    generator = np.random.default_rng(3)
+    own, choosing = local_responses(POSITIONS, generator), local_responses(LEFT_OUT, generator)
+    options = LpvOptions(order=3, path=PathOptions(count=2, smallest=30, largest=300))
+    levels = {"degrees_of_freedom": 3.0, "confidence": 0.95, "identifiable_relative_std": 0.2}
+    return fit_lpv(own, choosing, PORTS, BasisOptions(), options, **levels)
+
+
+def new_responses(seed=4, points=NEW, factor=1.0):
+    found = local_responses(points, np.random.default_rng(seed))
+    return replace(found, response=found.response * factor)
+
+
+def test_a_right_model_is_to_be_trusted(solution):
+    assert assess_lpv(solution).value == 1
+    found = validate_lpv(solution, PORTS, new_responses(), 3.0)
+    assert found.outcome.ok
+    assert found.outcome.grade.value == 2
+    assert found.new.all()
+    assert found.held.agreement.share_within.mean() == pytest.approx(1 - np.exp(-4), abs=0.02)
+    assert "holds on new data" in found.outcome.verdict
+
+
+@pytest.mark.parametrize(("factor", "grade"), [(1.05, 2), (1.2, 1), (1.6, 0)])
+def test_limits_are_absolute(solution, factor, grade):
+    found = validate_lpv(solution, PORTS, new_responses(factor=factor), 3.0)
+    assert found.outcome.grade.value == grade
+    assert found.outcome.ok == (grade > 0)
+    together = np.sqrt(np.mean(found.held.agreement.excess**2, axis=0))
+    np.testing.assert_allclose(together, 1 - 1 / factor, atol=0.02)
+
+
+def test_the_same_positions_again_are_no_test(solution):
+    found = validate_lpv(solution, PORTS, new_responses(points=POSITIONS), 3.0)
+    assert not found.new.any()
+    assert found.outcome.grade.value == 1
+    assert "nothing was tested in between" in found.outcome.grade.sentence
+
+
+def test_what_is_unstable_or_has_not_converged_is_not_to_be_used(solution):
+    unstable = replace(solution, largest_pole=1.01)
+    assert assess_lpv(unstable).value == 0
+    assert "unstable within its range" in assess_lpv(unstable).sentence
+    stalled = replace(solution, estimate=replace(solution.estimate, status="stalled"))
+    assert validate_lpv(stalled, PORTS, new_responses(), 3.0).outcome.grade.value == 0
+    moved = Doubt("model", "another joint moved", decisive=False, strength=1.5)
+    assert validate_lpv(solution, PORTS, new_responses(), 3.0, [moved]).outcome.grade.value == 1
+
+
+def test_other_channels_and_positions_outside_are_refused(solution):
+    with pytest.raises(DataError, match="other channels"):
+        validate_lpv(solution, replace(PORTS, outputs=("y1", "y3")), new_responses(), 3.0)
+    with pytest.raises(DataError, match=r"The model holds from -1 to 1, not at 1\.5"):
+        validate_lpv(solution, PORTS, new_responses(points=np.array([[1.5]])), 3.0)
