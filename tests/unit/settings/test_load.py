@@ -134,7 +134,7 @@ def test_merge_keys_reach_the_models(tmp_path):
         ("count: 20", "count: 20, spacing: lin", 7, "campaigns.candidates.excitation.spacing", "'log' or 'linear'"),
         ("high_hz: 50", "high_hz: .inf", 7, "campaigns.candidates.excitation.high_hz", "finite"),
         ("family: elastic, ", "", 19, "fits.springs.family", "is missing"),
-        ("family: elastic", "family: lpv", 19, "fits.springs.family", "'elastic'"),
+        ("family: elastic", "family: plastic", 19, "fits.springs.family", "'elastic'"),
         ("name: test", "name: ../test", 2, "name", "a name has up to 64 letters"),
         ("  fresh:\n", "  fr/esh:\n", 12, "campaigns.fr/esh", "a name has up to 64 letters"),
         ("schema_version: 1", "schema_version: 2", 1, "schema_version", "should be 1"),
