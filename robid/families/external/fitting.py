@@ -26,6 +26,7 @@ from robid.validation.external.homes import compare_homes
 from robid.validation.external.validating import validate_external
 
 _SAME_HOME = 1e-6  # rad, or m
+_ALIKE = "validate on a record of the same channels and units, held alike"
 
 
 def fit(data: Data, work: Work) -> Artifact:
@@ -41,6 +42,10 @@ def fit(data: Data, work: Work) -> Artifact:
     }
     own = [shot for name, group in shots.items() if name != settings.choose_on for shot in group]
     held_back = shots.get(settings.choose_on or "", ())
+    if not own or (settings.choose_on is not None and not held_back):
+        message = f"`configurations` leave no shot {'to choose on' if own else 'to fit'}"
+        remedy = "name configurations of the campaign that chooses and of the others"
+        raise DataError(message, where=f"fits.{data.name}", remedy=remedy)
     told = commands_of(data.records[0], options)
     solution = fit_external(own, told.channels, data.records[0].output_channels, told.hold, options, held_back)
     solution = replace(solution, homes=homes_of(records))
@@ -146,7 +151,7 @@ def refuse_other_ports(ports: Ports, record: Record, options: ExternalOptions) -
             f"the validation has {describe(told.channels)} ({told.hold}) and {describe(record.output_channels)}, the "
             f"fit {', '.join(ports.inputs)} ({ports.hold}) and {', '.join(ports.outputs)}, or in other units"
         )
-        raise DataError(message, where="validation", remedy="validate on a record of the same channels")
+        raise DataError(message, where="validation", remedy=_ALIKE)
 
 
 def _ports(channels: Sequence[Channel]) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -193,7 +193,8 @@ def _refuse_short(block: Block, shots: Sequence[Shot], options: ExternalOptions)
     zeros = poles - 1 if options.zeros is None else options.zeros
     n_parameter = poles + len(block.inputs) * len(block.outputs) * ((zeros if options.poles else 0) + 1)
     n_sample = sum(len(shot.outputs) for shot in shots) * len(block.outputs)
-    reach = (options.delay_samples or options.max_delay_samples) + options.moving_average
+    delay = options.max_delay_samples if options.delay_samples is None else options.delay_samples
+    reach = delay + options.moving_average
     needed = max(_SAMPLES_PER_PARAMETER * n_parameter, 4 * reach)
     if n_sample < needed:
         message = f"{n_sample} samples of {block.name} are too short a record for {n_parameter} parameters"

@@ -108,9 +108,10 @@ def map_coupling(
     high = root > np.maximum(options.coherence, limit[:, None, None])
     coupled = high & (ratio > options.ratio) & ~pairs.own
     gain, radius = np.abs(etfe.response) * pairs.per_resolution, etfe.radius * pairs.per_resolution
-    crossing = _crossing(etfe.frequency_hz, gain - radius > options.ratio, np.asarray(np.isfinite(gain).any(axis=0)))
+    crossing = _first_coupled(etfe.frequency_hz, gain, radius, options.ratio, coupled)
     crossing = np.where(pairs.own, np.nan, crossing)
-    examined_hz = float(etfe.frequency_hz[-1]) if etfe.frequency_hz.size else 0.0
+    seen = np.isfinite(gain - radius).any(axis=(1, 2))
+    examined_hz = float(etfe.frequency_hz[seen][-1]) if seen.any() else 0.0
     upto = _decoupled(crossing, pairs.own, examined_hz)
     return CouplingMap(
         bands=tuple(group[0].name for group in groups),
@@ -197,6 +198,19 @@ def _partial(spectra: ComplexArray, place: int, n_moved: int) -> tuple[FloatArra
     return power[:, 0], left[:, 0, 1:], power[:, 1:]
 
 
+def _first_coupled(
+    frequency_hz: FloatArray, gain: FloatArray, radius: FloatArray, threshold: float, coupled: BoolArray
+) -> FloatArray:
+    """Lowest frequency (n_out, n_in) at which a response is above a threshold beyond doubt.
+
+    What the coherence shows to be coupled is so from where the response itself is above it.
+    """
+    known = np.asarray(np.isfinite(gain - radius).any(axis=0))
+    sure = _crossing(frequency_hz, gain - radius > threshold, known)
+    likely = _crossing(frequency_hz, gain > threshold, known)
+    return np.where(coupled.any(axis=0) & np.isinf(sure), likely, sure)
+
+
 def _crossing(frequency_hz: FloatArray, above: BoolArray, examined: BoolArray) -> FloatArray:
     """Lowest frequency (n_out, n_in) at which it is above, there and at the next one."""
     if not len(above):
@@ -217,7 +231,9 @@ def _decoupled(crossing: FloatArray, own: BoolArray, examined_hz: float) -> Floa
 
 def _sentence(coupled: BoolArray, crossing: FloatArray, pairs: Pairs, overall_hz: float, examined_hz: float) -> str:
     places = np.argwhere(coupled.any(axis=0) | np.isfinite(crossing))
-    if not np.isfinite(np.where(pairs.own, np.nan, crossing)).any() and not len(places):
+    if not len(places) and examined_hz <= 0:
+        return "The commands excite too few lines to tell whether channels are coupled."
+    if not len(places):
         return f"No coupling of other channels was seen up to {examined_hz:.3g} Hz."
     listed = ", ".join(f"{pairs.outputs[out]} to {pairs.inputs[told]}" for out, told in places)
     return (

@@ -68,7 +68,7 @@ class ExternalOptions:
     rule: Literal["evidence", "sufficient"] = field(
         default="evidence",
         metadata={
-            "description": "How the order is chosen: by evidence against overfitting and white residuals, or the"
+            "description": "How the order is chosen: by evidence against overfitting, or the"
             " smallest that reaches `sufficient_nrmse`."
         },
     )
@@ -124,9 +124,3 @@ class ExternalOptions:
             "gt": 0,
         },
     )
-
-    def hold_of(self, recorded: str) -> Literal["zoh", "foh"]:
-        """Returns what commands do between samples, by what a record says of its inputs."""
-        if self.hold != "recorded":
-            return self.hold
-        return "zoh" if recorded == "zoh" else "foh"

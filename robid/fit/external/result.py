@@ -23,7 +23,6 @@ from robid.fit.external.output_error import BlockFit
 from robid.fit.external.parameters import block_parameters, estimate_of
 from robid.fit.external.solution import ExternalSolution, FitQuality, Ports, Traces, Transfers, Tried
 
-_MOST_ROWS = 20000  # of a block's traces
 _REMEDIES = {
     "iteration_limit": "fix the number of poles, or excite a wider band",
     "stalled": "ask for fewer poles: the data do not determine all of them",
@@ -99,7 +98,7 @@ def make_solution(
         tried=_tried(found),
         etfe=etfe,
         coupling=coupling,
-        responses=frequency_responses(fitted, float(quality.lowest_hz.min())),
+        responses=frequency_responses(fitted, _lowest_hz(quality, ports)),
         steps=step_responses(fitted),
         loci=root_loci(fitted),
         traces=_traces(found),
@@ -233,15 +232,11 @@ def _tried(found: Sequence[FittedBlock]) -> tuple[Tried, ...]:
 
 
 def _traces(found: Sequence[FittedBlock]) -> Traces:
-    """Measured and simulated outputs, of each block's first shots as far as they are not too many."""
+    """Measured and simulated outputs of all shots, block by block."""
     names = list(dict.fromkeys(shot.name for one in found for shot in one.shots))
     rows, first = [], 0
     for one in found:
-        n_row = 0
         for shot, measured, left in zip(one.shots, one.measured, one.fit.residuals, strict=True):
-            if n_row and n_row + measured.size > _MOST_ROWS:
-                break
-            n_row += measured.size
             time_s = np.arange(len(measured)) * shot.sampling_period_s
             for place in range(measured.shape[1]):
                 labels = np.full((2, len(measured)), [[first + place], [names.index(shot.name)]])
@@ -249,6 +244,11 @@ def _traces(found: Sequence[FittedBlock]) -> Traces:
         first += len(one.block.outputs)
     output, shots, time, measured, simulated = (np.concatenate(each) for each in zip(*rows, strict=True))
     return Traces(output.astype(int), shots.astype(int), tuple(names), time, measured, simulated)
+
+
+def _lowest_hz(quality: FitQuality, ports: Ports) -> float:
+    """Lowest frequency that tells something of any block; one line alone has no band."""
+    return float(np.nanmin(np.append(quality.lowest_hz, 0.01 / ports.sampling_period_s)))
 
 
 def _gain_unit(transfers: Transfers, ports: Ports, channel: int) -> str:

@@ -127,9 +127,13 @@ def validate_external(
 def _agreements(one: NewShots, traces: Sequence[PredictedShot]) -> tuple[Agreement, ...]:
     measured, errors = [each.measured for each in traces], [each.measured - each.predicted for each in traces]
     found = agreements(one.names, one.shots, one.outputs, measured, errors, one.inputs)
-    noise = {(shot.place, name): each.noise_std[index]
-             for shot, each in zip(one.shots, traces, strict=True) for index, name in enumerate(one.names)}  # fmt: skip
-    return tuple(replace(each, noise_std=float(noise[each.place, each.output])) for each in found)
+    pairs = list(zip(one.shots, traces, strict=True))
+
+    def noise_std(place: str, output: str) -> float:
+        there = [each.noise_std for shot, each in pairs if shot.place == place]
+        return float(np.sqrt(np.mean(np.square(there), axis=0))[one.names.index(output)])
+
+    return tuple(replace(each, noise_std=noise_std(each.place, each.output)) for each in found)
 
 
 def _bounds(solution: ExternalSolution, one: NewShots, traces: Sequence[PredictedShot]) -> Iterator[Bounds]:

@@ -20,6 +20,7 @@ from robid.validation.recovery import recover
 
 _SAME_PLACE = 1e-3  # of the range
 _SAME_RATE = 1e-6
+_ALIKE = "validate on a campaign with the same channels, units and sampling period"
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def _refuse_other(own: Ports, found: Ports) -> None:
     )
     if not same or abs(found.sampling_period_s / own.sampling_period_s - 1) > _SAME_RATE:
         message = "the validation has other channels, units or another sampling period than the fit"
-        raise DataError(message, where="validation", remedy="validate on a campaign with the same channels")
+        raise DataError(message, where="validation", remedy=_ALIKE)
 
 
 def _verdict(held: Held, failures: Sequence[str]) -> str:
