@@ -54,3 +54,28 @@ def test_a_search_that_stalled_where_there_is_no_better_has_converged(shots):
     worse = replace(fit, log_likelihood=fit.log_likelihood - 5)
     assert settled(fit, worse) == replace(fit, status="converged")
     assert settled(worse, fit) is fit, "a second search that finds better shows that the first had not"
+
+
+def test_every_shot_is_held_with_what_was_measured(shots):
+    long = [replace(each, name=f"{each.name} {turn}") for turn in range(6) for each in shots]
+    assert sum(len(each.outputs) for each in long) > 20_000
+    found = fit_external(long, *PORTS, "zoh", OPTIONS).traces
+    assert set(found.shot.tolist()) == set(range(len(long)))
+
+
+def test_few_lines_tell_nothing_of_coupling_and_keep_responses(shots):
+    n_sample = len(shots[0].outputs)
+    time = np.arange(n_sample) / n_sample
+    command = 0.01 * sum(np.cos(2 * np.pi * line * time + line**2) for line in (5, 20, 60, 110, 160))
+    answer = PLANT(np.tile(command, 3))[-n_sample:]
+    noise = 1e-6 * np.random.default_rng(1).standard_normal((n_sample, 2))
+    sparse = replace(
+        shots[0],
+        inputs=np.stack([command, 0 * command], axis=1),
+        outputs=np.stack([answer, 0 * answer], axis=1) + noise,
+        start="periodic",
+        noise_std=np.full(2, 1e-6),
+    )
+    found = fit_external([sparse], *PORTS, "zoh", OPTIONS)
+    assert np.isfinite(found.responses.response).all()
+    assert "too few lines to tell" in found.coupling.sentence
