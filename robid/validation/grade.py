@@ -67,6 +67,17 @@ def grade_held(unusable: Sequence[str], doubtful: Sequence[str], doubts: Sequenc
     return _made(PREDICTS if doubtful else TRUST, doubtful, doubts)
 
 
+def forbidding(doubts: Sequence[Doubt], status: str) -> tuple[str, ...]:
+    """Returns why a fit that ended so must not be used by itself, a clause each."""
+    found = [doubt.message for doubt in doubts if doubt.decisive]
+    return (*found, *(() if status == "converged" else ("the fit has not converged",)))
+
+
+def weakening(doubts: Sequence[Doubt]) -> tuple[str, ...]:
+    """Returns why single parameters of a fit may be off, a clause each."""
+    return tuple(doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1)
+
+
 def ordered(doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
     """Leaves out what repeats a cause; a decisive doubt takes the place of one that is not."""
     found: dict[str, Doubt] = {}

@@ -8,13 +8,13 @@ from robid.fit.external.options import ExternalOptions
 from robid.fit.external.solution import ExternalSolution
 from robid.validation.doubt import Doubt
 from robid.validation.external.plausible import solution_doubts
-from robid.validation.grade import Grade, grade_alone, grade_held, ordered
+from robid.validation.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
 
 
 def assess_external(solution: ExternalSolution, options: ExternalOptions) -> Grade:
     """Gathers the doubts about an external fit and grades it by itself: it predicts at best."""
     doubts = ordered(solution_doubts(solution, options))
-    return grade_alone(_unusable(solution, doubts), _doubtful(doubts), doubts)
+    return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
 
 
 def grade_external(solution: ExternalSolution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
@@ -26,15 +26,4 @@ def grade_external(solution: ExternalSolution, doubts: Sequence[Doubt], failures
         failures: What the validation found beyond its limits, a clause each.
     """
     every = ordered(doubts)
-    return grade_held((*_unusable(solution, every), *failures), _doubtful(every), every)
-
-
-def _unusable(solution: ExternalSolution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
-    found = [doubt.message for doubt in doubts if doubt.decisive]
-    if solution.estimate.status != "converged":
-        found.append("the fit has not converged")
-    return tuple(found)
-
-
-def _doubtful(doubts: Sequence[Doubt]) -> tuple[str, ...]:
-    return tuple(doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1)
+    return grade_held((*forbidding(every, solution.estimate.status), *failures), weakening(every), every)

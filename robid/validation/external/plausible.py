@@ -20,7 +20,7 @@ _MISTAKES = {1e3: "metres were read as millimetres", 1e-3: "millimetres were rea
 _ROUGHLY = 1.3
 _TILTED = "; poses that were logged in another frame than the tool's at home are turned by `pose`"
 _RINGING = 0.1  # time constants
-_ALIKE = 10.0  # difference of the criterion that is strong evidence
+_ALIKE = 10.0  # difference of the criterion that is very strong evidence
 
 
 def solution_doubts(solution: ExternalSolution, options: ExternalOptions) -> tuple[Doubt, ...]:
