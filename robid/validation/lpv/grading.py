@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.fit.lpv.solution import Held, LpvSolution, Ports
 from robid.validation.doubt import Doubt
-from robid.validation.grade import Grade, grade_alone, grade_held, ordered
+from robid.validation.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
 
 UNUSABLE = 0.3
 """Error beyond noise, over the response, from which on a model must not be used."""
@@ -25,7 +25,7 @@ def assess_lpv(solution: LpvSolution, told: Sequence[Doubt] = ()) -> Grade:
         told: Further doubts about its data.
     """
     doubts = ordered([*_unstable(solution), *told, *error_doubts(solution.own, solution.ports, "the fit's own data")])
-    return grade_alone(_unusable(solution, doubts), _doubtful(doubts), doubts)
+    return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
 
 
 def grade_lpv(solution: LpvSolution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
@@ -37,7 +37,7 @@ def grade_lpv(solution: LpvSolution, doubts: Sequence[Doubt], failures: Sequence
         failures: What the validation found beyond its limits, a clause each.
     """
     every = ordered(doubts)
-    return grade_held((*_unusable(solution, every), *failures), _doubtful(every), every)
+    return grade_held((*forbidding(every, solution.estimate.status), *failures), weakening(every), every)
 
 
 def error_doubts(held: Held, ports: Ports, where: str) -> Iterator[Doubt]:
@@ -65,14 +65,3 @@ def _unstable(solution: LpvSolution) -> Iterator[Doubt]:
         at = ", ".join(f"{value:.4g}" for value in solution.largest_pole_at.tolist())
         told = f"the model is unstable within its range: a pole of absolute value {solution.largest_pole:.6g} at {at}"
         yield Doubt("model", told, decisive=True, strength=3.0)
-
-
-def _unusable(solution: LpvSolution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
-    found = [doubt.message for doubt in doubts if doubt.decisive]
-    if solution.estimate.status != "converged":
-        found.append("the fit has not converged")
-    return tuple(found)
-
-
-def _doubtful(doubts: Sequence[Doubt]) -> tuple[str, ...]:
-    return tuple(doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1)
