@@ -20,9 +20,9 @@ class Agreement:
         error_ratio: Root mean square of the error over its deviation; NaN where that is unknown.
         error_db: Median distance of the magnitudes [dB].
         relative_error: Root mean square of the error over that of the response.
-        excess: The same of what noise does not explain, however uncertain the model is, over the response at all positions, or what is natural
-            to the element by the others of its row and column where that is larger: coupling that is hardly there
-            need not be known.
+        excess: The same of what noise does not explain, however uncertain the model is, over the response at all
+            positions, or what is natural to the element by the others of its row and column where that is larger:
+            coupling that is hardly there need not be known.
     """
 
     share_within: FloatArray
