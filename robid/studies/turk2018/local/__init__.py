@@ -1,1 +1,1 @@
-"""The model at rest: errors against deviations, blocks, responses over the positions. Read `figures`, then `page`."""
+"""The model at rest beside the paper's. Read `figures`, `tables`, `pictures`, then `page`."""
