@@ -1,6 +1,6 @@
 """The study of position-dependent dynamics of Turk et al. (2018).
 
-Read `check`, `section`; then its parts `known_structure` and `synthetic`, and `local`; then `parts`.
+Read `check`, `section`; then its parts `known_structure` and `synthetic`, `local` and `moving`; then `parts`.
 """
 
 from __future__ import annotations

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robid.settings.experiment import Experiment
-from robid.settings.lpv_study import TravelCase, TurkStudy
+from robid.settings.lpv_study import TurkStudy
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
-from robid.studies.campaign_check import campaign_problem
+from robid.studies.turk2018.moving.check import check_travel
 
 _Found = Iterator[tuple[FieldPath, str]]
 
 
-def check_turk2018(experiment: Experiment, _robot: RobotFile | None) -> _Found:
+def check_turk2018(experiment: Experiment, robot: RobotFile | None) -> _Found:
     """Yields the field and the message of everything that is wrong with a study of position-dependent dynamics."""
     study = experiment.study
     if not isinstance(study, TurkStudy):
@@ -26,7 +26,8 @@ def check_turk2018(experiment: Experiment, _robot: RobotFile | None) -> _Found:
         if fit is not None and fit.family == "lpv" and fit.validate_on is None:
             yield field, f"fit `{study.local.fit}` names no campaign in `validate_on`"
     if study.travel is not None:
-        yield from _check_travel(experiment, study.travel)
+        yield from _check_fit(experiment, study.travel.fit, ("study", "global", "fit"))
+        yield from check_travel(experiment, study.travel, robot)
 
 
 def _check_fit(experiment: Experiment, name: str, field: FieldPath) -> _Found:
@@ -35,12 +36,3 @@ def _check_fit(experiment: Experiment, name: str, field: FieldPath) -> _Found:
         yield field, f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
     elif fit.family != "lpv":
         yield field, f"fit `{name}` is of the family `{fit.family}`, not `lpv`"
-
-
-def _check_travel(experiment: Experiment, case: TravelCase) -> _Found:
-    field = ("study", "global")
-    yield from _check_fit(experiment, case.fit, (*field, "fit"))
-    for key, name in (("campaign", case.campaign), ("fixed", case.fixed)):
-        problem = campaign_problem(experiment, name)
-        if problem:
-            yield (*field, key), problem

@@ -6,12 +6,14 @@ from robid.settings.load import LoadedExperiment
 from robid.studies.paper import paper_figures
 from robid.studies.part import Part
 from robid.studies.turk2018.local.page import conclude_local, further_local
+from robid.studies.turk2018.moving.page import conclude_travel, further_travel
 from robid.studies.turk2018.section import study_of
 from robid.studies.turk2018.synthetic import conclude_synthetic, find, synthetic_tasks
 
 PARTS = (
     Part("synthetic", conclude_synthetic, synthetic_tasks, find),
     Part("local", conclude_local, further=further_local),
+    Part("global", conclude_travel, further=further_travel),
 )
 
 
