@@ -41,7 +41,7 @@ def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Sect
         "Share of the lines, of all positions and outputs, where the error is within deviations of the measured mean"
         " response (roots of its total variance). These are estimates, with"
         f" {left_out.degrees_of_freedom:g} complex degrees of freedom, so a perfect model is not within at more lines"
-        " than a group's last row says (92 % and 58 % with three, of four realizations and single lines). Error / deviation: root mean square, variances averaged over"
+        " than a group's last row says. Error / deviation: root mean square, variances averaged over"
         f" {window} lines, as the fit weighs them."
     )
     unit = solution.ports.scheduling_units[0]
