@@ -1,4 +1,4 @@
-"""The travelling slide: the true drive linearised wherever it is, figures of known errors, eq. 20 without distortion."""
+"""The travelling slide: the true drive linearised wherever it is, known errors, eq. 20 without distortion."""
 
 from dataclasses import replace
 
