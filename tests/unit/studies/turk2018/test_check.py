@@ -33,3 +33,11 @@ def test_problems_are_told_with_their_field(tmp_path, old, new, message):
     with pytest.raises(SettingsError) as caught:
         load_with_study(tmp_path / "turk2018.yaml")
     assert message in str(caught.value)
+
+
+def test_campaigns_and_fit_are_those_of_the_example():
+    study, example = (load_with_study(CONFIGS / name) for name in ("studies/turk2018.yaml", "ballscrew.yaml"))
+    assert study.robot == example.robot
+    assert study.experiment.fits == example.experiment.fits
+    own = {name: campaign for name, campaign in study.experiment.campaigns.items() if name != "fixed"}
+    assert own == example.experiment.campaigns
