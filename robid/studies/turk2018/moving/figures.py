@@ -13,6 +13,7 @@ from robid.frf.frf import Frf
 from robid.frf.spectra import output_factor
 from robid.signals.record import Record
 from robid.simulate.truth import TrueRobot
+from robid.studies.turk2018.moving.check import position_output
 from robid.studies.turk2018.moving.frozen import drive_amplitudes, freeze_drive
 from robid.validation.lpv.moving import (
     ErrorParts,
@@ -70,7 +71,7 @@ def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled
         DataError: If the record lacks a channel, or the slide leaves the range of the model.
     """
     ports, names = solution.ports, record.output_names
-    place = f"{ports.scheduling[0]}.arm"
+    place = position_output(ports.scheduling[0])
     missing = [name for name in (*ports.outputs, place) if name not in names]
     if missing:
         message = f"the record of the travelling slide lacks the output `{missing[0]}`"
