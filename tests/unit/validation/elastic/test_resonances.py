@@ -22,7 +22,7 @@ ANTIRESONANCE_HZ = np.sqrt(546.4 / 4.752e-3) / (2 * np.pi)
 RESONANCE_HZ = np.sqrt(546.4 * (1 / 4.752e-3 + 1 / 4.780e-3)) / (2 * np.pi)
 BENCH_HZ = np.arange(11.0, 251.0)
 BENCH = {"sampling_period_s": 4e-4, "delay_s": 5e-4, "output_names": ("drive", "drive.arm")}
-OPTIONS = ElasticOptions(free=("stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay"))
+OPTIONS = ElasticOptions(free=("stiffness", "damping", "viscous", "arm_viscous", "motor_inertia", "link_inertia", "delay"))
 
 
 def table_of(robot, frf, delay_s, options=OPTIONS):
