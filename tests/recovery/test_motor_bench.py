@@ -64,7 +64,10 @@ def estimate_of(summary, fit, name):
 def test_friction_of_the_load_takes_a_third_of_the_misfit_and_most_of_the_damper(with_and_without):
     """Without it the coupling's damper stands for it, and above 30 Hz the motor's friction drives."""
     summary = with_and_without
-    cost = {fit: summary[f"fits.{fit}.estimation.average_configuration_cost"] for fit in ("before", "after", "before_high", "after_high")}
+    cost = {
+        fit: summary[f"fits.{fit}.estimation.average_configuration_cost"]
+        for fit in ("before", "after", "before_high", "after_high")
+    }
     assert cost["after"] < 0.72 * cost["before"]
     assert cost["after_high"] < 0.82 * cost["before_high"]
     damper = {fit: estimate_of(summary, fit, "coupling.damping") for fit in cost}

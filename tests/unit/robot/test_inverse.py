@@ -66,8 +66,7 @@ def test_undamped_two_masses_are_the_closed_form(stride, rubs):
     arm, speed, acceleration, jerk, snap = bump()
     found = invert(drive(rubs=rubs), bump()[:3, :, None], np.zeros(1), stride)
     load, rate, second = (
-        LOAD * once + rubs * before
-        for before, once in ((speed, acceleration), (acceleration, jerk), (jerk, snap))
+        LOAD * once + rubs * before for before, once in ((speed, acceleration), (acceleration, jerk), (jerk, snap))
     )
     angle = RATIO * (arm + load / STIFFNESS)
     torque = load / RATIO
