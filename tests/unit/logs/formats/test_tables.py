@@ -132,7 +132,8 @@ def test_names_that_repeat_are_numbered(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "no table"),
+        ("", "is empty"),
+        ("\n\n", "no table"),
         ("t,q\n", "no table"),
         ("t,q\n0,1\n1\n", "line 3: The table is broken: 1 values for 2 columns"),
         ("t,q\n0,1\n1,2,3\n4,5\n6,7\n", "line 3: The table is broken: 3 values for 2 columns"),
