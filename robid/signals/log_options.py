@@ -78,6 +78,13 @@ class LogOptions:
         default=None, metadata={"description": "Which channels are absolute poses of the tool."}
     )
     time: TimeChannel | None = field(default=None, metadata={"description": "The log's own time, if it has one."})
+    resample: Literal["time", "period"] | None = field(
+        default=None,
+        metadata={
+            "description": "What clock the samples are brought to by interpolation: `time`, the log's own, in steps of"
+            " `sampling_period_s`; `period`, the generator's, so that a measured period has its stated samples."
+        },
+    )
     drop_periods: int = field(default=0, metadata={"description": "Periods dropped at the start of the log.", "ge": 0})
     one_shot: bool = field(
         default=False,

@@ -38,6 +38,10 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
             yield (*field, "configurations"), message
         if acquire.drop_periods:
             yield (*inside, "drop_periods"), "one shot has no periods"
+    if acquire.resample == "time" and acquire.time is None:
+        yield (*inside, "resample"), "there is no `time` to resample to"
+    if acquire.resample == "period" and acquire.one_shot:
+        yield (*inside, "resample"), "one shot has no period to resample to"
     every: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
         ("inputs", acquire.inputs),
         ("outputs", acquire.outputs),
