@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.errors import DataError
+from robid.logs.formats.known import tell_format
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import Variables, find_variable
 from robid.logs.mapping import LogMapping
@@ -20,7 +21,7 @@ from robid.signals.record import Record
 _SHOWN = 8
 """Fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists."""
 _SMALL = 1 << 27
-"""Logs up to this size are read whole to suggest a name [bytes]."""
+"""MAT files up to this size are read whole to suggest a name [bytes]."""
 
 
 def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
@@ -76,11 +77,11 @@ def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[N
 
 
 def _every_size(mapping: LogMapping, name: str, variables: Variables) -> Mapping[str, int]:
-    """Sizes of all variables of a log; of a large one, those inside structures that were not read are unknown."""
+    """Sizes of all variables of a log; only small MAT files are read again for those inside other structures."""
     path, _ = mapping.variables[name]
-    if not path.is_file() or path.stat().st_size > _SMALL:
+    if (mapping.format or tell_format(path)) != "mat" or path.stat().st_size > _SMALL:
         return variables.sizes
-    return load_variables(path, mapping.format, None, mapping.dialect).sizes
+    return load_variables(path, mapping.format).sizes
 
 
 def check_motion(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:
