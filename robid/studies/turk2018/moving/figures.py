@@ -121,6 +121,13 @@ def travel_figures(travelled: Travelled, fixed: FloatArray) -> dict[str, float]:
     }
 
 
+def uncompensated_figures(travelled: Travelled) -> dict[str, float]:
+    """Returns by how much a model with friction in it misses more than the true drive, per output."""
+    excess = 100 * travelled.excess(travelled.fitted)
+    named = zip(travelled.outputs, excess, strict=True)
+    return {f"global.uncompensated_mismatch_percent.{name}": float(value) for name, value in named}
+
+
 def total_over_noise(frf: Frf, outputs: tuple[str, ...], periods: int) -> FloatArray:
     """Root of the mean over the lines of a response's total variance over that of one period's noise (n_out,).
 

@@ -15,8 +15,12 @@ GLOBAL = "\n    source: {simulate: {<<: *simulate, seed: 3}}"
     ("old", "new", "message"),
     [
         ("campaign: global", "campaign: local", ".campaign: campaign `local` has no `excitation.travel`"),
-        ("periods: 7", "periods: 1", ".campaign: campaign `global` needs at least 2 periods"),
-        ("scheduling: [slide]", "scheduling: [slide, slide.arm]", ".fit: fit `lpv` has 2 scheduling parameters"),
+        (
+            "realizations: 1\n    periods: 7",
+            "realizations: 1\n    periods: 1",
+            ".campaign: campaign `global` needs at least 2 periods",
+        ),
+        ("scheduling: [slide]", "scheduling: [slide, slide.arm]", ".fit: fit `sliding` has 2 scheduling parameters"),
         (f", slide.arm]{GLOBAL}", f"]{GLOBAL}", ".campaign: campaign `global` does not record `slide.arm`"),
         ("fixed: fixed}", "fixed: global}", ".fixed: campaign `global` has no frequency response"),
         ("fixed: fixed}", "fixed: once}", ".fixed: campaign `once` needs at least 2 realizations and 2 periods"),
@@ -25,7 +29,7 @@ GLOBAL = "\n    source: {simulate: {<<: *simulate, seed: 3}}"
 )
 def test_problems_are_told_with_their_field(tmp_path, old, new, message):
     text = (CONFIGS / "studies/turk2018.yaml").read_text()
-    once = text[text.index("  fixed:") : text.index("fits:")].replace("fixed:", "once:")
+    once = text[text.index("  fixed:") : text.index("  sliding:")].replace("fixed:", "once:")
     text = text.replace("\nfits:\n", once.replace("realizations: 4", "realizations: 1") + "\nfits:\n")
     assert old in text
     text = text.replace(old, new).replace("../robots/", f"{CONFIGS}/robots/")
