@@ -69,6 +69,20 @@ def test_the_model_comes_back_from_plain_values(found):
     assert (here.total > 0).all()
 
 
+def test_models_with_all_blocks_are_kept(found):
+    def cost(model, held):
+        error = model.frozen_response(held.points, held.frequency_hz) - held.response
+        return np.sum(np.abs(error / held.std) ** 2)
+
+    assert found.path.gamma[0] == 0
+    assert cost(found.full_model, found.own) == pytest.approx(found.path.refit_cost[0], rel=1e-6)
+    assert cost(found.full_model, found.choosing) == pytest.approx(found.path.validation_cost[0], rel=1e-6)
+    # As many functions as positions: every local model comes back, which no common model can better at its position.
+    costs = [cost(model, found.own) for model in (found.smile_model, found.full_model, found.model)]
+    assert costs[0] <= costs[1] * (1 + 1e-9) < costs[2]
+    assert np.count_nonzero(np.abs(found.dense.smile).max(axis=1)) == 5
+
+
 def test_intervals_widen_where_the_residual_is_larger_than_its_variance(found):
     generator = np.random.default_rng(1)
     own, choosing = (
@@ -99,23 +113,27 @@ def test_agreement_of_noise_is_what_noise_gives(found):
 
 def test_agreement_tells_what_deviations_do_not_explain():
     response = np.ones((1, 50, 1, 1), complex)
-    found = agree(response, 1.1 * response, np.full(response.shape, 0.06))
+    noise = np.full(response.shape, 0.06)
+    found = agree(response, 1.1 * response, noise, noise)
     assert found.excess.item() == pytest.approx(0.08)
     assert found.relative_error.item() == pytest.approx(0.1)
     assert found.share_within.item() == 1
     assert found.error_db.item() == pytest.approx(20 * np.log10(1.1))
+    unsure = agree(response, 1.1 * response, 3 * noise, noise)
+    assert unsure.excess.item() == pytest.approx(0.08)  # a model that knows nothing is no better for it
+    assert unsure.error_ratio.item() == pytest.approx(found.error_ratio.item() / 3)
 
 
 def test_coupling_that_is_hardly_there_need_not_be_known():
     response = np.tile(np.array([[4.0, 0.04], [0.01, 1.0]]).astype(complex), (2, 30, 1, 1))
     modelled = response + np.array([[0.0, 0.02], [0.005, 0.0]])
     unknown = np.full(response.shape, np.nan)
-    found = agree(response, modelled, unknown)
+    found = agree(response, modelled, unknown, unknown)
     np.testing.assert_allclose(found.relative_error[:, [0, 1], [1, 0]], 0.5)
     natural = np.sqrt(np.sqrt(4 * 1) * np.sqrt(0.04 * 0.01)) * np.array([2.0, 0.5])
     np.testing.assert_allclose(found.excess[0, [0, 1], [1, 0]], [0.02, 0.005] / natural, rtol=1e-9)
     metres = np.array([[1.0], [1e-3]]) * np.array([5.0, 0.2])
-    other = agree(response * metres, modelled * metres, unknown)
+    other = agree(response * metres, modelled * metres, unknown, unknown)
     np.testing.assert_allclose(other.excess, found.excess, rtol=1e-9)
 
 
