@@ -28,6 +28,7 @@ from robid.frf.frf import Frf
 from robid.frf.local import LOCAL, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
+from robid.frf.steadiness import measure_steadiness, steadiness_findings, steadiness_note
 from robid.frf.transient import robust_blocks
 from robid.frf.windows import Windows, bin_windows, half_width, line_windows
 from robid.signals.friction import TorqueLaw
@@ -35,6 +36,9 @@ from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
 """Estimators that look at what was injected, if it was recorded."""
+
+UNSTEADY = frozenset({"local", "robust_local"})
+"""Estimators that need no period to repeat another one."""
 
 
 @dataclass(frozen=True)
@@ -95,11 +99,20 @@ def estimate_frf(
         laws = None
     spectra = _spectra(record, options, laws, delay_s)
     findings = check_record(record, periodic=options.estimator != "local")
-    refuse_faults(record, findings)
+    # Periods that differ in size look like jitter, too: the steadiness below tells which it is.
+    if any(one.fatal and one.kind != "jitter" for one in findings):
+        refuse_faults(record, findings)
     windows = spectra.windows
     found = _by_blocks(record, spectra, options) if windows is None else _by_windows(spectra, windows, options)
     response = found.estimate.response
     blocks = spectra.blocks if windows is None else spectra.blocks.select(windows.lines)
+    steady = None
+    if options.estimator not in UNSTEADY:
+        steady = measure_steadiness(blocks, response, record, accelerations=to_accelerations(record, options))
+    findings = [*(() if steady is None else steadiness_findings(steady, record)), *findings]
+    if any(one.fatal and one.kind == "unsteady" for one in findings):
+        findings = [one for one in findings if one.kind != "jitter"]
+    refuse_faults(record, findings)
     scatter = blocks.output_scatter - response @ blocks.input_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     levels = silent_levels(spectra.silent, blocks.lines, response)
@@ -125,7 +138,12 @@ def estimate_frf(
         measured_channels=record.output_channels,
         input_hold=record.input_hold,
         joint_units=record.joint_units,
-        notes=(*record.notes, *_notes(found.total, record.excited_lines), *finding_notes(record, findings)),
+        notes=(
+            *record.notes,
+            *_notes(found.total, record.excited_lines),
+            *(() if steady is None else (steadiness_note(steady, record),)),
+            *finding_notes(record, findings),
+        ),
         coherence=multiple_coherence(blocks.outputs, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
