@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, ReferenceChannel
+from robid.signals.log_dialect import Dialect
 from robid.signals.pose import ANGLES, POSE
 from robid.signals.quantities import DRIVES
 
@@ -55,8 +56,11 @@ class PoseOptions:
 class LogOptions:
     """What the variables of a log mean, and which part of it is used."""
 
-    format: Literal["mat", "csv"] = field(
-        metadata={"description": "Format of the log: MAT (version 5), or a table with a header."}
+    format: Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"] | None = field(
+        default=None, metadata={"description": "Format of the log; told from the file when not given."}
+    )
+    dialect: Dialect = field(
+        default=Dialect(), metadata={"description": "How a table of text is written; told from it when not given."}
     )
     sampling_period_s: float = field(metadata={"description": "Sampling period of the log [s].", "gt": 0})
     inputs: tuple[InputChannel, ...] = field(
