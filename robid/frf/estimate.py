@@ -13,7 +13,7 @@ from robid.errors import DataError
 from robid.frf.block_checks import place_of, solvable_lines
 from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, BlockEstimate
 from robid.frf.channels import response_channels, to_accelerations
-from robid.frf.checks import Finding, check_record, finding_notes, refuse_faults
+from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
 from robid.frf.coefficients import coefficients
 from robid.frf.compensation import Disturbance, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
@@ -129,6 +129,7 @@ def estimate_frf(
         frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude)
         what = lost_inputs(dropped, record.frequency_hz, record.input_names)
         findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
+    findings += fed_back(record, frf)
     return replace(frf, notes=(*frf.notes, *finding_notes(record, findings)))
 
 
@@ -212,8 +213,9 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
     if options.estimator in LOCAL:
         n_in, n_out = len(record.input_names), len(record.output_names)
         half = half_width(options, record.inputs.shape[1] * record.inputs.shape[2], n_in, n_out, record.segments)
-        windows = line_windows(record.excited_lines, half)
-        if options.estimator == "local":
+        if options.estimator == "local_periodic":
+            windows = line_windows(record.excited_lines, half)
+        else:
             source = record.as_one_period()
             lines, windows = bin_windows(source.excited_lines, half, source.inputs.shape[4] // 2)
             blocks = transform(source, lines)
