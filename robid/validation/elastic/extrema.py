@@ -107,7 +107,10 @@ class Elements:
         hold = sampled.hold[:, None, None]
         aliases = sampled.sampled - hold * self._continuous
         self._measured = (fitted.measured - aliases) / hold
-        self._variance = frf.element_variance() / np.abs(hold) ** 2
+        variance = frf.element_variance()
+        # What is interpolated is as unsure as it is large.
+        variance = np.where(np.isfinite(variance), variance, np.abs(fitted.measured) ** 2)
+        self._variance = variance / np.abs(hold) ** 2
         if scattering and frf.total_covariance is None:
             seen = line_scatter(self._measured, self._continuous) * np.abs(self._measured) ** 2
             self._variance = np.maximum(self._variance, seen)
