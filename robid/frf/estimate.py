@@ -58,12 +58,18 @@ class _Spectra:
         index = np.flatnonzero(chosen)
         return replace(self, blocks=self.blocks.select(index), removed=self.removed.select(index))
 
-    def amplitude(self, segments: int) -> ComplexArray:
-        """Inputs at the lines (n_freq, n_in, n_block); of an arbitrary signal with the power of all bins around."""
-        inputs = self.at_lines.inputs
-        if segments and self.windows is not None:
-            power = (np.abs(self.blocks.inputs[:, self.windows.index]) ** 2).mean(axis=2)
-            inputs = np.exp(1j * np.angle(inputs)) * np.sqrt(segments * power)
+    def around(self, spectrum: ComplexArray, record: Record) -> ComplexArray:
+        """A spectrum (n_real, n_bin, n_channel, n_exp) at the lines; of an arbitrary signal its RMS in the windows."""
+        if self.windows is None:
+            return spectrum
+        if not record.is_arbitrary:
+            return spectrum[:, self.windows.lines]
+        power = (np.abs(spectrum[:, self.windows.index]) ** 2).mean(axis=2)
+        return np.asarray(np.exp(1j * np.angle(spectrum[:, self.windows.lines])) * np.sqrt(power))
+
+    def amplitude(self, record: Record) -> ComplexArray:
+        """Inputs at the lines (n_freq, n_in, n_block); of an arbitrary signal with the power of a whole resolution."""
+        inputs = self.around(self.blocks.inputs, record) * np.sqrt(max(record.segments, 1))
         return np.concatenate(list(inputs), axis=-1)
 
 
@@ -125,7 +131,7 @@ def estimate_frf(
     require_lines(~dropped, record.frequency_hz, options.weak_line_std, place_of(record))
     if dropped.any():
         frf = replace(frf, element_scale=found.scale(record, ~dropped[solved])[None])
-        amplitude = spectra.amplitude(record.segments)
+        amplitude = spectra.amplitude(record)
         frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude)
         what = lost_inputs(dropped, record.frequency_hz, record.input_names)
         findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
@@ -151,6 +157,7 @@ def _frf(
 ) -> Frf:
     """The response at the lines that could be solved."""
     response, blocks = found.estimate.response, spectra.at_lines
+    outputs = spectra.around(spectra.blocks.outputs, record)
     scatter = blocks.output_scatter - response @ blocks.input_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     levels = silent_levels(spectra.silent, lines, response)
@@ -177,12 +184,12 @@ def _frf(
         input_hold=record.input_hold,
         joint_units=record.joint_units,
         notes=(*record.notes, *_notes(found.total, record)),
-        coherence=multiple_coherence(blocks.outputs, noise if found.total is None else found.total)[None],
+        coherence=multiple_coherence(outputs, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_interpolation=levels.doubt[None],
-        input_amplitude=spectra.amplitude(record.segments)[None],
+        input_amplitude=spectra.amplitude(record)[None],
         compensation=_used(laws, options),
         freedom_share=np.array([found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],

@@ -33,7 +33,7 @@ def exact(frequency_hz):
     return -(omega**2) * np.linalg.inv(-(omega**2) * mass + 0.4j * omega * np.eye(2) + stiffness)
 
 
-def record(notch=(), *, size=3e-6, noise=3e-5, realizations=3, periods=3, seed=1):
+def record(notch=(), *, size=3e-6, noise=3e-5, realizations=3, periods=3, seed=0):
     """Steady state of orthogonal blocks, noise on torque and angle, the second motor's torque weak at some lines."""
     generator = np.random.default_rng(seed)
     amplitude = np.ones((2, LINES.size))
