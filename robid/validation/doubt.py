@@ -20,6 +20,7 @@ CAUSES = {
     "rotor_inertia": "rotor inertias that are off",
     "missing_spring": "a spring that the robot file lacks",
     "friction": "friction of another kind or size",
+    "arm_friction": "viscous friction behind a transmission, which `arm_viscous` in `free` estimates",
     "gear_nonlinearity": "gears with hysteresis, backlash or stiffening that the model lacks",
     "coupling": "commands of other channels, which move this one too",
     "saturation": "a limit of range, speed or acceleration that was reached",

@@ -89,9 +89,7 @@ def test_lines_without_any_power_are_left_out_of_an_exact_record():
 def test_too_little_left_is_refused_with_what_is_needed():
     with pytest.raises(DataError, match=r"2 of 50 lines .* tell enough .* 4 are needed"):
         estimate_frf(record().realizations(1), replace(PLAIN, weak_line_std=_between(record().realizations(1), 2)))
-    with pytest.raises(
-        DataError, match=r"do not excite every motor at .*: 0 of 50 lines tell all of them apart"
-    ):
+    with pytest.raises(DataError, match=r"do not excite every motor at .*: 0 of 50 lines tell all of them apart"):
         estimate_frf(replace(record(), inputs=np.zeros_like(record().inputs)), PLAIN)
 
 
