@@ -183,7 +183,7 @@ def _frf(
         measured_channels=record.output_channels,
         input_hold=record.input_hold,
         joint_units=record.joint_units,
-        notes=(*record.notes, *_notes(found.total, record)),
+        notes=(*record.notes, *_notes(found.total, record, spectra.windows)),
         coherence=multiple_coherence(outputs, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
@@ -297,9 +297,15 @@ def _silent_lines(record: Record) -> IntArray:
     return np.zeros(0, int) if record.is_arbitrary else silent_lines(record.excited_lines)
 
 
-def _notes(total: ComplexArray | None, record: Record) -> tuple[str, ...]:
+def _notes(total: ComplexArray | None, record: Record, windows: Windows | None) -> tuple[str, ...]:
     """What the data cannot tell."""
     notes, excited = [], record.excited_lines
+    if record.is_arbitrary and windows is not None and windows.index.shape[1] > record.segments + 1:
+        width_hz = (windows.index.shape[1] - 1) / record.period_s
+        notes.append(
+            f"The log is short for its resolution of {record.segments / record.period_s:.3g} Hz: each frequency's"
+            f" response is that of {width_hz:.3g} Hz around it."
+        )
     if total is None:
         notes.append("One realization: the covariance holds noise only, no distortion by nonlinearities.")
     if not _silent_lines(record).size:
