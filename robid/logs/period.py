@@ -179,6 +179,19 @@ def _refine(signal: FloatArray, period: float, count: int) -> tuple[float, float
     return shift / count, max(spread, abs(step)) / count
 
 
+def measure_share(periods: FloatArray, lines: IntArray) -> tuple[float, IntArray]:
+    """Returns the stated lines' share of the averaged period's energy, and the lines that really carry it.
+
+    Args:
+        periods (n_period, n_sample): The signal.
+        lines (n_lines,): Stated lines.
+    """
+    mean, _ = line_power(periods)
+    mean[0] = 0
+    carrying = np.flatnonzero(mean > 1e-2 * np.sort(mean)[-max(len(lines) // 2, 1)])
+    return float(mean[lines].sum() / mean.sum()), carrying
+
+
 def line_power(periods: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Power of the averaged period at each line, and the power that noise contributes to it."""
     spectrum = rfft(periods - periods.mean(axis=1, keepdims=True), axis=1)
