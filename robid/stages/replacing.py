@@ -23,7 +23,8 @@ _MARKS = {
     ".xml": (b"elastic model identified by robid ", _RIGID),
     **dict.fromkeys((".urdf", ".yaml", ".yml"), (_RIGID,)),
     ".mat": (b"MATLAB 5.0 MAT-file, written by robid",),
-    ".csv": (",".join(PARAMETER_COLUMNS).encode(), b"# Excitation of campaign "),
+    ".csv": (",".join(PARAMETER_COLUMNS).encode(), b"# Excitation of campaign ", b"# Frequency response of campaign "),
+    **dict.fromkeys((".uff", ".unv"), (b"Frequency response of campaign ",)),
 }
 
 
