@@ -37,7 +37,7 @@ class Finding:
     """Something wrong with a record.
 
     Attributes:
-        kind: `period`, `dropped`, `jitter`, `saturation` or `still`.
+        kind: `period`, `dropped`, `jitter`, `saturation`, `still`, `weak` or `loop`.
         what: What is wrong, with channel, experiment, realization, period and sample where they are known.
         remedy: What to do next.
         fatal: Whether the record cannot be used.

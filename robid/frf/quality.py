@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 
 
@@ -14,7 +14,7 @@ from robid.frf.frf import Frf
 class Quality:
     """How well each output's response is known, at the input that moves it the most.
 
-    NaN where a line was dropped, or where the record does not tell.
+    NaN where a line told too little of all inputs, or where the record does not tell.
 
     Attributes:
         strongest (n_conf, n_freq, n_out): Index of that input.
@@ -34,14 +34,22 @@ class Quality:
     even: FloatArray
 
 
+def known_response(frf: Frf) -> ComplexArray:
+    """The response (n_conf, n_freq, n_out, n_in), NaN where a line told too little of an input."""
+    if frf.dropped is None:
+        return frf.response
+    return np.asarray(np.where(frf.dropped[:, :, None], np.nan, frf.response))
+
+
 def dropped_lines(frf: Frf) -> BoolArray:
-    """Lines (n_conf, n_freq) at which a configuration has no response."""
-    return np.asarray(~np.isfinite(frf.response).all(axis=(2, 3)))
+    """Lines (n_conf, n_freq, n_in) that told too little of an input."""
+    shape = (*frf.response.shape[:2], frf.response.shape[3])
+    return np.zeros(shape, bool) if frf.dropped is None else frf.dropped
 
 
 def judge(frf: Frf) -> Quality:
     """Says how well a response is known."""
-    size = np.abs(frf.response)
+    size = np.abs(known_response(frf))
     columns = np.sqrt(np.real(np.diagonal(frf.input_factor, axis1=-2, axis2=-1)))
     reach = np.nan_to_num(size / np.maximum(columns, np.finfo(float).tiny)[..., None, :])
     strongest = reach.argmax(axis=-1)
@@ -51,7 +59,8 @@ def judge(frf: Frf) -> Quality:
         if deviation is None:
             return unknown
         chosen, whole = (np.take_along_axis(each, strongest[..., None], -1)[..., 0] for each in (deviation, size))
-        return np.asarray(np.divide(chosen, whole, out=unknown.copy(), where=whole > 0))
+        known = np.isfinite(chosen) & (whole > 0)
+        return np.asarray(np.divide(chosen, whole, out=unknown.copy(), where=known))
 
     has_variance = frf.total_covariance is not None or frf.noise_covariance is not None
     noise = share(None if frf.noise_covariance is None else np.sqrt(frf.element_variance(noise_only=True)))
@@ -59,7 +68,7 @@ def judge(frf: Frf) -> Quality:
         strongest=strongest,
         relative_std=share(np.sqrt(frf.element_variance()) if has_variance else None),
         signal_to_noise_db=-20 * np.log10(noise, out=unknown.copy(), where=noise > 0),
-        coherence=unknown if frf.coherence is None else np.where(dropped_lines(frf)[..., None], np.nan, frf.coherence),
+        coherence=unknown if frf.coherence is None else frf.coherence,
         odd=share(frf.response_level("odd")),
         even=share(frf.response_level("even")),
     )

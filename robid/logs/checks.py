@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError, SettingsError
+from robid.logs.lines import check_lines
 from robid.logs.mapping import LogMapping
-from robid.logs.period import Repetition, find_silent_lines, measure_repetition, measure_share
+from robid.logs.period import Repetition, measure_repetition
 from robid.signals.log_channels import LogChannel, input_problems
 from robid.signals.quantities import INJECTED, units_of
-
-_SHOWN = 8
-"""How many names or runs of lines a message lists."""
 
 _STILL = "Constant in"
 
@@ -162,8 +160,29 @@ def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, per
     ]
 
 
+def check_segment(mapping: LogMapping, n_sample: int, segment_samples: int) -> list[DataError]:
+    """Says what a log that is shorter than one segment of its resolution would need."""
+    step_s = mapping.sampling_period_s
+    # Rounded upwards to four digits, so that what is advised fits.
+    least = 1 / (n_sample * step_s)
+    scale = 10 ** (3 - int(np.floor(np.log10(least))))
+    what = (
+        f"It lasts {n_sample * step_s:.4g} s, less than the {segment_samples * step_s:.4g} s that a resolution of"
+        f" {1 / (segment_samples * step_s):.4g} Hz needs."
+    )
+    remedy = f"Set excitation.resolution_hz to {np.ceil(least * scale) / scale:.4g} or more, or record longer."
+    return [DataError(what, where=f"{mapping.file}: {n_sample} samples", remedy=remedy)]
+
+
 def check_period(
-    where: str, steady: FloatArray, sampling_period_s: float, samples_per_period: int, periods: int, lines: IntArray
+    where: str,
+    steady: FloatArray,
+    sampling_period_s: float,
+    samples_per_period: int,
+    periods: int,
+    lines: IntArray,
+    *,
+    stated: bool = True,
 ) -> tuple[list[DataError], list[str]]:
     """Measures the period of an excited channel and compares it with what was said; then the excited lines.
 
@@ -174,6 +193,7 @@ def check_period(
         samples_per_period: The stated period.
         periods: Periods that are used.
         lines (n_freq,): Lines that were said to be excited.
+        stated: Whether they were; else they are those among which they will be looked for.
 
     Returns:
         Problems and notes.
@@ -203,7 +223,7 @@ def check_period(
         notes.append(f"The noise lets the period be checked to +-{4 * found.std_samples:.1g} samples only.")
     whole_periods = len(steady) // samples_per_period
     blocks = steady[: whole_periods * samples_per_period].reshape(whole_periods, samples_per_period)
-    return check_lines(where, blocks[:periods], lines), notes
+    return check_lines(where, blocks[:periods], lines) if stated else [], notes
 
 
 def _real_period(found: Repetition, stated: int, lines: IntArray) -> int:
@@ -216,42 +236,3 @@ def _real_period(found: Repetition, stated: int, lines: IntArray) -> int:
     # A stated period of several real ones is as good when the stated lines fit it.
     repeats = stated % whole == 0 and not np.any(lines % (stated // whole))
     return stated if repeats else whole
-
-
-def check_lines(where: str, blocks: FloatArray, lines: IntArray) -> list[DataError]:
-    """Checks that the stated lines carry the excitation, all of them.
-
-    Args:
-        where: File and variable.
-        blocks (n_period, n_sample): The input's periods; nothing is checked when there is none.
-        lines (n_freq,): Lines that were said to be excited.
-    """
-    if not len(blocks):
-        return []
-    share, carrying = measure_share(blocks, lines)
-    silent = find_silent_lines(blocks, lines)
-    if share >= 0.5 and not len(silent):
-        return []
-    what = (
-        f"The excited lines {format_lines(lines)} carry only {100 * share:.1f} % of its energy"
-        if share < 0.5
-        else f"{len(silent)} of {len(lines)} excited lines are silent: {format_lines(silent)}"
-    )
-    remedy = f"The energy is at lines {format_lines(carrying)}: correct the excitation's band, lines or period."
-    return [DataError(f"{what}.", where=where, remedy=remedy)]
-
-
-def format_lines(lines: IntArray) -> str:
-    """Writes rising lines as runs of equal steps: `11-250, 301-399 by 2`."""
-    runs: list[list[int]] = []
-    for line in map(int, lines):
-        last = runs[-1] if runs else []
-        if len(last) == 1 or (len(last) > 1 and line - last[-1] == last[1] - last[0]):
-            last.append(line)
-        else:
-            runs.append([line])
-    texts = []
-    for run in runs[:_SHOWN]:
-        step = run[1] - run[0] if len(run) > 1 else 1
-        texts.append(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" + (f" by {step}" if step > 1 else ""))
-    return ", ".join(texts) + (", ..." if len(runs) > _SHOWN else "")

@@ -12,8 +12,17 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import check_count, check_mapping, check_period, check_shot, check_time, still_note
+from robid.logs.checks import (
+    check_count,
+    check_mapping,
+    check_period,
+    check_segment,
+    check_shot,
+    check_time,
+    still_note,
+)
 from robid.logs.columns import check_lengths, check_motion, read_columns
+from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
 from robid.logs.samples import channel_values, sample_channels
@@ -30,6 +39,7 @@ def import_log(
     configurations: FloatArray,
     detection_lines: IntArray | None = None,
     played: PlayedExcitation | None = None,
+    find: bool = False,
 ) -> Record:
     """Imports one realization of one experiment in one configuration.
 
@@ -44,6 +54,7 @@ def import_log(
         configurations (1, n_joint): Arm-side joint angles [rad].
         detection_lines (n_detection,): Lines of the band that were left out on purpose, or None.
         played: What the references are matched to; needed where the mapping has references.
+        find: Whether the excited lines are only candidates, of which the data show those that are meant.
 
     Raises:
         SettingsError: If the mapping contradicts itself or names an unknown unit.
@@ -57,9 +68,12 @@ def import_log(
     if played is not None and mapping.references:
         start, found, notes = _match(mapping, columns, played, periods, excited_lines)
     else:
-        start, found, notes = _place(mapping, columns, n_sample, samples_per_period, periods, excited_lines)
+        start, found, notes = _place(mapping, columns, n_sample, samples_per_period, periods, excited_lines, find=find)
     _raise(mapping.file, problems + found)
     used = slice(start, start + periods * samples_per_period)
+    if find:
+        excited_lines, told = _found_lines(mapping, columns, used, periods, excited_lines)
+        notes = [*notes, told]
     record = sample_channels(mapping, columns, used, periods)
     return replace(
         record,
@@ -90,11 +104,52 @@ def import_shot(mapping: LogMapping) -> Record:
     _raise(mapping.file, problems)
     still = still_note(mapping, columns)
     record = sample_channels(mapping, columns, slice(None), 1)
-    if mapping.references:
-        reference = channel_values(mapping.references, columns, slice(None))[None, None, None]
-        channels = tuple(channel.channel for channel in mapping.references)
-        record = replace(record, reference=reference, reference_channels=channels)
-    return replace(record, notes=(*_notes(mapping), *record.notes, *still))
+    record = _with_logged_references(record, mapping, columns, slice(None))
+    return replace(record, notes=(*record.notes, *still))
+
+
+def _with_logged_references(
+    record: Record, mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice
+) -> Record:
+    """The record with the references of its log, where it has some, and what is to be said of its torque."""
+    record = replace(record, notes=(*_notes(mapping), *record.notes))
+    if not mapping.references:
+        return record
+    reference = channel_values(mapping.references, columns, used)[None, None, None]
+    channels = tuple(channel.channel for channel in mapping.references)
+    return replace(record, reference=reference, reference_channels=channels)
+
+
+def import_arbitrary(
+    mapping: LogMapping, *, segment_samples: int, lines: IntArray, configurations: FloatArray
+) -> Record:
+    """Imports a log of an arbitrary signal around a configuration: as many segments as it holds, whatever was played.
+
+    Args:
+        mapping: File, channels, units and sampling period; references are those of the log.
+        segment_samples: Samples of one over the resolution.
+        lines (n_freq,): Lines of a segment where a response is wanted.
+        configurations (1, n_joint): Arm-side joint angles [rad].
+
+    Raises:
+        SettingsError: If the mapping contradicts itself or names an unknown unit.
+        DataError: If the log is missing, unreadable, too short or not what was said; every problem at once.
+    """
+    check_shot(mapping)
+    columns, problems = _read(mapping)
+    problems += check_motion(mapping, columns) if mapping.takes_turns else []
+    n_sample = min((len(columns[one.column]) for one in mapping.channels if one.column in columns), default=0)
+    segments = n_sample // segment_samples
+    problems += [] if segments or not n_sample else check_segment(mapping, n_sample, segment_samples)
+    _raise(mapping.file, problems)
+    start = n_sample - segments * segment_samples if mapping.take == "last" else 0
+    used = slice(start, start + segments * segment_samples)
+    return replace(
+        _with_logged_references(sample_channels(mapping, columns, used, 1), mapping, columns, used),
+        configurations=configurations,
+        excited_lines=np.asarray(lines) * segments,
+        segments=segments,
+    )
 
 
 def join_shots(records: list[Record], n_experiment: int = 1) -> Record:
@@ -162,6 +217,8 @@ def _place(
     samples_per_period: int,
     periods: int,
     lines: IntArray,
+    *,
+    find: bool,
 ) -> tuple[int, list[DataError], list[str]]:
     """First sample that is used where the log has no references; checks the period on the input that moves most."""
     start = mapping.drop_periods * samples_per_period
@@ -177,9 +234,19 @@ def _place(
     strongest = max(finite)[1]
     where = mapping.place(usable[strongest].column)
     found, notes = check_period(
-        where, signals[strongest], mapping.sampling_period_s, samples_per_period, periods, lines
+        where, signals[strongest], mapping.sampling_period_s, samples_per_period, periods, lines, stated=not find
     )
     return start, problems + found, notes
+
+
+def _found_lines(
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int, candidates: IntArray
+) -> tuple[IntArray, str]:
+    """The excited lines that the inputs show, and what to say about them."""
+    inputs = channel_values(mapping.inputs, columns, used)
+    found = find_lines([values.reshape(periods, -1) for values in inputs.T], candidates)
+    _raise(mapping.file, check_found(f"{mapping.file}: inputs", found, candidates))
+    return found, found_note(found, len(candidates))
 
 
 def _match(

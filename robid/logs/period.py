@@ -94,35 +94,7 @@ def measure_repetition(signal: FloatArray, stated: int, lines: IntArray) -> Repe
     return Repetition(samples, deviation, multiple if fits else 1, reachable)
 
 
-def find_silent_lines(periods: FloatArray, lines: IntArray) -> IntArray:
-    """Finds stated lines that do not stand out of the noise and are weak beside the others.
-
-    Args:
-        periods (n_period, n_sample): The signal.
-        lines (n_lines,): Stated lines.
-    """
-    mean, noise = _line_power(periods)
-    typical = np.median(mean[lines])
-    weak = mean[lines] < 1e-2 * typical
-    if len(periods) > 1:
-        weak &= mean[lines] < 3 * noise[lines]
-    return lines[weak | (mean[lines] < 1e-6 * typical)]
-
-
-def measure_share(periods: FloatArray, lines: IntArray) -> tuple[float, IntArray]:
-    """Returns the stated lines' share of the averaged period's energy, and the lines that really carry it.
-
-    Args:
-        periods (n_period, n_sample): The signal.
-        lines (n_lines,): Stated lines.
-    """
-    mean, _ = _line_power(periods)
-    mean[0] = 0
-    carrying = np.flatnonzero(mean > 1e-2 * np.sort(mean)[-max(len(lines) // 2, 1)])
-    return float(mean[lines].sum() / mean.sum()), carrying
-
-
-def _line_power(periods: FloatArray) -> tuple[FloatArray, FloatArray]:
+def line_power(periods: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Power of the averaged period at each line, and the power that noise contributes to it."""
     spectrum = rfft(periods - periods.mean(axis=1, keepdims=True), axis=1)
     mean = spectrum.mean(axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, check_shape
 from robid.frf.frf import Frf
-from robid.frf.quality import dropped_lines
+from robid.frf.quality import dropped_lines, known_response
 from robid.report.numbers import MINUS, fixed, number_of, percent, pretty_unit, rounded
 from robid.signals.positions import readable, readable_units
 
@@ -135,14 +135,14 @@ def band_radius(frf: Frf, level: float) -> FloatArray:
 def _response_data(response: BodeResponse, figure: BodeMatrix) -> dict[str, Any]:
     frf = response.frf
     radius = band_radius(frf, figure.level)
-    dropped = dropped_lines(frf)
+    response_known, dropped = known_response(frf), dropped_lines(frf)
     configurations = [
         {
             "label": configuration_label(frf, index),
-            **_curve(frf.response[index]),
+            **_curve(response_known[index]),
             "models": [_curve(model[index]) for _, model in response.models],
             "overlays": [_overlaid(overlay, index) for overlay in response.overlays],
-            "dropped": [rounded(value) for value in frf.frequency_hz[dropped[index]]],
+            "dropped": [[rounded(value) for value in frf.frequency_hz[lost]] for lost in dropped[index].T],
             "radius": _radius(radius[index]),
             "marks": [
                 [mark.channel, rounded(mark.frequency_hz)] for mark in response.marks if mark.configuration == index

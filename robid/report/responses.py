@@ -78,7 +78,7 @@ def response_summary(frf: Frf) -> dict[str, float]:
     """Returns what `response_headlines` shows as numbers, by name; what is unknown is left out."""
     quality = judge(frf)
     found = {
-        "dropped_lines": float(dropped_lines(frf).sum()),
+        "dropped_lines": float(_count(frf)),
         "median_relative_std": middle(quality.relative_std),
         "median_signal_to_noise_db": middle(quality.signal_to_noise_db),
         "median_coherence": middle(quality.coherence),
@@ -157,7 +157,7 @@ def _table(campaigns: Campaigns) -> Table:
 
 
 def _rows(name: str, frf: Frf, quality: Quality) -> list[tuple[str, ...]]:
-    dropped = dropped_lines(frf).sum(axis=1).tolist()
+    dropped = dropped_lines(frf).any(axis=2).sum(axis=1).tolist()
     return [
         (
             name,
@@ -193,19 +193,28 @@ def coherence_text(value: float) -> str:
 
 
 def _dropped(name: str, frf: Frf) -> list[str]:
+    """Which lines were dropped, by configuration and input."""
     sentences = []
-    for index, dropped in enumerate(dropped_lines(frf)):
-        if dropped.any():
-            told = ", ".join(significant(value, 4) for value in frf.frequency_hz[dropped][:_SHOWN].tolist())
-            more = f" and {dropped.sum() - _SHOWN} more" if dropped.sum() > _SHOWN else ""
-            where = f"{name}, configuration {configuration_label(frf, index)}"
-            sentences.append(f"{where}: {dropped.sum()} of {len(dropped)} lines were dropped, at {told}{more} Hz.")
+    for index, motor in np.argwhere(dropped_lines(frf).any(axis=1)).tolist():
+        lost = dropped_lines(frf)[index, :, motor]
+        told = ", ".join(significant(value, 4) for value in frf.frequency_hz[lost][:_SHOWN].tolist())
+        more = f" and {lost.sum() - _SHOWN} more" if lost.sum() > _SHOWN else ""
+        where = f"{name}, configuration {configuration_label(frf, index)}"
+        sentences.append(
+            f"{where}: {lost.sum()} of {len(lost)} lines told too little of {frf.input_names[motor]} and were dropped:"
+            f" {told}{more} Hz."
+        )
     return sentences
+
+
+def _count(frf: Frf) -> int:
+    """How many lines were dropped, counted once for each configuration."""
+    return int(dropped_lines(frf).any(axis=2).sum())
 
 
 def _key_numbers(frf: Frf) -> tuple[KeyNumber, ...]:
     quality = judge(frf)
-    dropped = int(dropped_lines(frf).sum())
+    dropped = _count(frf)
     low, high = frf.frequency_hz[[0, -1]].tolist()
     band = f"{significant(low)} … {significant(high)} Hz"
     numbers = [
@@ -229,8 +238,8 @@ def _measured(frf: Frf) -> str:
     low, high = frf.frequency_hz[[0, -1]].tolist()
     text = f"{n_out} x {n_in} response at {n_freq} lines from {significant(low)} to {significant(high)} Hz"
     text += f" in {n_conf} configurations" if n_conf > 1 else ""
-    dropped = int(dropped_lines(frf).sum())
-    text += f", {dropped} of {n_conf * n_freq} dropped" if dropped else ""
+    dropped = _count(frf)
+    text += f", {dropped} of {n_conf * n_freq} with a dropped input" if dropped else ""
     if np.isfinite(quality.relative_std).any():
         text += f", known to {percent(middle(quality.relative_std))} (median standard deviation)"
     if np.isfinite(quality.coherence).any():

@@ -10,6 +10,7 @@ import robid
 from robid.arrays import ComplexArray, FloatArray
 from robid.families.encode import Content, encode_json, encode_mat, encode_table
 from robid.frf.frf import Frf
+from robid.frf.quality import dropped_lines, known_response
 from robid.signals.positions import readable, readable_units
 from robid.signals.quantities import Channel, response_unit
 
@@ -64,11 +65,11 @@ def response_tables(response: Response) -> list[bytes]:
 
 def _table(response: Response, place: int) -> bytes:
     frf = response.frf
-    deviation = _deviation(frf)
+    deviation, known = _deviation(frf), known_response(frf)
     columns, values = ["frequency [Hz]"], [frf.frequency_hz]
     for row, output in enumerate(frf.output_names):
         for column, name in enumerate(frf.input_names):
-            unit, element = response.units[row][column], frf.response[place, :, row, column]
+            unit, element = response.units[row][column], known[place, :, row, column]
             columns += [f"{output} per {name} {part} [{unit}]" for part in ("real", "imaginary")]
             values += [element.real, element.imag]
             if deviation is not None:
@@ -82,6 +83,7 @@ def _table(response: Response, place: int) -> bytes:
         f"{response.position(place)}.",
         *(f"Output {_told(channel)}." for channel in frf.output_channels),
         *(f"Input {_told(channel)}." for channel in frf.input_channels),
+        *(["Lines that told too little of an input are NaN."] if frf.dropped is not None else []),
         f"Inputs: {frf.input_hold}, sampled every {frf.sampling_period_s:g} s.",
         _covariance_note(frf),
         *frf.notes,
@@ -94,7 +96,7 @@ def response_mat(response: Response) -> bytes:
     frf = response.frf
     text = np.array(response.units, object)
     kept = {name: value for name, value in _arrays(frf).items() if value is not None}
-    return encode_mat({**_described(response), "units": text, "response": frf.response, **kept})
+    return encode_mat({**_described(response), "units": text, "response": known_response(frf), **kept})
 
 
 def response_json(response: Response) -> bytes:
@@ -147,6 +149,7 @@ def _arrays(frf: Frf) -> dict[str, FloatArray | ComplexArray | None]:
         "element_scale": frf.element_scale if known else None,
         "noise_variance": None if frf.noise_covariance is None else frf.element_variance(noise_only=True),
         "coherence": frf.coherence,
+        "dropped": dropped_lines(frf).astype(float),
         "odd_level": frf.response_level("odd"),
         "even_level": frf.response_level("even"),
     }

@@ -12,6 +12,7 @@ import pyuff
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.frf.quality import dropped_lines
 from robid.signals.quantities import Channel
 from robid.stages.frf_formats import Response
 
@@ -62,11 +63,12 @@ def _units() -> dict[str, Any]:
 
 def _datasets(response: Response) -> Iterator[dict[str, Any]]:
     frf = response.frf
+    dropped = dropped_lines(frf)
     known = frf.total_covariance is not None or frf.noise_covariance is not None
     deviation = np.sqrt(frf.element_variance()) if known else None
     for place, row, column in np.ndindex(len(response.numbers), *frf.response.shape[2:]):
         here = (place, slice(None), row, column)
-        kept = np.isfinite(frf.response[here])
+        kept = ~dropped[place, :, column]
         if kept.sum() < _FEWEST:
             what = f"a dataset 58 needs {_FEWEST} lines; {response.position(place)} has {kept.sum()}"
             raise DataError(what, where=response.campaign, remedy="export `csv`, `mat` or `json`")

@@ -91,11 +91,11 @@
     return lines;
   }
 
-  // Crosses at the bottom, where lines were dropped.
-  function gaps(chosen, axes, bottom, size) {
-    if (!chosen.dropped.length) return [];
+  // Crosses at the bottom, where lines told too little of the input.
+  function gaps(lost, axes, bottom, size) {
+    if (!lost.length) return [];
     return [{
-      ...axes, x: chosen.dropped, y: chosen.dropped.map(() => bottom), type: "scatter", mode: "markers", cliponaxis: false,
+      ...axes, x: lost, y: lost.map(() => bottom), type: "scatter", mode: "markers", cliponaxis: false,
       marker: { symbol: "x-thin", size: size.dot + 2, line: { width: 1.2, color: colour("faint") } }, hovertemplate: "dropped<extra></extra>",
     }];
   }
@@ -154,7 +154,7 @@
         const axes = { xaxis: `x${suffix}`, yaxis: `y${suffix}` };
         const size = place.cellWidth < 260 ? { line: 1.1, dot: 3.6 } : { line: 1.4, dot: 5 };
         all.push(...traces(curves(response, chosen, view, row, column), axes, size, measured));
-        all.push(...gaps(chosen, axes, range[0] + 0.03 * (range[1] - range[0]), size));
+        all.push(...gaps(chosen.dropped[column], axes, range[0] + 0.03 * (range[1] - range[0]), size));
         all.push(...levels(response, chosen, view, row, column, axes, place.cellWidth < 260 ? 0.8 : 1.1));
       }
     }
@@ -203,7 +203,7 @@
     const all = [
       ...traces(curves(response, chosen, 0, row, column), { xaxis: "x", yaxis: "y" }, style, matrix.measured),
       ...traces(curves(response, chosen, PHASE, row, column), { xaxis: "x", yaxis: "y2" }, style, matrix.measured),
-      ...gaps(chosen, { xaxis: "x", yaxis: "y2" }, -190, style),
+      ...gaps(chosen.dropped[column], { xaxis: "x", yaxis: "y2" }, -190, style),
       ...levels(response, chosen, 0, row, column, { xaxis: "x", yaxis: "y" }, 1.3),
     ];
     Plotly.react("enlarged-plot", all, figure, robid.zoomable);
@@ -237,7 +237,7 @@
   function legend(figure) {
     const models = [...new Set(figure.responses.flatMap((response) => response.models))];
     const overlays = [...new Set(figure.responses.flatMap((response) => response.overlays.map(({ name }) => name)))];
-    const dropped = figure.responses.some((response) => response.configurations.some((one) => one.dropped.length));
+    const dropped = figure.responses.some((response) => response.configurations.some((one) => one.dropped.flat().length));
     return key([
       { shape: "dot", label: figure.measured },
       ...overlays.map((label, index) => ({ shape: "dot", label, style: `background: var(--${modelName(index)})` })),

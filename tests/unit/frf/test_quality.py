@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid.frf.quality import dropped_lines, judge, lowest, middle
+from robid.frf.quality import dropped_lines, judge, known_response, lowest, middle
 from sample_reports import arm_fit, synthetic_frf
 from tolerances import IDENTITY
 
@@ -43,10 +43,12 @@ def test_an_output_is_judged_at_the_input_that_moves_it_the_most():
 
 
 def test_dropped_lines_count_nowhere(frf):
-    response = frf.response.copy()
-    response[1, 2] = np.nan
-    gap = replace(frf, response=response)
-    assert dropped_lines(gap).nonzero() == ([1], [2])
+    dropped = np.zeros((2, 5, 1), bool)
+    dropped[1, 2] = True
+    coherence = np.where(dropped, np.nan, frf.coherence)
+    gap = replace(frf, dropped=dropped, coherence=coherence)
+    assert dropped_lines(gap).nonzero() == ([1], [2], [0])
+    assert np.isnan(known_response(gap)).sum() == 2
     quality = judge(gap)
     assert np.isnan(quality.relative_std[1, 2]).all()
     assert np.isnan(quality.coherence[1, 2]).all()

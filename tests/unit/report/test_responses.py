@@ -52,9 +52,9 @@ def bench_frf():
 
 
 def with_gap(frf, *lines):
-    response = frf.response.copy()
-    response[0, list(lines)] = np.nan
-    return replace(frf, response=response)
+    dropped = np.zeros((1, len(frf.lines), 1), bool)
+    dropped[0, list(lines)] = True
+    return replace(frf, dropped=dropped)
 
 
 def page_of(*campaigns):
@@ -86,13 +86,15 @@ def test_dropped_lines_are_counted_listed_and_crossed(bench_frf):
     (section,) = response_sections([("log", gap)])
     assert section.tables[0].texts[0][3:5] == ("238", "2")
     (notes,) = (part for part in section.parts if isinstance(part, Notes))
-    assert notes.items == ("log, configuration 1: 0°: 2 of 240 lines were dropped, at 14.00, 18.00 Hz.",)
+    assert notes.items == (
+        "log, configuration 1: 0°: 2 of 240 lines told too little of motor and were dropped: 14.00, 18.00 Hz.",
+    )
     one = bode_data(section.parts[0])["responses"][0]["configurations"][0]
-    assert one["dropped"] == [14.0, 18.0]
+    assert one["dropped"] == [[14.0, 18.0]]
     assert one["magnitude"][0][0][3] is None
     assert one["incoherence"][0][3] is not None
     assert response_summary(gap)["response.dropped_lines"] == 2
-    assert "2 of 240 dropped" in measured_sentence("log", gap)
+    assert "2 of 240 with a dropped input" in measured_sentence("log", gap)
 
 
 def test_uncertainty_without_noise_is_shown_over_the_whole_variance(bench_frf):
