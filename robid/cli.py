@@ -212,6 +212,28 @@ def export_model(
     return export_campaign(run, ExcitationExport(campaign, format_, output), others, force=force, as_json=as_json)
 
 
+@app.command("compare")
+def compare_frfs(
+    responses: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RESPONSE...",
+            help="Two to six of EXPERIMENT.yaml:CAMPAIGN (its run folder is runs/<name>) or a frf.h5; the first is what"
+            " the others are held against.",
+        ),
+    ],
+    output: Annotated[Path | None, typer.Option("--output", help="Write a page (.html) that overlays them.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a page that differs.")] = False,
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> int:
+    """Lays frequency responses of several campaigns or runs over each other, and says where they differ."""
+    del debug
+    from robid.commands.compare import compare_responses
+
+    return compare_responses(responses, output, force=force, as_json=as_json)
+
+
 @app.command("status")
 def tell_status(
     experiment: ExperimentFile, run_dir: RunFolder = None, as_json: AsJson = False, debug: Debug = False

@@ -71,7 +71,7 @@
       { x: drawn.x, y: drawn.measured, ...axes, type: "scatter", mode: "markers", marker: { color: colour("measured"), size: size.dot, line: { width: 0 } }, name: measured, hovertemplate: `${measured} %{y:.2f}<extra></extra>` },
       ...drawn.overlays.flatMap(({ name, x, y, band }, index) => [
         { ...band, ...area, fillcolor: modelColour(index), opacity: 0.2 },
-        { x, y, ...axes, type: "scatter", mode: "markers", marker: { color: modelColour(index), size: size.dot, line: { width: 0 } }, name, hovertemplate: `${name} %{y:.2f}<extra></extra>` },
+        { x, y, ...axes, type: "scatter", mode: "markers", marker: { symbol: "circle-open", color: modelColour(index), size: size.dot + 1, line: { width: 1.2 } }, name, hovertemplate: `${name} %{y:.2f}<extra></extra>` },
       ]),
       ...drawn.models.map(({ name, ...curve }, index) => ({ ...curve, ...axes, type: "scatter", mode: "lines", line: { color: modelColour(index), width: size.line }, name, hovertemplate: `${name} %{y:.2f}<extra></extra>` })),
     ];
@@ -240,7 +240,7 @@
     const dropped = figure.responses.some((response) => response.configurations.some((one) => one.dropped.flat().length));
     return key([
       { shape: "dot", label: figure.measured },
-      ...overlays.map((label, index) => ({ shape: "dot", label, style: `background: var(--${modelName(index)})` })),
+      ...overlays.map((label, index) => ({ shape: "ring", label, style: `border-color: var(--${modelName(index)})` })),
       { shape: "area", label: `${figure.level} band` }, ...(dropped ? [{ shape: "text", label: "× dropped line" }] : []),
       ...models.map((label, index) => ({ shape: "stroke", label, style: `background: var(--${modelName(index)})` })),
       ...robid.quality.key(figure),
