@@ -62,7 +62,7 @@ def require_module(module: str, extra: str, purpose: str) -> None:
         SettingsError: If it is missing.
     """
     if find_spec(module) is None:
-        remedy = f"`python -m pip install 'robid[{extra}]'` installs it"
+        remedy = f"install it with `pip install 'robid[{extra}]'`"
         raise SettingsError(f"{purpose} needs the package {module}, which is not installed", remedy=remedy)
 
 

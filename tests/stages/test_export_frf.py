@@ -128,7 +128,7 @@ def test_a_missing_extra_names_the_command(done, monkeypatch):
     done.refuse(
         2,
         "Writing UFF58 needs the package pyuff, which is not installed",
-        "python -m pip install 'robid[uff]'",
+        "install it with `pip install 'robid[uff]'`",
         command=("export", "small.yaml", "--campaign", "estimation", "--what", "frf", "--format", "uff"),
     )
 
