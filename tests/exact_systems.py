@@ -102,6 +102,12 @@ def arm_on_rail():
     return replace(arm, name="arm on a rail", joints=(rail.joints[0], shoulder, elbow), springs=springs)
 
 
+def with_arm_friction(robot, *arm_viscous):
+    """The robot with viscous friction between its arms and what carries them."""
+    joints = tuple(replace(joint, arm_viscous=each) for joint, each in zip(robot.joints, arm_viscous, strict=True))
+    return replace(robot, joints=joints)
+
+
 def without_spring(robot, name):
     """The robot without one of its springs; without its transmission a joint is rigid."""
     return replace(robot, springs=tuple(spring for spring in robot.springs if spring.name != name))

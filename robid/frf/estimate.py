@@ -13,7 +13,7 @@ from robid.errors import DataError
 from robid.frf.block_checks import place_of, solvable_lines
 from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, BlockEstimate
 from robid.frf.channels import response_channels, to_accelerations
-from robid.frf.checks import Finding, check_record, finding_notes, refuse_faults
+from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
 from robid.frf.coefficients import coefficients
 from robid.frf.compensation import Disturbance, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
@@ -23,6 +23,7 @@ from robid.frf.frf import Frf
 from robid.frf.local import LOCAL, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
+from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
 from robid.frf.transient import robust_blocks
 from robid.frf.windows import Windows, bin_windows, half_width, line_windows
 from robid.signals.friction import TorqueLaw
@@ -30,6 +31,9 @@ from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
 """Estimators that look at what was injected, if it was recorded."""
+
+UNSTEADY = frozenset({"local", "robust_local"})
+"""Estimators that need no period to repeat another one."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +121,15 @@ def estimate_frf(
         laws = None
     spectra = _spectra(record, options, laws, delay_s)
     findings = check_record(record, periodic=options.estimator != "local")
-    refuse_faults(record, findings)
+    # Periods that differ in size look like jitter, too: the steadiness below tells which it is.
+    if any(one.fatal and one.kind != "jitter" for one in findings):
+        refuse_faults(record, findings)
     found, solved = _found(record, spectra, options)
+    steady = _steadiness(record, spectra.at(solved), found, options)
+    findings = [*(() if steady is None else steadiness_findings(steady, record)), *findings]
+    if any(one.fatal and one.kind == "unsteady" for one in findings):
+        findings = [one for one in findings if one.kind != "jitter"]
+    refuse_faults(record, findings)
     frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws)
     dropped = np.ones((len(solved), len(record.input_names)), bool)
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
@@ -129,7 +140,17 @@ def estimate_frf(
         frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude)
         what = lost_inputs(dropped, record.frequency_hz, record.input_names)
         findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
-    return replace(frf, notes=(*frf.notes, *finding_notes(record, findings)))
+    findings += fed_back(record, frf)
+    told = () if steady is None else (steadiness_note(steady, record),)
+    return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
+
+
+def _steadiness(record: Record, spectra: _Spectra, found: _Found, options: EstimateOptions) -> Steadiness | None:
+    """How the periods differ, for estimators that average them."""
+    if options.estimator in UNSTEADY:
+        return None
+    accelerations = to_accelerations(record, options)
+    return measure_steadiness(spectra.at_lines, found.estimate.response, record, accelerations=accelerations)
 
 
 def _found(record: Record, spectra: _Spectra, options: EstimateOptions) -> tuple[_Found, BoolArray]:
@@ -212,8 +233,9 @@ def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ..
     if options.estimator in LOCAL:
         n_in, n_out = len(record.input_names), len(record.output_names)
         half = half_width(options, record.inputs.shape[1] * record.inputs.shape[2], n_in, n_out, record.segments)
-        windows = line_windows(record.excited_lines, half)
-        if options.estimator == "local":
+        if options.estimator == "local_periodic":
+            windows = line_windows(record.excited_lines, half)
+        else:
             source = record.as_one_period()
             lines, windows = bin_windows(source.excited_lines, half, source.inputs.shape[4] // 2)
             blocks = transform(source, lines)

@@ -8,18 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import IntArray
 from robid.errors import DataError, SettingsError
-from robid.logs.lines import check_lines
 from robid.logs.mapping import LogMapping
-from robid.logs.period import Repetition, measure_repetition
 from robid.signals.log_channels import LogChannel, input_problems
 from robid.signals.quantities import INJECTED, units_of
 
 _STILL = "Constant in"
-
-_JITTER = 0.05
-"""Largest deviation of a time step from the sampling period, relative, that still counts as regular."""
 
 
 def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray, kind: str = "") -> None:
@@ -103,63 +98,6 @@ def is_still_note(note: str) -> bool:
     return note.startswith(_STILL)
 
 
-def check_time(mapping: LogMapping, variable: str, stamps: FloatArray, to_seconds: float) -> list[DataError]:
-    """Compares the time stamps with the sampling period: unit, rate, order, gaps, jitter."""
-    where = f"{mapping.file}: variable `{variable}`"
-    stated = mapping.sampling_period_s
-    steps = np.diff(stamps.astype(float)) * to_seconds
-    usual = float(np.median(steps))
-    backward = np.flatnonzero(steps <= 0)
-    if len(backward):
-        what = f"Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
-        remedy = "Sort the log by time and drop repeated samples, or leave out `time`."
-        return [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
-    exponent = round(np.log10(usual / stated))
-    if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < 0.2:
-        what = f"The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
-        return [DataError(what, where=where, remedy="Correct the unit of `time`.")]
-    if abs(usual / stated - 1) > 0.01:
-        what = f"The time steps are {usual:.6g} s, but a sampling period of {stated:g} s was stated."
-        return [DataError(what, where=where, remedy=f"Set sampling_period_s to {usual:.6g}, or correct the time unit.")]
-    gaps = np.flatnonzero(steps > 1.5 * stated)
-    problems = []
-    if len(gaps):
-        missing = round(float(np.sum(steps[gaps] / stated - 1)))
-        what = (
-            f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, about {missing} missing samples; the first after sample"
-            f" {gaps[0]}: {steps[gaps[0]]:.6g} s instead of {stated:g} s."
-        )
-        remedy = "Record again, or cut the log to whole periods without a gap."
-        problems.append(DataError(what, where=f"{where}, sample {gaps[0]}", remedy=remedy))
-    deviation = np.abs(np.delete(steps, gaps) / stated - 1)
-    if deviation.max(initial=0) > _JITTER:
-        what = f"The time steps deviate from {stated:g} s by up to {100 * deviation.max():.0f} %."
-        remedy = "Resample the log to equal steps, or leave out `time` if only the stamps are coarse."
-        problems.append(DataError(what, where=where, remedy=remedy))
-    if not problems and abs(float(np.mean(steps)) / stated - 1) > 1e-4:
-        what = f"The mean time step is {np.mean(steps):.8g} s, but {stated:g} s was stated."
-        problems.append(DataError(what, where=where, remedy=f"Set sampling_period_s to {np.mean(steps):.8g}."))
-    return problems
-
-
-def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, periods: int) -> list[DataError]:
-    """Checks that the log holds the periods that were said."""
-    held = n_sample / samples_per_period
-    wanted = mapping.drop_periods + periods
-    if held >= wanted:
-        return []
-    fewer = int(held) - mapping.drop_periods
-    remedy = f"Set periods to {fewer} at most" if fewer > 0 else "Record longer"
-    return [
-        DataError(
-            f"It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
-            f" ({mapping.drop_periods} dropped and {periods} used).",
-            where=f"{mapping.file}: {n_sample} samples",
-            remedy=f"{remedy}, or correct the period.",
-        )
-    ]
-
-
 def check_segment(mapping: LogMapping, n_sample: int, segment_samples: int) -> list[DataError]:
     """Says what a log that is shorter than one segment of its resolution would need."""
     step_s = mapping.sampling_period_s
@@ -172,67 +110,3 @@ def check_segment(mapping: LogMapping, n_sample: int, segment_samples: int) -> l
     )
     remedy = f"Set excitation.resolution_hz to {np.ceil(least * scale) / scale:.4g} or more, or record longer."
     return [DataError(what, where=f"{mapping.file}: {n_sample} samples", remedy=remedy)]
-
-
-def check_period(
-    where: str,
-    steady: FloatArray,
-    sampling_period_s: float,
-    samples_per_period: int,
-    periods: int,
-    lines: IntArray,
-    *,
-    stated: bool = True,
-) -> tuple[list[DataError], list[str]]:
-    """Measures the period of an excited channel and compares it with what was said; then the excited lines.
-
-    Args:
-        where: File and variable.
-        steady (n_sample,): The channel without its dropped periods.
-        sampling_period_s: Sampling period [s].
-        samples_per_period: The stated period.
-        periods: Periods that are used.
-        lines (n_freq,): Lines that were said to be excited.
-        stated: Whether they were; else they are those among which they will be looked for.
-
-    Returns:
-        Problems and notes.
-    """
-    found = measure_repetition(steady, samples_per_period, lines)
-    notes = [] if found.reachable else ["The log holds one period: its length could not be checked by repetition."]
-    if found.samples is None and found.reachable:
-        what = f"It does not repeat with a period of {samples_per_period} samples, nor with any other."
-        remedy = "Check that the excitation is periodic and that this is the excited channel."
-        return [DataError(what, where=where, remedy=remedy)], notes
-    real = _real_period(found, samples_per_period, lines)
-    if real != samples_per_period:
-        period_s = real * sampling_period_s
-        what = (
-            f"It repeats every {real} samples ({period_s:.9g} s), not every {samples_per_period}"
-            f" ({samples_per_period * sampling_period_s:.9g} s)."
-        )
-        remedy = f"Set excitation.period_s to {period_s:.9g}, or correct sampling_period_s."
-        return [DataError(what, where=where, remedy=remedy)], notes
-    if found.drifts(periods, lines):
-        what = (
-            f"Its period is {found.samples:.4f} samples, not a whole number: generator and log have different clocks."
-        )
-        remedy = f"Resample the log so that a period has {samples_per_period} samples, or use fewer periods."
-        return [DataError(what, where=where, remedy=remedy)], notes
-    if found.std_samples > 0.2:
-        notes.append(f"The noise lets the period be checked to +-{4 * found.std_samples:.1g} samples only.")
-    whole_periods = len(steady) // samples_per_period
-    blocks = steady[: whole_periods * samples_per_period].reshape(whole_periods, samples_per_period)
-    return check_lines(where, blocks[:periods], lines) if stated else [], notes
-
-
-def _real_period(found: Repetition, stated: int, lines: IntArray) -> int:
-    """The period to propose: the stated one where the signal does not speak against it."""
-    if found.samples is None:
-        return stated
-    whole = stated if found.agrees(stated) else round(found.samples)
-    if found.multiple > 1 and np.any(lines % found.multiple):
-        return round(whole / found.multiple)
-    # A stated period of several real ones is as good when the stated lines fit it.
-    repeats = stated % whole == 0 and not np.any(lines % (stated // whole))
-    return stated if repeats else whole

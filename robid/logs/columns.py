@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robid.errors import DataError
-from robid.logs.files import find_variable, load_variables
+from robid.logs.formats.load import load_variables
+from robid.logs.formats.variables import Variables, find_variable
 from robid.logs.mapping import LogMapping
 from robid.signals.log_channels import LogChannel
 from robid.signals.record import Record
@@ -23,8 +25,10 @@ def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[Dat
     """Reads every column that the mapping names from its log, with every problem on the way."""
     columns: dict[str, NDArray[Any]] = {}
     problems: list[DataError] = []
-    paths = dict.fromkeys(path for path, _ in mapping.variables.values())
-    logs = {path: load_variables(path, mapping.format) for path in paths}
+    named: dict[Path, list[str]] = {}
+    for path, variable in mapping.variables.values():
+        named.setdefault(path, []).append(variable)
+    logs = {path: load_variables(path, mapping.format, names, mapping.dialect) for path, names in named.items()}
     for name, (path, _) in mapping.variables.items():
         column, found = read_column(mapping, logs[path], name)
         problems += found
@@ -33,9 +37,7 @@ def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[Dat
     return columns, problems
 
 
-def read_column(
-    mapping: LogMapping, variables: Mapping[str, Any], name: str
-) -> tuple[NDArray[Any] | None, list[DataError]]:
+def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[NDArray[Any] | None, list[DataError]]:
     """Returns the variable of a column as real, finite numbers, or why it is none.
 
     A channel that never changes cannot have been excited; in one shot its joint may have stood still, and of several
@@ -45,11 +47,13 @@ def read_column(
     try:
         raw = np.asarray(find_variable(variables, variable))
     except KeyError:
-        close = difflib.get_close_matches(variable, variables, n=3, cutoff=0.5)
-        columns = [key for key, value in variables.items() if np.size(value) > _SHOWN]
+        close = difflib.get_close_matches(variable, variables.sizes, n=3, cutoff=0.5)
+        columns = [key for key, size in variables.sizes.items() if size > _SHOWN]
         guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
         remedy = f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
         return None, [DataError("The log has no such variable.", where=where, remedy=remedy)]
+    except DataError as error:
+        return None, [DataError(error.what, where=where, remedy=error.remedy)]
     if raw.dtype.kind not in "fiu":
         remedy = "Save it as a real numeric column."
         return None, [DataError(f"It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]

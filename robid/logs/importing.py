@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +12,17 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import (
-    check_count,
-    check_mapping,
-    check_period,
-    check_segment,
-    check_shot,
-    check_time,
-    still_note,
-)
+from robid.logs.checks import check_mapping, check_segment, check_shot, still_note
 from robid.logs.columns import check_lengths, check_motion, read_columns
 from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
+from robid.logs.period import measure_repetition
+from robid.logs.period_checks import Stated, check_period
+from robid.logs.resample import resample_to_period, resample_to_time
 from robid.logs.samples import channel_values, sample_channels
+from robid.logs.timing import Clock, check_count, check_steps, clock_problems, read_clock
+from robid.signals.log_channels import LogChannel
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
 
@@ -62,18 +59,25 @@ def import_log(
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
-    columns, problems = _read(mapping)
-    problems += check_motion(mapping, columns) if mapping.takes_turns else []
-    n_sample = min((len(columns[one.column]) for one in mapping.channels if one.column in columns), default=0)
+    stated = Stated(
+        mapping.sampling_period_s, samples_per_period, periods, mapping.drop_periods, excited_lines, find=find
+    )
+    log, problems, notes = _read(mapping)
+    problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
+    if mapping.resample == "period" and not problems:
+        log, told = _to_period(mapping, log, stated)
+        notes += told
     if played is not None and mapping.references:
-        start, found, notes = _match(mapping, columns, played, periods, excited_lines)
+        start, found, told = _match(mapping, log, played, stated)
     else:
-        start, found, notes = _place(mapping, columns, n_sample, samples_per_period, periods, excited_lines, find=find)
+        start, found, told = _place(mapping, log, stated)
+    used, columns = slice(start, start + periods * samples_per_period), log.columns
+    notes += told
+    found += [] if log.clock is None else check_steps(log.clock, used, samples_per_period)
     _raise(mapping.file, problems + found)
-    used = slice(start, start + periods * samples_per_period)
     if find:
-        excited_lines, told = _found_lines(mapping, columns, used, periods, excited_lines)
-        notes = [*notes, told]
+        excited_lines, said = _found_lines(mapping, columns, used, periods, excited_lines)
+        notes = [*notes, said]
     record = sample_channels(mapping, columns, used, periods)
     return replace(
         record,
@@ -100,12 +104,15 @@ def import_shot(mapping: LogMapping) -> Record:
         DataError: If the log is missing, unreadable or not what was said; every problem at once.
     """
     check_shot(mapping)
-    columns, problems = _read(mapping)
+    log, problems, notes = _read(mapping)
+    problems += [] if log.clock is None else clock_problems(log.clock)
+    problems += [] if log.clock is None else check_steps(log.clock, slice(None))
     _raise(mapping.file, problems)
+    columns = log.columns
     still = still_note(mapping, columns)
     record = sample_channels(mapping, columns, slice(None), 1)
     record = _with_logged_references(record, mapping, columns, slice(None))
-    return replace(record, notes=(*record.notes, *still))
+    return replace(record, notes=(*record.notes, *notes, *still))
 
 
 def _with_logged_references(
@@ -136,16 +143,20 @@ def import_arbitrary(
         DataError: If the log is missing, unreadable, too short or not what was said; every problem at once.
     """
     check_shot(mapping)
-    columns, problems = _read(mapping)
+    log, problems, notes = _read(mapping)
+    columns, n_sample = log.columns, log.n_sample
     problems += check_motion(mapping, columns) if mapping.takes_turns else []
-    n_sample = min((len(columns[one.column]) for one in mapping.channels if one.column in columns), default=0)
+    problems += [] if log.clock is None else clock_problems(log.clock)
     segments = n_sample // segment_samples
     problems += [] if segments or not n_sample else check_segment(mapping, n_sample, segment_samples)
-    _raise(mapping.file, problems)
     start = n_sample - segments * segment_samples if mapping.take == "last" else 0
     used = slice(start, start + segments * segment_samples)
+    problems += [] if log.clock is None else check_steps(log.clock, used)
+    _raise(mapping.file, problems)
+    record = _with_logged_references(sample_channels(mapping, columns, used, 1), mapping, columns, used)
     return replace(
-        _with_logged_references(sample_channels(mapping, columns, used, 1), mapping, columns, used),
+        record,
+        notes=(*record.notes, *notes),
         configurations=configurations,
         excited_lines=np.asarray(lines) * segments,
         segments=segments,
@@ -199,44 +210,71 @@ def join_experiments(records: list[Record], n_experiment: int) -> Record:
     )
 
 
-def _read(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
-    """Reads the columns of a log and checks each for itself, their lengths, and the time."""
+@dataclass(frozen=True)
+class _Log:
+    """The columns of a log, and its own time where it has one that can be read."""
+
+    columns: dict[str, NDArray[Any]]
+    clock: Clock | None
+
+    @property
+    def n_sample(self) -> int:
+        """Samples of the shortest column."""
+        return min((len(column) for column in self.columns.values()), default=0)
+
+
+def _read(mapping: LogMapping) -> tuple[_Log, list[DataError], list[str]]:
+    """Reads a log, checks each column for itself, their lengths and the time, and resamples it to that if asked to."""
     columns, problems = read_columns(mapping)
     problems += check_lengths(mapping, columns)
+    clock = None
     if mapping.time is not None and mapping.time.variable in columns:
         stamps = columns[mapping.time.variable]
         if np.all(np.isfinite(stamps)):
-            problems += check_time(mapping, mapping.time.variable, stamps, mapping.time.to_seconds)
-    return columns, problems
+            clock, found = read_clock(mapping, stamps)
+            problems += found
+    notes: list[str] = []
+    if mapping.resample == "time" and clock is not None and not problems:
+        columns, clock, notes = resample_to_time(mapping, columns, clock)
+    return _Log(columns, clock), problems, notes
 
 
-def _place(
-    mapping: LogMapping,
-    columns: Mapping[str, NDArray[Any]],
-    n_sample: int,
-    samples_per_period: int,
-    periods: int,
-    lines: IntArray,
-    *,
-    find: bool,
-) -> tuple[int, list[DataError], list[str]]:
-    """First sample that is used where the log has no references; checks the period on the input that moves most."""
-    start = mapping.drop_periods * samples_per_period
-    problems = check_count(mapping, n_sample, samples_per_period, periods) if n_sample else []
-    if mapping.take == "last":
-        start = max(n_sample - periods * samples_per_period, 0)
-    usable = [channel for channel in mapping.inputs if channel.column in columns]
-    signals = [channel.factor * columns[channel.column][start:].astype(float) for channel in usable]
+def _strongest(
+    mapping: LogMapping, log: _Log, channels: Sequence[LogChannel], start: int
+) -> tuple[str, FloatArray] | None:
+    """The channel that moves most from a sample on: where it comes from, and its samples."""
+    usable = [channel for channel in channels if channel.column in log.columns]
+    signals = [channel.factor * log.columns[channel.column][start:].astype(float) for channel in usable]
     finite = [(np.ptp(values), index) for index, values in enumerate(signals) if len(values) > 2]
     finite = [(size, index) for size, index in finite if np.isfinite(size) and size > 0]
     if not finite:
-        return start, problems, []
+        return None
     strongest = max(finite)[1]
-    where = mapping.place(usable[strongest].column)
-    found, notes = check_period(
-        where, signals[strongest], mapping.sampling_period_s, samples_per_period, periods, lines, stated=not find
-    )
-    return start, problems + found, notes
+    return mapping.place(usable[strongest].column), signals[strongest]
+
+
+def _to_period(mapping: LogMapping, log: _Log, stated: Stated) -> tuple[_Log, list[str]]:
+    """Resamples a log so that the period of its strongest reference or input has its stated number of samples."""
+    measured = mapping.references or mapping.inputs
+    found = _strongest(mapping, log, measured, stated.dropped * stated.samples)
+    if found is None:
+        return log, []
+    columns, notes = resample_to_period(mapping, log.columns, found[1], stated, found[0])
+    return _Log(columns, None), notes
+
+
+def _place(mapping: LogMapping, log: _Log, stated: Stated) -> tuple[int, list[DataError], list[str]]:
+    """First sample that is used where the log has no references; checks the period on the input that moves most."""
+    start = stated.dropped * stated.samples
+    problems = check_count(mapping, log.n_sample, stated.samples, stated.periods) if log.n_sample else []
+    if mapping.take == "last":
+        start = max(log.n_sample - stated.periods * stated.samples, 0)
+    strongest = _strongest(mapping, log, mapping.inputs, 0 if problems else start)
+    if strongest is None:
+        return start, problems, []
+    found, notes = check_period(*strongest, stated, log.clock)
+    # A wrong period is why a log holds too few of it.
+    return start, found or problems, notes
 
 
 def _found_lines(
@@ -250,37 +288,37 @@ def _found_lines(
 
 
 def _match(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], played: PlayedExcitation, periods: int, lines: IntArray
+    mapping: LogMapping, log: _Log, played: PlayedExcitation, stated: Stated
 ) -> tuple[int, list[DataError], list[str]]:
     """First sample that is used, where the logged references show which periods were played."""
     names = tuple(channel.name for channel in mapping.references)
     where = f"{mapping.file}: references"
-    found = [columns.get(channel.column) for channel in mapping.references]
+    found = [log.columns.get(channel.column) for channel in mapping.references]
     kept = [column for column in found if column is not None and np.all(np.isfinite(column))]
     if len(kept) < len(names) or len({len(column) for column in kept}) > 1:
         return 0, [], []
     logged = np.stack(kept, axis=-1).astype(float) * [channel.factor for channel in mapping.references]
     n_sample = len(played.expected)
-    wanted = mapping.drop_periods + periods
+    wanted = stated.dropped + stated.periods
     if len(logged) < wanted * n_sample:
-        return 0, check_count(mapping, len(logged), n_sample, periods), []
+        return 0, check_count(mapping, len(logged), n_sample, stated.periods), []
     match = find_periods(logged, played.expected)
     if match.count < wanted:
-        return 0, _unmatched(mapping, logged, played, periods, lines), []
+        return 0, _unmatched(mapping, logged, played, stated, log.clock), []
     stop = match.start + match.count * n_sample
     steady = logged[match.start : stop, int(np.argmax(np.ptp(logged, axis=0)))]
-    problems, notes = check_period(where, steady, mapping.sampling_period_s, n_sample, periods, lines)
+    problems, notes = check_period(where, steady, stated, log.clock)
     sizes, size_notes = check_size(match.gain, names, np.sqrt(np.mean(played.expected**2, axis=0)))
     if sizes:
         what = f"The references differ in size from the excitation: {'; '.join(sizes)}."
         remedy = "Correct their unit or scale, or set excitation.rms to what was played and design again."
         problems.append(DataError(what, where=where, remedy=remedy))
-    first = match.count - periods if mapping.take == "last" else mapping.drop_periods
+    first = match.count - stated.periods if mapping.take == "last" else stated.dropped
     return match.start + first * n_sample, problems, [*notes, *size_notes]
 
 
 def _unmatched(
-    mapping: LogMapping, logged: FloatArray, played: PlayedExcitation, periods: int, lines: IntArray
+    mapping: LogMapping, logged: FloatArray, played: PlayedExcitation, stated: Stated, clock: Clock | None
 ) -> list[DataError]:
     """Says why a log does not hold the periods that are needed."""
     names = tuple(channel.name for channel in mapping.references)
@@ -290,15 +328,17 @@ def _unmatched(
         what, remedy = explain_mismatch(logged, played, names)
         return [DataError(what, where=where, remedy=remedy)]
     steady = logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))]
-    problems, _ = check_period(where, steady, mapping.sampling_period_s, n_sample, periods, lines)
-    if problems:
-        return problems
+    # Where samples were lost on the way nothing repeats, and the count says more.
+    if measure_repetition(steady, n_sample, stated.lines).samples is not None:
+        problems, _ = check_period(where, steady, stated, clock)
+        if problems:
+            return problems
     stop = match.start + match.count * n_sample
     what = (
         f"The excitation is there from sample {match.start} to {stop}, {match.count} whole periods, fewer than the"
-        f" {mapping.drop_periods + periods} that were said ({mapping.drop_periods} dropped and {periods} used)."
+        f" {stated.dropped + stated.periods} that were said ({stated.dropped} dropped and {stated.periods} used)."
     )
-    remedy = f"Look for lost samples after sample {stop}, or set periods to {match.count - mapping.drop_periods}."
+    remedy = f"Look for lost samples after sample {stop}, or set periods to {match.count - stated.dropped}."
     return [DataError(what, where=where, remedy=remedy)]
 
 

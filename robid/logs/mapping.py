@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from robid.signals.log_channels import LogChannel
 from robid.signals.log_options import LogOptions
@@ -17,12 +16,10 @@ class LogMapping(LogOptions):
 
     Attributes:
         file: The log.
-        format: `mat` (version 5) or `csv`, of all of them.
         files: Further logs, by what their channels call them.
     """
 
     file: Path
-    format: Literal["mat", "csv"] = "mat"
     files: Mapping[str, Path] = field(default_factory=dict)
 
     @property

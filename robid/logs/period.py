@@ -6,15 +6,28 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.interpolate import make_interp_spline
 from scipy.signal import detrend
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray
 
 _UNLIKE = 0.6
 """Mismatch between a signal and its shifted copy above which they have little in common; 1 is unrelated."""
 
-_REPEATS = 0.4
-"""Mismatch below which a signal counts as repeating."""
+_REPEATS = (0.1, 0.4)
+"""Mismatch below which a signal counts as repeating where one or two shifts by its period show it.
+
+With more of them it may be mostly noise, as long as it stands out of chance.
+"""
+
+_OVERLAP = 0.55
+"""Shift, in lengths of the signal, up to which a single one shows another period than the stated one."""
+
+_CHANCE = 8.0
+"""Standard deviations of a chance correlation that stand out."""
+
+_ALIKE = 0.005
+"""Mismatch above twice the smallest one from which a shift is no period."""
 
 _PHASE_LIMIT_RAD = 0.5
 """Largest drift of the highest excited line's phase over all periods that still counts as a whole period."""
@@ -22,8 +35,17 @@ _PHASE_LIMIT_RAD = 0.5
 _SIGMAS = 4.0
 """Standard deviations by which a measured period must differ before it is believed against the stated one."""
 
-_REACH = 6.0
-"""Samples within which one pass of the refinement searches."""
+_NEAR = 0.01
+"""Relative distance of a stated period from several real ones up to which these are meant."""
+
+_DRIFT_LINES = 2
+"""Lines that are not told from slow drift."""
+
+_DEGREE = 7
+"""Degree of the spline that is compared with its shifted copy."""
+
+_STEPS = 4
+"""Steps of the least squares, which begin within a fraction of a sample."""
 
 _SHORTEST = 8
 """Shortest period that is looked for [samples]."""
@@ -34,64 +56,122 @@ class Repetition:
     """How a signal repeats.
 
     Attributes:
-        samples: Length of the period, a fraction included; None when nothing repeats.
+        samples: Length of the shortest period, a fraction included; None when nothing repeats.
         std_samples: Its standard deviation.
-        multiple: How often that period fits the one that was asked about: 1 unless it holds several.
         reachable: Whether the signal is long enough to compare the asked period with its repetition.
     """
 
     samples: float | None
     std_samples: float
-    multiple: int
     reachable: bool
 
-    def agrees(self, stated: int) -> bool:
-        """Whether the measured period is the stated one, as far as it can be told."""
-        return self.samples is not None and abs(self.samples - stated) < max(0.5, _SIGMAS * self.std_samples)
+    def multiple(self, stated: int) -> int:
+        """How many of its periods the stated one is nearest to."""
+        return 1 if self.samples is None else max(round(stated / self.samples), 1)
 
-    def drifts(self, periods: int, lines: IntArray) -> bool:
+    def agrees(self, stated: int, lines: IntArray) -> bool:
+        """Whether the stated period holds whole periods, and the stated lines are lines of these."""
+        if self.samples is None:
+            return not self.reachable
+        count = self.multiple(stated)
+        whole = abs(count * self.samples - stated) < max(0.5, _SIGMAS * count * self.std_samples)
+        return bool(whole and not np.any(lines % count))
+
+    def proposed(self, stated: int, lines: IntArray) -> int:
+        """The whole period to propose: as many periods as were meant, if the stated lines fit them, else one."""
+        if self.samples is None:
+            return stated
+        count = self.multiple(stated)
+        meant = abs(count * self.samples / stated - 1) < _NEAR and not np.any(lines % count)
+        return round((count if meant else 1) * self.samples)
+
+    def drifts(self, periods: int, stated: int, lines: IntArray) -> bool:
         """Whether a period that is no whole number of samples spoils the average over the periods."""
         if self.samples is None:
             return False
-        fraction = abs(self.samples - round(self.samples))
-        phase = fraction * (periods - 1) * 2 * np.pi * float(lines.max()) / self.samples
-        return phase > _PHASE_LIMIT_RAD and fraction > _SIGMAS * self.std_samples
+        count = self.multiple(stated)
+        fraction = abs(count * self.samples - stated)
+        phase = fraction * (periods - 1) * 2 * np.pi * float(lines.max()) / stated
+        return bool(phase > _PHASE_LIMIT_RAD and fraction > _SIGMAS * count * self.std_samples)
 
 
 def measure_repetition(signal: FloatArray, stated: int, lines: IntArray) -> Repetition:
-    """Measures the period of a signal, near the stated one first and then anywhere.
+    """Measures the shortest period of a signal, whatever was stated.
 
-    The mismatch of the signal with its shifted copy finds the period roughly; the phases of successive periods
-    then give it to a fraction of a sample, which shows a period off by one even where it looks plausible.
+    Shifts at which the signal is most like itself are its periods; the farther of them give the period to a fraction
+    of a sample.
 
     Args:
         signal (n_sample,): The signal.
         stated: The period that it is said to have [samples].
         lines (n_lines,): Lines of that period that are said to be excited.
     """
-    flat = _limit_band(np.asarray(detrend(signal)), lines.min() / stated, lines.max() / stated)
+    # Slow drift is told from the excitation only where the first lines are left out.
+    low = lines.min() / stated if lines.min() > _DRIFT_LINES else 0.0
+    level = np.asarray(detrend(signal))
+    flat = _limit_band(level, low, lines.max() / stated)
     mismatch = _mismatch(flat)
-    outside = np.flatnonzero(mismatch > _UNLIKE)
     reachable = stated < len(mismatch)
-    nothing = Repetition(None, 0.0, 1, reachable)
-    if not len(outside):
+    outside = np.flatnonzero(mismatch > _UNLIKE)
+    # Correlation that chance may give to so many independent samples.
+    chance = min(_CHANCE / np.sqrt(2 * lines.max() / stated * len(flat)), 1.0)
+    found = _minima(mismatch, max(int(outside[0]), _SHORTEST), 1 - chance) if len(outside) else []
+    nothing = Repetition(None, 0.0, reachable)
+    if not found:
         return nothing
-    lobe = max(int(outside[0]), _SHORTEST)
-    beyond = mismatch[lobe:]
-    # Where the stated period is out of reach, only a clear shorter repetition speaks against it.
-    if beyond.min() > (_REPEATS if reachable else _REPEATS / 4):
+    least = min(each.mismatch for each in found)
+    good = [each for each in found if each.mismatch <= least + min(least, chance) + _ALIKE]
+    period, count = _follow(good)
+    if count <= len(_REPEATS) and least > _REPEATS[count - 1 if reachable else 0]:
         return nothing
-    good = 2 * beyond.min() + 0.02
-    first = lobe + int(np.flatnonzero(beyond <= good)[0])
-    shortest = first + int(np.argmin(mismatch[first : first + lobe + 1]))
-    low = max(stated - lobe, lobe)
-    near = mismatch[low : stated + lobe + 1]
-    is_near = reachable and len(near) > 0 and near.min() <= good
-    band = lines / stated if is_near else None
-    samples, deviation = _refine(flat, low + int(np.argmin(near)) if is_near else shortest, band)
-    multiple = max(round(samples / shortest), 1)
-    fits = abs(samples - multiple * shortest) <= 2 * multiple
-    return Repetition(samples, deviation, multiple if fits else 1, reachable)
+    # Slow wandering is like itself, too, where little of it is left to compare.
+    if count == 1 and period > _OVERLAP * len(flat) and abs(period / stated - 1) > _NEAR:
+        return nothing
+    return Repetition(*_refine(level, period, count), reachable)
+
+
+@dataclass(frozen=True)
+class _Minimum:
+    """A shift at which a signal is like itself [samples], and its mismatch there."""
+
+    shift: float
+    mismatch: float
+
+
+def _minima(mismatch: FloatArray, first: int, highest: float) -> list[_Minimum]:
+    """Minima beyond a first shift and below a highest mismatch, by the parabolas through three points."""
+    before, here, after = mismatch[first - 1 : -2], mismatch[first:-1], mismatch[first + 1 :]
+    at = np.flatnonzero((here < before) & (here <= after) & (here < highest))
+    bend = (before + after - 2 * here)[at]
+    lean = ((before - after) / 2)[at]
+    shifts, depths = first + at + lean / bend, here[at] - lean**2 / (2 * bend)
+    return [_Minimum(*each) for each in zip(shifts.tolist(), np.maximum(depths, 0.0).tolist(), strict=True)]
+
+
+def _follow(good: list[_Minimum]) -> tuple[float, int]:
+    """Period by the shortest of these shifts and its multiples among them, and how many follow each other."""
+    period, count = good[0].shift, 1
+    for each in good[1:]:
+        # Shifts beside a multiple are the signal's own waves.
+        if abs(each.shift - (count + 1) * period) < max(_NEAR * period, 1.0):
+            count += 1
+            period = each.shift / count
+    return period, count
+
+
+def _refine(signal: FloatArray, period: float, count: int) -> tuple[float, float]:
+    """Period and its standard deviation, by least squares between the signal and its copy some periods later."""
+    index = np.arange(float(len(signal)))
+    curve = make_interp_spline(index, signal, k=_DEGREE)
+    slope, shift, step = curve.derivative(), period * count, 0.0
+    inside = index[: max(int(len(signal) - shift) - 1, _SHORTEST)]
+    for _ in range(_STEPS):
+        steep = slope(inside + shift)
+        apart = curve(inside + shift) - signal[: len(inside)]
+        step = float(np.clip((apart - apart.mean()) @ steep / (steep @ steep), -0.5, 0.5))
+        shift -= step
+    spread = float(np.sqrt(np.sum(((apart - apart.mean()) * steep) ** 2)) / (steep @ steep))
+    return shift / count, max(spread, abs(step)) / count
 
 
 def line_power(periods: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -120,48 +200,3 @@ def _limit_band(signal: FloatArray, low: float, high: float) -> FloatArray:
     kept = np.where((frequency >= low / 2) & (frequency <= 2 * high), spectrum, 0)
     enough = np.sum(np.abs(kept) ** 2) > 0.1 * np.sum(np.abs(spectrum) ** 2)
     return np.asarray(irfft(kept, len(signal))) if enough else signal
-
-
-def _refine(signal: FloatArray, start: int, band: FloatArray | None) -> tuple[float, float]:
-    """Period and its standard deviation to a fraction of a sample, from the phases between successive periods.
-
-    Args:
-        signal (n_sample,): The signal.
-        start: Period to begin with [samples].
-        band (n_lines,): Excited frequencies in cycles per sample, or None for all.
-    """
-    samples, deviation = float(start), np.inf
-    for _ in range(5):
-        whole = max(round(samples), _SHORTEST)
-        frequency, cross = _cross_spectrum(signal, whole)
-        if band is not None:
-            kept = np.unique(np.round(band * (len(signal) - whole if whole * 2 > len(signal) else whole)).astype(int))
-            frequency, cross = frequency[kept], cross[kept]
-        shift, deviation = _peak_shift(2 * np.pi * frequency, cross)
-        samples = whole - shift
-        if abs(shift) <= 0.5:
-            break
-    return samples, deviation
-
-
-def _cross_spectrum(signal: FloatArray, period: int) -> tuple[FloatArray, ComplexArray]:
-    """Frequencies (cycles per sample) and the cross spectrum between each period and the next, summed."""
-    size = min(period, len(signal) - period)
-    total = np.zeros(size // 2 + 1, complex)
-    for start in range(0, len(signal) - period - size + 1, period):
-        first, second = signal[start : start + size], signal[start + period : start + period + size]
-        total += np.conj(rfft(first)) * rfft(second)
-    return np.arange(len(total)) / size, total
-
-
-def _peak_shift(omega: FloatArray, cross: ComplexArray) -> tuple[float, float]:
-    """Delay (in samples, within the reach) at which two signals agree best, with its standard deviation."""
-    best, step = 0.0, _REACH / 24
-    for _ in range(4):
-        shifts = best + step * np.arange(-24, 25)
-        best = float(shifts[np.argmax(np.real(np.exp(-1j * np.outer(shifts, omega)) @ cross))])
-        step /= 10
-    aligned = cross * np.exp(-1j * omega * best)
-    curvature = float(np.sum(omega**2 * aligned.real))
-    spread = float(np.sqrt(np.sum((omega * aligned.imag) ** 2)))
-    return best, spread / curvature if curvature > 0 else np.inf

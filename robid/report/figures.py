@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from robid.report.bode import BodeMatrix, bode_data
-from robid.report.charts import RatioChart, Skeletons
+from robid.report.charts import RatioChart, Skeletons, Waterfall
 from robid.report.numbers import rounded
 from robid.report.section import AnyFigure, Bars, Curve, Figure
 
@@ -16,6 +16,8 @@ def figure_data(figure: AnyFigure) -> dict[str, Any]:
         return bode_data(figure)
     if isinstance(figure, Skeletons):
         return _skeleton_data(figure)
+    if isinstance(figure, Waterfall):
+        return _waterfall_data(figure)
     if isinstance(figure, Bars):
         return _bar_data(figure)
     if isinstance(figure, RatioChart):
@@ -81,6 +83,27 @@ def _skeleton_data(arms: Skeletons) -> dict[str, Any]:
             for name, points, weight in zip(arms.names, arms.points, arms.weights, strict=True)
         ],
         "others": columns(arms.others),
+    }
+
+
+def _waterfall_data(figure: Waterfall) -> dict[str, Any]:
+    return {
+        "kind": "waterfall",
+        "x_title": figure.x_title,
+        "place_title": figure.place_title,
+        "y_title": figure.y_title,
+        "log_x": figure.log_x,
+        "height": figure.height,
+        "places": [rounded(place) for place in figure.places],
+        "layers": [
+            {
+                "name": layer.name,
+                "drawn": layer.drawn,
+                "x": [rounded(x) for x in layer.x],
+                "heights": [[rounded(height) for height in curve] for curve in layer.heights],
+            }
+            for layer in figure.layers
+        ],
     }
 
 

@@ -25,6 +25,7 @@ _SCRIPTS = (
     "curves.js",
     "bars.js",
     "skeletons.js",
+    "waterfall.js",
 )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from robid.report.bode import BodeMatrix
-from robid.report.charts import RatioChart, Skeletons
+from robid.report.charts import RatioChart, Skeletons, Waterfall
 
 ColumnStyle: TypeAlias = Literal["name", "text", "number", "strong", "prose", "code", "meter"]
 
@@ -234,7 +234,7 @@ class Choice:
     options: tuple[tuple[str, tuple[Part, ...]], ...]
 
 
-AnyFigure: TypeAlias = Figure | Bars | Skeletons | RatioChart | BodeMatrix
+AnyFigure: TypeAlias = Figure | Bars | Skeletons | Waterfall | RatioChart | BodeMatrix
 Part: TypeAlias = Table | Notes | Beside | Folded | Choice | AnyFigure
 
 

@@ -8,7 +8,14 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.robot.linearize import LinearModel
-from robid.robot.response import ElasticParameters, alias_factor, fast_limit, hold_factor, mass_matrix
+from robid.robot.response import (
+    ElasticParameters,
+    alias_factor,
+    arm_dampers,
+    fast_limit,
+    hold_factor,
+    mass_matrix,
+)
 
 _ROUNDING = 1e-12
 
@@ -179,6 +186,8 @@ class Collocated:
         n_spring = len(whole) - n_motor
         if kind in ("stiffness", "damping"):
             return whole[:n_spring]
+        if kind == "arm_viscous":
+            return np.asarray(np.einsum("la,aiL->liL", self._model.arm[:, self._order], whole, optimize=True))
         if kind != "link_inertia":
             return whole[n_spring:]
         turns = self._turns()[:, :, self._order][self._configuration]
@@ -239,7 +248,7 @@ class Collocated:
 
     def _hold(self, parameters: ElasticParameters) -> None:
         """Sets up everything but what varies; anew only when it did change."""
-        held: tuple[FloatArray, ...] = (parameters.motor_inertia, parameters.link_inertia)
+        held: tuple[FloatArray, ...] = (parameters.motor_inertia, parameters.link_inertia, parameters.arm_viscous)
         if self._swept:
             held = (*held, parameters.viscous)
         if self._held and all(map(np.array_equal, self._held, held)):
@@ -248,6 +257,9 @@ class Collocated:
         mass, gravity = mass_matrix(model, parameters)[order], model.gravity_stiffness[order]
         here = self._configuration
         constant: FloatArray | ComplexArray = gravity[here] - (self._omega**2)[:, None, None] * mass[here]
+        if parameters.arm_viscous.any():
+            own = arm_dampers(model, parameters)[np.ix_(self._order, self._order)]
+            constant = constant + 1j * self._omega[:, None, None] * own
         if self._swept:
             constant = self._sweep(constant, parameters.viscous)
         self._constant = np.ascontiguousarray(constant.transpose(1, 2, 0))

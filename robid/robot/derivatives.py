@@ -61,6 +61,8 @@ def _columns(
         return scale * _outer(result, slice(n_motor, None)) * model.rest.factor[:, None, None, None]
     if kind == "viscous":
         return scale * rate * _outer(result, slice(0, n_motor))
+    if kind == "arm_viscous":
+        return scale * rate * _products(model.arm @ result.outputs, model.arm @ result.inputs)
     if kind == "motor_inertia":
         matrices = np.eye(n_motor, model.mass.shape[-1])
         directions = np.einsum("li,lj->lij", matrices, matrices)
@@ -129,8 +131,12 @@ def _move_columns(
 
 
 def _outer(result: Response, rows: slice) -> ComplexArray:
-    left = np.swapaxes(result.outputs[..., rows, :], -1, -2)
-    right = np.swapaxes(result.inputs[..., rows, :], -1, -2)
+    return _products(result.outputs[..., rows, :], result.inputs[..., rows, :])
+
+
+def _products(outputs: ComplexArray, inputs: ComplexArray) -> ComplexArray:
+    """Outer products (n_conf, n_freq, n_out, n_in, n_row) of the motions of some rows."""
+    left, right = np.swapaxes(outputs, -1, -2), np.swapaxes(inputs, -1, -2)
     return np.asarray(left[..., :, None, :] * right[..., None, :, :])
 
 

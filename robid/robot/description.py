@@ -128,6 +128,8 @@ class Joint:
         couplings: Arm motion of this joint per radian of another joint's motor, by that joint's name [rad or m].
         type: Whether the arm turns about the axis or slides along it.
         counterbalance: What takes gravity off the motor; only the rigid model knows it.
+        arm_viscous: Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load
+            motor; arm side, where the motor's acts before the transmission [N m s/rad, or N s/m].
     """
 
     name: str
@@ -140,6 +142,12 @@ class Joint:
     couplings: Mapping[str, float] = field(default_factory=dict)
     type: JointType = "revolute"
     counterbalance: HarmonicBalance | SpringBalance | None = None
+    arm_viscous: float = 0.0
+
+    @property
+    def reflected_viscous_nms_rad(self) -> float:
+        """The arm's viscous friction as its own motor would feel it through a rigid gear [N m s/rad]."""
+        return self.arm_viscous / self.motor.gear_ratio**2
 
 
 @dataclass(frozen=True)
@@ -316,6 +324,11 @@ class Robot:
     def motor_inertia_kgm2(self) -> FloatArray:
         """Rotor inertias (n_joint,) [kg m^2]."""
         return np.array([joint.motor.inertia_kgm2 for joint in self.joints])
+
+    @property
+    def arm_viscous(self) -> FloatArray:
+        """Viscous friction (n_joint,) of the arms, arm side [N m s/rad, or N s/m]."""
+        return np.array([joint.arm_viscous for joint in self.joints])
 
     @property
     def shaft_inertia_kgm2(self) -> FloatArray:

@@ -27,7 +27,7 @@ class MotorMotion:
 
     Attributes:
         angle (n_time, n_joint): Motor angles [rad].
-        torque (n_time, n_joint): Motor torques, viscous friction included [N m].
+        torque (n_time, n_joint): Motor torques, viscous friction of motors and arms included [N m].
     """
 
     angle: FloatArray
@@ -101,7 +101,7 @@ class _Dynamics:
 
     def __init__(self, model: ElasticModel, rest: Equilibrium) -> None:
         self._model, self._data, self._rest = model.mujoco, mujoco.MjData(model.mujoco), rest.position[0]
-        self._motor, self._arm = model.motor, model.arm
+        self._motor, self._arm, self._arm_viscous = model.motor, model.arm, model.robot.arm_viscous
         self._elastic = np.setdiff1d(model.passive, model.arm)
         rows = [int(np.flatnonzero(model.deflection[:, index])[0]) for index in self._elastic]
         springs = [model.robot.springs[row] for row in rows]
@@ -123,7 +123,9 @@ class _Dynamics:
     def torques(self, states: FloatArray) -> FloatArray:
         """Torques (n_time, 2 n_joint) that motors and arm angles need besides those of the springs [N m]."""
         wanted = np.concatenate([self._motor, self._arm])
-        return np.array([self._torque(*state)[wanted] for state in states.swapaxes(0, 1)])
+        needed = np.array([self._torque(*state)[wanted] for state in states.swapaxes(0, 1)])
+        needed[:, self._arm.size :] += self._arm_viscous * states[1][:, self._arm]
+        return needed
 
     def settle(self, states: FloatArray) -> FloatArray:
         """Deflections (n_time, n_elastic) at which the further springs carry what the rigid motion asks [rad]."""

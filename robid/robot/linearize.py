@@ -40,7 +40,7 @@ class LinearModel:
     """What a configuration's dynamic stiffness holds besides springs, dampers and rotors.
 
     Coordinates are `z = (q_m, spring deflections)`, so that springs, dampers, rotor inertias and motor
-    viscosities are diagonal (METHODS sec. 1).
+    viscosities are diagonal (METHODS sec. 1); viscous friction of the arms is not.
 
     Attributes:
         mass (n_conf, n, n): Inertia matrix without the rotors' and the links' own axial inertia.
@@ -50,6 +50,7 @@ class LinearModel:
             own inertia about its joint axis direction, or mass where its joint slides.
         output (n_conf, n_out, n): Angles and positions in these coordinates; of an accelerometer, its position.
         tilt (n_conf, n_out, n): How gravity enters an accelerometer as it turns [m/s^2]; zero for the others.
+        arm (n_joint, n): Arm-side positions in these coordinates.
         rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
         axial (n_joint,): Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg].
         rest: Where the springs rest.
@@ -60,6 +61,7 @@ class LinearModel:
     link_inertia: FloatArray
     output: FloatArray
     tilt: FloatArray
+    arm: FloatArray
     rotor: FloatArray
     axial: FloatArray
     rest: Rest
@@ -153,6 +155,7 @@ def linearize(
         link_inertia=np.array(links),
         output=np.array([output for output, _ in outputs]),
         tilt=np.array([tilt for _, tilt in outputs]),
+        arm=to_spring[model.arm],
         rotor=model.robot.motor_inertia_kgm2,
         axial=axial,
         rest=Rest(

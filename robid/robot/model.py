@@ -239,7 +239,8 @@ def _add_arm(body: mujoco.MjsBody, joint: Joint, *, rigid: bool) -> None:
     if rigid:
         motor = joint.motor
         arm.armature = motor.gear_ratio**2 * motor.inertia_kgm2
-        arm.damping = np.array([motor.gear_ratio**2 * motor.friction.viscous_nms_rad, 0.0, 0.0])
+    moving = joint.motor.gear_ratio**2 * joint.motor.friction.viscous_nms_rad if rigid else 0.0
+    arm.damping = np.array([moving + joint.arm_viscous, 0.0, 0.0])
 
 
 def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) -> None:

@@ -12,8 +12,10 @@ from robid.arrays import FloatArray
 from robid.robot.description import LOCATED, Robot
 
 LogarithmicKind = Literal["stiffness", "damping", "motor_inertia", "link_inertia"]
-ResponseNuisance = Literal["viscous", "delay"]
-ElasticKind = Literal["stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location"]
+ResponseNuisance = Literal["viscous", "arm_viscous", "delay"]
+ElasticKind = Literal[
+    "stiffness", "damping", "viscous", "arm_viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location",
+]  # fmt: skip
 RigidKind = Literal[
     "inertia", "first_moment", "mass", "motor_inertia", "viscous", "coulomb", "load_friction", "torque_offset",
     "coupling_inertia", "coupling_viscous", "coupling_coulomb",
@@ -81,6 +83,9 @@ PARAMETER_KINDS = {
         "Equivalent viscous friction", "motor", "N m s/rad", "N m s/rad",
         "motor.friction.viscous_nms_rad", "motor.friction.viscous_nms_rad", is_free=True, symbol="d",
     ),
+    "arm_viscous": ParameterKind(
+        "Viscous friction of the arm", "link", "N m s/rad", "N s/m", "arm_viscous_nms_rad", "arm_viscous_ns_m", symbol="d2",
+    ),
     "motor_inertia": ParameterKind(
         "Motor inertias", "motor", "kg m^2", "kg m^2", "motor.inertia_kgm2", "motor.inertia_kgm2",
         logarithmic=True, is_free=True, symbol="J1", panel="Inertias",
@@ -133,7 +138,7 @@ PARAMETER_KINDS = {
 """All kinds by name, in the order in which tables show them."""
 
 ELASTIC: tuple[ElasticKind, ...] = (
-    "stiffness", "damping", "viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location",
+    "stiffness", "damping", "viscous", "arm_viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location",
 )  # fmt: skip
 """Kinds that the elastic model has; the others belong to measured torques, rigid models and transfer functions."""
 FREE: tuple[ElasticKind, ...] = tuple(kind for kind in ELASTIC if PARAMETER_KINDS[kind].is_free)
@@ -184,6 +189,9 @@ def names_of(kind: str, springs: Sequence[NamedSpring], joints: Sequence[str]) -
 def element_names(robot: Robot, kind: str) -> list[str | None]:
     """Names of a kind's elements, in the order of its values; None for what no fit estimates."""
     names = names_of(kind, robot.springs, [joint.name for joint in robot.joints])
+    if kind == "arm_viscous":
+        # The arm of a rigid joint moves as its motor does, whose friction says it all.
+        return [None if rigid else name for name, rigid in zip(names, robot.rigid.tolist(), strict=True)]
     if PARAMETER_KINDS[kind].owner != "point":
         return names
     # A spring that moves along its own axis stays the same spring.
@@ -224,6 +232,13 @@ def name_of(owner: str, kind: str) -> str:
     return owner if PARAMETER_KINDS[kind].owner in _BARE else f"{owner}.{kind}"
 
 
-def viscous_scale(motor_inertia_kgm2: FloatArray) -> FloatArray:
-    """What is natural to viscous friction (n_joint,): the rotor's own at 1 Hz [N m s/rad]."""
-    return np.asarray(2 * np.pi * motor_inertia_kgm2)
+def viscous_scale(inertia: FloatArray) -> FloatArray:
+    """What is natural to viscous friction (n_joint,): what the inertia of a rotor or link asks for at 1 Hz.
+
+    Args:
+        inertia (n_joint,): Inertia of each, or mass of links that slide [kg m^2, or kg].
+
+    Returns:
+        Scales [N m s/rad, or N s/m].
+    """
+    return np.asarray(2 * np.pi * inertia)

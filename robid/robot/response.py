@@ -22,6 +22,7 @@ class ElasticParameters:
         stiffness (n_spring,): Stiffnesses, arm side [N m/rad, or N/m].
         damping (n_spring,): Dampings, arm side [N m s/rad, or N s/m].
         viscous (n_joint,): Equivalent viscous friction, motor side [N m s/rad].
+        arm_viscous (n_joint,): Viscous friction of the arms, arm side [N m s/rad, or N s/m].
         motor_inertia (n_joint,): Rotor inertias, motor side [kg m^2].
         link_inertia (n_joint,): Links' own inertia about the joint axis direction, or mass [kg m^2, or kg].
         delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
@@ -32,6 +33,7 @@ class ElasticParameters:
     stiffness: FloatArray
     damping: FloatArray
     viscous: FloatArray
+    arm_viscous: FloatArray
     motor_inertia: FloatArray
     link_inertia: FloatArray
     delay: FloatArray
@@ -73,6 +75,7 @@ def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> Elas
         stiffness=np.array([spring.stiffness for spring in robot.springs]),
         damping=np.array([spring.damping for spring in robot.springs]),
         viscous=np.array([joint.motor.friction.viscous_nms_rad for joint in robot.joints]),
+        arm_viscous=robot.arm_viscous,
         motor_inertia=robot.motor_inertia_kgm2,
         link_inertia=model.axial,
         delay=np.array([delay_s]),
@@ -152,7 +155,7 @@ def motion_matrices(
     """Returns mass, damping and stiffness (n, n) of one configuration in the model's coordinates."""
     model, springs = at_rest(model, parameters)
     stiffness = (model.gravity_stiffness + _springs(model, springs))[configuration]
-    return mass_matrix(model, parameters)[configuration], _dampers(parameters), stiffness
+    return mass_matrix(model, parameters)[configuration], _dampers(model, parameters), stiffness
 
 
 def mass_matrix(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
@@ -163,8 +166,14 @@ def mass_matrix(model: LinearModel, parameters: ElasticParameters) -> FloatArray
     return np.asarray(mass)
 
 
-def _dampers(parameters: ElasticParameters) -> FloatArray:
-    return np.diag(np.concatenate([parameters.viscous, parameters.damping]))
+def arm_dampers(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    """Returns the damping matrix (n, n) of the arms' viscous friction, the same in every configuration."""
+    return np.asarray(model.arm.T @ (parameters.arm_viscous[:, None] * model.arm))
+
+
+def _dampers(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
+    diagonal = np.diag(np.concatenate([parameters.viscous, parameters.damping]))
+    return np.asarray(diagonal + arm_dampers(model, parameters))
 
 
 def _springs(model: LinearModel, springs: Springs) -> FloatArray:
@@ -178,7 +187,7 @@ def _dynamic_stiffness(
 ) -> ComplexArray:
     constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
     dynamic = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
-    return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(parameters))
+    return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters))
 
 
 def _seen(model: LinearModel, omega: FloatArray) -> FloatArray:

@@ -69,6 +69,8 @@ def to_rigid_mjcf(robot: Robot, header: str, *, friction: bool = True) -> str:
     parent = spec.worldbody
     for joint, body in zip(robot.joints, _loaded_links(robot), strict=True):
         parent = _mjcf_link(parent, joint, body)
+        if friction:
+            spec.joint(joint.name).damping = np.array([joint.arm_viscous, 0.0, 0.0])
     for joint, turns in zip(robot.joints, robot.motor_per_arm, strict=True):
         _mjcf_motor(spec, robot, joint, turns, friction=friction)
     return written(spec, header)
@@ -112,7 +114,7 @@ def _urdf_joint(element: ET.Element, joint: Joint, parent: str, link: str) -> No
     limits |= {"effort": motor.max_torque_nm * ratio, "velocity": motor.max_speed_rad_s / ratio}
     finite = {key: repr(float(np.clip(value, -_UNLIMITED, _UNLIMITED))) for key, value in limits.items()}
     ET.SubElement(element, "limit", finite)
-    damping, dry = motor.friction.viscous_nms_rad * ratio**2, motor.friction.coulomb_nm * ratio
+    damping, dry = motor.friction.viscous_nms_rad * ratio**2 + joint.arm_viscous, motor.friction.coulomb_nm * ratio
     ET.SubElement(element, "dynamics", damping=repr(float(damping)), friction=repr(float(dry)))
 
 
@@ -154,7 +156,7 @@ def _mjcf_motor(spec: mujoco.MjSpec, robot: Robot, joint: Joint, turns: FloatArr
             owner.wrap_joint(robot.joints[index].name, float(turns[index]))
     shafts = [spring.inertia_kgm2 for spring in robot.springs if robot.joints[spring.joint].name == joint.name]
     owner.armature = ratio**2 * (motor.inertia_kgm2 + sum(shafts))
-    owner.damping = np.array([ratio**2 * law.viscous_nms_rad, 0.0, 0.0])
+    owner.damping = owner.damping + np.array([ratio**2 * law.viscous_nms_rad, 0.0, 0.0])
     owner.frictionloss = abs(ratio) * law.coulomb_nm
     kind = mujoco.mjtTrn.mjTRN_JOINT if single else mujoco.mjtTrn.mjTRN_TENDON
     actuator = spec.add_actuator(name=f"torque_{joint.name}", trntype=kind, target=owner.name)

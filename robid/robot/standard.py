@@ -133,8 +133,8 @@ def _joint(joint: Joint, values: Mapping[str, float], shaft: float) -> Joint:
 
 def _friction(joint: Joint, values: Mapping[str, float]) -> Friction:
     """Friction with other levels; breakaway keeps its ratio to the Coulomb level."""
-    law = joint.motor.friction
-    viscous = _mean(joint.name, "viscous", values, law.viscous_nms_rad)
+    law, arm = joint.motor.friction, 0.0 if joint.couplings else joint.reflected_viscous_nms_rad
+    viscous = max(0.0, _mean(joint.name, "viscous", values, law.viscous_nms_rad + arm) - arm)
     coulomb = _mean(joint.name, "coulomb", values, law.coulomb_nm)
     ratio = max(law.static_nm / law.coulomb_nm, 1.0) if law.coulomb_nm > 0 else 1.0
     return replace(law, viscous_nms_rad=viscous, coulomb_nm=coulomb, static_nm=ratio * coulomb)

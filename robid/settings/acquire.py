@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import pydantic.dataclasses
 from pydantic import Field
@@ -12,7 +14,8 @@ from robid.settings.base import DATA_VARIABLE, STRICT, data_path
 from robid.signals.log_channels import LogChannel
 from robid.signals.log_options import LogOptions
 
-_PLACES = ("configuration", "realization", "experiment")
+PLACES = ("configuration", "realization", "experiment")
+"""What stands for numbers in names of logs and variables."""
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -49,11 +52,32 @@ class Acquire(LogOptions):
         """
         return {one.file: _path(one.file, folder, indices) for one in self.channels if one.file is not None}
 
+    def in_place(self, *indices: int) -> LogOptions:
+        """Returns what the log means, numbers from 1 in the place of their names in its variables.
+
+        Args:
+            *indices: Of configuration, realization and experiment, each from 0.
+        """
+        changed: dict[str, Any] = {
+            key: tuple(replace(one, variable=_numbered(one.variable, indices)) for one in getattr(self, key))
+            for key in ("inputs", "outputs", "references")
+        }
+        if self.time is not None:
+            changed["time"] = replace(self.time, variable=_numbered(self.time.variable, indices))
+        return LogOptions(**{one.name: changed.get(one.name, getattr(self, one.name)) for one in fields(LogOptions)})
+
+
+def _numbered(variable: str, indices: Sequence[int]) -> str:
+    """A variable's name, in which braces may stand for cells too: only known names are replaced."""
+    for key, index in zip(PLACES, indices, strict=True):
+        variable = variable.replace(f"{{{key}}}", str(index + 1))
+    return variable
+
 
 def _path(file: str, folder: Path, indices: Sequence[int]) -> Path:
     """The path of a log, numbers from 1 in the place of their names."""
     rest = file.removeprefix(DATA_VARIABLE)
     start = file.removesuffix(rest) if rest else file
     return data_path(
-        start + rest.format(**{key: index + 1 for key, index in zip(_PLACES, indices, strict=True)}), folder
+        start + rest.format(**{key: index + 1 for key, index in zip(PLACES, indices, strict=True)}), folder
     )

@@ -186,6 +186,7 @@ class RobotFile(Assumed):
                 motor=section.motor.motor(),
                 couplings=dict(section.couplings),
                 counterbalance=None if balance is None else balance.counterbalance(*section.geometry.link_frame()),
+                arm_viscous=section.arm_viscous,
             )
             joints.append(joint)
         return tuple(joints)

@@ -54,6 +54,8 @@ _JOINT: dict[str, Part] = {
     "gear": "mechanics",
     "couplings": "mechanics",
     "counterbalance": "rigid",
+    "arm_viscous_nms_rad": "mechanics",
+    "arm_viscous_ns_m": "mechanics",
 }
 _ROBOT: dict[str, Part] = {
     "gravity_m_s2": "mechanics",

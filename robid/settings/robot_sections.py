@@ -10,6 +10,7 @@ from pydantic import Field
 
 from robid.arrays import FloatArray
 from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring
+from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed, Name, Section, Vector
 from robid.settings.counterbalance import CounterbalanceSection
 from robid.settings.gears import GearSection, SpringDamper
@@ -147,6 +148,25 @@ class JointSection(Assumed):
     counterbalance: CounterbalanceSection | None = Field(
         default=None, description="What takes gravity off the motor; only rigid models know it."
     )
+    arm_viscous_nms_rad: float = Field(
+        default=0.0,
+        description="Viscous friction of the link on what carries it, behind the transmission: of bearings, seals, a"
+        " load motor; arm side [N m s/rad].",
+        ge=0,
+    )
+    arm_viscous_ns_m: float = Field(
+        default=0.0, description="Of a prismatic joint, in place of `arm_viscous_nms_rad` [N s/m].", ge=0
+    )
+
+    @property
+    def arm_viscous_key(self) -> str:
+        """Name of the field that states the viscous friction of its arm."""
+        return PARAMETER_KINDS["arm_viscous"].fields[self.slides]
+
+    @property
+    def arm_viscous(self) -> float:
+        """Viscous friction of the arm [N m s/rad, or N s/m]."""
+        return float(getattr(self, self.arm_viscous_key))
 
     @property
     def slides(self) -> bool:

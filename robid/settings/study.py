@@ -12,6 +12,7 @@ from robid.frf.residual import EstimatorKind
 from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.settings.external_study import OliveiraStudy
+from robid.settings.lpv_study import TurkStudy
 from robid.validation.step_options import StepOptions
 
 PaperFile: TypeAlias = Annotated[
@@ -283,7 +284,7 @@ class JanotStudy(Section):
 
 
 Study: TypeAlias = Annotated[
-    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy | OliveiraStudy,
+    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy | OliveiraStudy | TurkStudy,
     Field(discriminator="kind"),
 ]
 

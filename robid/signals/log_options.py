@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, ReferenceChannel
+from robid.signals.log_dialect import Dialect
 from robid.signals.pose import ANGLES, POSE
 from robid.signals.quantities import DRIVES
 
@@ -55,8 +56,11 @@ class PoseOptions:
 class LogOptions:
     """What the variables of a log mean, and which part of it is used."""
 
-    format: Literal["mat", "csv"] = field(
-        metadata={"description": "Format of the log: MAT (version 5), or a table with a header."}
+    format: Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"] | None = field(
+        default=None, metadata={"description": "Format of the log; told from the file when not given."}
+    )
+    dialect: Dialect = field(
+        default=Dialect(), metadata={"description": "How a table of text is written; told from it when not given."}
     )
     sampling_period_s: float = field(metadata={"description": "Sampling period of the log [s].", "gt": 0})
     inputs: tuple[InputChannel, ...] = field(
@@ -74,6 +78,13 @@ class LogOptions:
         default=None, metadata={"description": "Which channels are absolute poses of the tool."}
     )
     time: TimeChannel | None = field(default=None, metadata={"description": "The log's own time, if it has one."})
+    resample: Literal["time", "period"] | None = field(
+        default=None,
+        metadata={
+            "description": "What clock the samples are brought to by interpolation: `time`, the log's own, in steps of"
+            " `sampling_period_s`; `period`, the generator's, so that a measured period has its stated samples."
+        },
+    )
     drop_periods: int = field(default=0, metadata={"description": "Periods dropped at the start of the log.", "ge": 0})
     one_shot: bool = field(
         default=False,

@@ -141,7 +141,8 @@ def _deviate(joint: Joint, viscous: float, coulomb: float, shape: float) -> Join
         presliding_rad=law.presliding_rad * shape,
         relative_std=law.relative_std,
     )
-    return replace(joint, motor=replace(joint.motor, friction=friction))
+    motor = replace(joint.motor, friction=friction)
+    return replace(joint, motor=motor, arm_viscous=joint.arm_viscous * viscous)
 
 
 def _stiffen(spring: Spring, share: float) -> Spring:

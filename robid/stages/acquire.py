@@ -119,8 +119,9 @@ def _arbitrary(
 
 def _mapping(acquire: Acquire, folder: Path, *indices: int) -> LogMapping:
     """The logs of one experiment: indices of its configuration, realization and place in the block."""
+    options = acquire.in_place(*indices)
     return LogMapping(
         file=acquire.log_path(folder, *indices),
         files=acquire.further_paths(folder, *indices),
-        **{field.name: getattr(acquire, field.name) for field in fields(LogOptions)},
+        **{field.name: getattr(options, field.name) for field in fields(LogOptions)},
     )

@@ -80,8 +80,8 @@ def _unreadable(error: ArtifactError) -> State:
 
 def input_hashes(plan: Plan, inputs: Mapping[str, Path]) -> dict[str, str]:
     """Returns the content hash of each input and outside file that is there."""
-    every = {**inputs, **plan.files}
-    return {name: _content(path) for name, path in every.items() if path.exists()}
+    made = {name: _content(path) for name, path in inputs.items() if path.exists()}
+    return made | {name: _bytes(path) for name, path in plan.files.items() if path.exists()}
 
 
 def changed(before: Any, now: Any, name: str = "") -> list[str]:  # noqa: ANN401
@@ -109,5 +109,13 @@ def _provenance(stage: Stage, output: Path) -> Provenance:
 def _content(path: Path) -> str:
     if path.suffix == ".h5":
         return read_header(path).content_sha256
+    return _bytes(path)
+
+
+def _bytes(path: Path) -> str:
+    """Hash of the bytes of a file of somebody else, or of all files of a folder and their names."""
+    if path.is_dir():
+        inside = [(one.name, _bytes(one)) for one in sorted(path.iterdir())]
+        return hashlib.sha256(repr(inside).encode()).hexdigest()
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

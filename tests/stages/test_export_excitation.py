@@ -8,7 +8,7 @@ from scipy.io import loadmat
 
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.logs.files import load_variables
+from robid.logs.formats.load import load_variables
 
 
 def excitation_of(done):

@@ -13,10 +13,10 @@ from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.parameters import OF_SPRINGS, RESPONSE_NUISANCE
+from robid.robot.parameters import FREE, OF_SPRINGS, RESPONSE_NUISANCE
 from robid.robot.response import ElasticParameters, nominal_parameters, response
 
-KINDS = (*OF_SPRINGS, *RESPONSE_NUISANCE)
+KINDS = (*OF_SPRINGS, *(kind for kind in RESPONSE_NUISANCE if kind in FREE))
 """Kinds of parameters that an excitation is shaped for; the last two are nuisance."""
 
 

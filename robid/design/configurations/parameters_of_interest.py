@@ -44,6 +44,7 @@ class ParametersOfInterest:
 def natural_scales(nominal: ElasticParameters, period_s: float, kinds: Sequence[str]) -> FloatArray:
     """Scale (n_all,) of each parameter of some kinds: its value, or of a linear nuisance what is natural to it."""
     natural = {"viscous": viscous_scale(nominal.motor_inertia), "delay": np.array([period_s])}
+    natural["arm_viscous"] = viscous_scale(nominal.link_inertia)
     return np.concatenate([natural[kind] if kind in natural else getattr(nominal, kind) for kind in kinds])
 
 

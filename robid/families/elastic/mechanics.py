@@ -207,7 +207,7 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             "A rigid joint has no q_m: its motor drives q_a.",
             "Friction and ripple, where there are any: passive actuators friction_<joint>."
             if friction
-            else "Friction and ripple are left out; viscous friction is damping of q_m.",
+            else "Friction and ripple are left out; viscous friction is damping of q_m and q_a.",
             *_frozen(found.robot, names[0]),
             f"Not in here: the delay of {1e3 * found.delay_s:.4g} ms from commanded to applied torque.",
             f"Not identified, do not rely on: {', '.join(weak)}"

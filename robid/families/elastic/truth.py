@@ -30,6 +30,7 @@ def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
     axial = axial_inertia(build_model(true.without_springs(known)))
     for joint, stated, inertia in zip(true.robot.joints, nominal.joints, axial.tolist(), strict=True):
         values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
+        values[f"{joint.name}.arm_viscous"] = joint.arm_viscous
         values[f"{joint.name}.motor_inertia"] = joint.motor.inertia_kgm2
         values[f"{joint.name}.link_inertia"] = inertia
         errors = _torque_errors(joint, stated, true.imperfections)

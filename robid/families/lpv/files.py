@@ -59,6 +59,8 @@ _SOLUTION = {
     "lpv/core/covariance": Column("1", ("parameter", "parameter"), "Of all of them, outputs in units of scales"),
     "lpv/core/scales": Column("as of the output", ("output",), "Units of the outputs"),
     "lpv/core/integrators": Column("1", ("output",), "How often each output integrates"),
+    "lpv/dense/smile": Column("1", (_ALL, "element"), "The local models interpolated, as the core's parameters"),
+    "lpv/dense/full": Column("1", (_ALL, "element"), "The fit of all blocks, likewise"),
     "lpv/blocks/kept": Column("1", ("matrix", "function"), "Whether the model has each block of A, B, C, D"),
     "lpv/blocks/absolute": Column("1", ("matrix", _ALL), "Norm of each block"),
     "lpv/blocks/relative": Column("1", ("matrix", "function"), "What it contributes, relative to the constant one"),

@@ -68,7 +68,8 @@ def _joint(joint: Joint, found: Mapping[str, float], nominal: Mapping[str, float
             link = Inertial(link.mass_kg + more, link.com_m, link.inertia_kgm2)
         else:
             link = Inertial(link.mass_kg, link.com_m, link.inertia_kgm2 + np.diag([0.0, 0.0, more]))
-    return replace(joint, link=link, motor=_motor(joint.name, joint.motor, found))
+    arm_viscous = found.get(f"{joint.name}.arm_viscous", joint.arm_viscous)
+    return replace(joint, link=link, motor=_motor(joint.name, joint.motor, found), arm_viscous=arm_viscous)
 
 
 def _motor(name: str, motor: Motor, found: Mapping[str, float]) -> Motor:

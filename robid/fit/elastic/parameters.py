@@ -215,6 +215,7 @@ def _scales(robot: Robot, nominal: ElasticParameters) -> dict[str, FloatArray]:
     ratio = np.array([robot.joints[s.joint].motor.gear_ratio for s in robot.springs])
     return {
         "viscous": viscous_scale(nominal.motor_inertia),
+        "arm_viscous": viscous_scale(nominal.link_inertia),
         "delay": np.array([1e-3]),
         "cubic": nominal.stiffness**3 / (limit * ratio) ** 2,
         "location": np.full(nominal.location.size, _LOCATION_SCALE_M),

@@ -21,7 +21,7 @@ _ROUNDS = 4
 _IN_A_ROW = 2
 _HOPELESS = 0.02  # per sample, difference of the criterion past which nothing is polished
 _WEAK = 6.0  # difference of the criterion below which evidence is not strong
-_STRONG = 10.0  # difference of the criterion that is very strong evidence
+STRONG_EVIDENCE = 10.0  # difference of the criterion that is very strong evidence
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ def choose_structure(
     delays, orders = _delays(options), _orders(options)
     # Zeros of a rich structure stand in for delay; the longest that explains as much leaves them the least to do.
     rich = [candidates.fit(*orders[-1], each) for each in delays]
-    delay = max(each.structure.delay_samples for each in rich if each.bic <= min(one.bic for one in rich) + _STRONG)
+    near = min(one.bic for one in rich) + STRONG_EVIDENCE
+    delay = max(each.structure.delay_samples for each in rich if each.bic <= near)
     for _ in range(_ROUNDS):
         best = _select(candidates, orders, delay, options)
         again = _nearby(candidates, best, delays, hopeless)
@@ -138,7 +139,7 @@ def _delays_alike(candidates: Candidates) -> set[int]:
         fits = [each for each in candidates.tried if _order(each) == order]
         least = min(each.bic for each in fits)
         if len(fits) > 1:
-            found |= {each.structure.delay_samples for each in fits if each.bic < least + _STRONG}
+            found |= {each.structure.delay_samples for each in fits if each.bic < least + STRONG_EVIDENCE}
     return found
 
 
@@ -202,7 +203,7 @@ def _about_delay(candidates: Candidates, best: Candidate, delays: Sequence[int])
     if structure.delay_samples == delays[-1]:
         message = f"the delay found, {_counted(structure.delay_samples, 'sample')}, is the longest searched"
         told.append(f"{message}: raise `max_delay_samples`")
-    near = {each.structure.delay_samples for each in candidates.tried if each.bic < best.bic + _STRONG}
+    near = {each.structure.delay_samples for each in candidates.tried if each.bic < best.bic + STRONG_EVIDENCE}
     alike = [str(each) for each in sorted(near - {structure.delay_samples})]
     if alike:
         told.append(

@@ -59,15 +59,15 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray) -> Ag
     )
 
 
-def expected_share(degrees_of_freedom: float) -> float:
-    """Share of the lines of a perfect model within two deviations that were estimated; NaN where they were not.
+def expected_share(degrees_of_freedom: float, deviations: float = _DEVIATIONS) -> float:
+    """Share of the lines of a perfect model within some deviations that were estimated; NaN where they were not.
 
     The square of a circular normal error over its estimated variance is F distributed with 2 and 2 nu degrees of
     freedom.
     """
     if degrees_of_freedom <= 0:
         return float("nan")
-    return float(-np.expm1(-degrees_of_freedom * np.log1p(_DEVIATIONS**2 / degrees_of_freedom)))
+    return float(-np.expm1(-degrees_of_freedom * np.log1p(deviations**2 / degrees_of_freedom)))
 
 
 def _natural(power: FloatArray) -> FloatArray:

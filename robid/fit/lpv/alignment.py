@@ -37,21 +37,6 @@ def align_neighbours(systems: StateSpace, points: FloatArray) -> StateSpace:
     return stack([aligned[index] for index in range(len(points))])
 
 
-def common_order(systems: list[StateSpace]) -> StateSpace:
-    """Puts single local models, from wherever, behind one another.
-
-    Raises:
-        DataError: If their numbers of states differ.
-    """
-    orders = sorted({system.sizes.n_state for system in systems})
-    if len(orders) > 1:
-        raise DataError(
-            f"The local models are of order {', '.join(str(order) for order in orders)}.",
-            remedy="Fit all of them with the same order.",
-        )
-    return stack(systems)
-
-
 def middle_position(points: FloatArray) -> int:
     """Returns the position nearest to the mean of all."""
     reduced = (points - points.mean(axis=0)) / np.maximum(np.ptp(points, axis=0), np.finfo(float).tiny)

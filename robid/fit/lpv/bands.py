@@ -44,5 +44,4 @@ def model_response(
     scaled = response_uncertainty(problem, rescaled(core.parameters, core.sizes, 1 / scales), covariance)
     behind = ((asked.z[:, None] - 1) / asked.sampling_period_s) ** np.array(integrators)
     factor = (scales / behind)[..., None]
-    size = np.abs(factor)
-    return ResponseUncertainty(scaled.response * factor, scaled.total * size, scaled.magnitude * size, scaled.phase)
+    return ResponseUncertainty(scaled.response * factor, scaled.total * np.abs(factor))

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.lpv.agreement import agree
+from robid.fit.lpv.bands import rescaled
 from robid.fit.lpv.basis import make_basis
 from robid.fit.lpv.blocks import measure
 from robid.fit.lpv.estimation import LpvResult, estimate_lpv
@@ -15,7 +17,17 @@ from robid.fit.lpv.options import BasisOptions, LpvOptions
 from robid.fit.lpv.parameters import estimate_poles
 from robid.fit.lpv.path import Path
 from robid.fit.lpv.responses import LocalResponses
-from robid.fit.lpv.solution import BlockTable, Core, Held, LpvSolution, Matrices, PathTable, Ports, tabulate_basis
+from robid.fit.lpv.solution import (
+    BlockTable,
+    Core,
+    Dense,
+    Held,
+    LpvSolution,
+    Matrices,
+    PathTable,
+    Ports,
+    tabulate_basis,
+)
 from robid.fit.lpv.uncertainty import ResponseUncertainty
 
 
@@ -67,6 +79,7 @@ def fit_lpv(
         basis=tabulate_basis(found.core.basis),
         matrices=Matrices(*found.model.coefficients.matrices),
         core=Core(found.core.parameters, covariance, found.scales, found.integrators, found.core.sizes.n_state),
+        dense=Dense(found.smile.parameters, _full(found)),
         blocks=BlockTable(found.kept, norms.absolute, norms.relative),
         path=_tabulated(found.path),
         own=_held(found, own, degrees_of_freedom),
@@ -112,6 +125,11 @@ def _widened(found: LpvResult) -> LpvResult:
 def _held(found: LpvResult, responses: LocalResponses, degrees_of_freedom: float) -> Held:
     model = found.uncertainty(responses.points, responses.frequency_hz)
     return hold(responses, model, degrees_of_freedom, seen=True)
+
+
+def _full(found: LpvResult) -> FloatArray:
+    """The model without prices, outputs in their own units."""
+    return rescaled(found.path.points[0].parameters, found.core.sizes, found.scales)
 
 
 def _tabulated(path: Path) -> PathTable:

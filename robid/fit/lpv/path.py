@@ -22,7 +22,6 @@ class PathPoint:
         gamma: The price of a block, in units of the cost.
         kept (4, n_function): Blocks of A, B, C and D that are left.
         relative (4, n_function): Their relative norms before the refit.
-        penalised_cost: The cost `V` before the refit.
         parameters (n_function + 1, n_local): The model fitted again on this structure, without prices.
         refit_cost: Its cost.
         validation_cost: Its cost on the validation data.
@@ -33,7 +32,6 @@ class PathPoint:
     gamma: float
     kept: BoolArray
     relative: FloatArray
-    penalised_cost: float
     parameters: FloatArray
     refit_cost: float
     validation_cost: float
@@ -88,7 +86,7 @@ def follow_path(
 
 def _full_point(problem: Problem, validation: Problem, start: FloatArray, largest: FloatArray) -> PathPoint:
     parameters, minimum = solve(problem, start)
-    fit = SparseFit(start, np.ones((4, len(largest)), bool), minimum.cost, 0, 0)
+    fit = SparseFit(start, np.ones((4, len(largest)), bool), 0)
     return _point(problem, validation, fit, (parameters, minimum.cost, minimum.status), largest, 0.0)
 
 
@@ -114,7 +112,7 @@ def _point(
     parameters, refit_cost, status = refit
     relative = measure(fit.parameters, largest, problem.sizes).relative
     left_out = cost(validation, parameters)
-    return PathPoint(gamma, fit.kept, relative, fit.cost, parameters, refit_cost, left_out, status, fit.steps)
+    return PathPoint(gamma, fit.kept, relative, parameters, refit_cost, left_out, status, fit.steps)
 
 
 def choose_point(points: list[PathPoint], allowance: float) -> int:

@@ -114,6 +114,19 @@ class Core:
 
 
 @dataclass(frozen=True)
+class Dense:
+    """Models with all blocks, before any has a price, as the core's parameters.
+
+    Attributes:
+        smile (n_function + 1, n_local): The local models, interpolated.
+        full (n_function + 1, n_local): The same, fitted to all responses together.
+    """
+
+    smile: FloatArray
+    full: FloatArray
+
+
+@dataclass(frozen=True)
 class BlockTable:
     """Blocks of A, B, C and D.
 
@@ -177,6 +190,7 @@ class LpvSolution:
         basis: The basis functions.
         matrices: The model with its integrators.
         core: The model without, with its covariance.
+        dense: The models that it was made sparse from.
         blocks: Which blocks it has.
         path: How they were chosen.
         own: The responses that were fitted.
@@ -191,6 +205,7 @@ class LpvSolution:
     basis: BasisTable
     matrices: Matrices
     core: Core
+    dense: Dense
     blocks: BlockTable
     path: PathTable
     own: Held
@@ -202,13 +217,26 @@ class LpvSolution:
     @property
     def core_model(self) -> LpvModel:
         """The model without integrators."""
-        sizes = Sizes(self.core.n_state, len(self.ports.inputs), len(self.ports.outputs))
-        return LpvModel(self.core.parameters, sizes, self.basis.basis(), self.ports.sampling_period_s)
+        return self._without_integrators(self.core.parameters)
 
     @property
     def model(self) -> LpvModel:
         """The model with its integrators."""
         return add_integrators(self.core_model, self.core.integrators)
+
+    @property
+    def smile_model(self) -> LpvModel:
+        """The interpolation of the local models, with its integrators."""
+        return add_integrators(self._without_integrators(self.dense.smile), self.core.integrators)
+
+    @property
+    def full_model(self) -> LpvModel:
+        """The fit of all blocks, with its integrators."""
+        return add_integrators(self._without_integrators(self.dense.full), self.core.integrators)
+
+    def _without_integrators(self, parameters: FloatArray) -> LpvModel:
+        sizes = Sizes(self.core.n_state, len(self.ports.inputs), len(self.ports.outputs))
+        return LpvModel(parameters, sizes, self.basis.basis(), self.ports.sampling_period_s)
 
     def response(self, points: FloatArray, frequency_hz: FloatArray) -> ResponseUncertainty:
         """Returns the response of the model at rest, with its deviations.

@@ -10,7 +10,7 @@ from robid.arrays import BoolArray, FloatArray
 from robid.fit.lpv.blocks import list_blocks, measure, spread
 from robid.fit.lpv.options import SparsityOptions
 from robid.fit.lpv.penalised import Penalised, descend
-from robid.fit.lpv.problem import Problem, cost
+from robid.fit.lpv.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -20,15 +20,11 @@ class SparseFit:
     Attributes:
         parameters (n_function + 1, n_local): The model, vanished blocks exactly zero.
         kept (4, n_function): Which blocks are left.
-        cost: The cost `V`, without the penalty.
-        reweightings: Times the prices were set.
         steps: Cone programs solved.
     """
 
     parameters: FloatArray
     kept: BoolArray
-    cost: float
-    reweightings: int
     steps: int
 
 
@@ -63,4 +59,4 @@ def fit_sparse(
         parameters = parameters * spread(kept, problem.sizes)
         if np.all(np.abs(relative - before) <= options.settled * (before + options.epsilon)):
             break
-    return SparseFit(parameters, kept, cost(problem, parameters), passes, steps)
+    return SparseFit(parameters, kept, steps)

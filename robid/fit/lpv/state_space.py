@@ -89,7 +89,17 @@ def unpack(packed: FloatArray, sizes: Sizes) -> StateSpace:
 
 
 def stack(systems: list[StateSpace]) -> StateSpace:
-    """Puts single models behind one another."""
+    """Puts single models behind one another.
+
+    Raises:
+        DataError: If their numbers of states differ.
+    """
+    orders = sorted({system.sizes.n_state for system in systems})
+    if len(orders) > 1:
+        raise DataError(
+            f"The local models are of order {', '.join(str(order) for order in orders)}.",
+            remedy="Fit all of them with the same order.",
+        )
     return StateSpace(*(np.stack(group) for group in zip(*(system.matrices for system in systems), strict=True)))
 
 

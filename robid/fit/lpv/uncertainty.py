@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.fit.lpv.problem import Problem, local_jacobian
@@ -30,25 +29,15 @@ class ParameterUncertainty:
 
 @dataclass(frozen=True)
 class ResponseUncertainty:
-    """Standard deviations of a response, linearised.
+    """A response and how far it may be off, linearised.
 
     Attributes:
         response (n_pos, n_freq, n_out, n_in): The model's response.
         total (n_pos, n_freq, n_out, n_in): Root of `E|error|^2`.
-        magnitude (n_pos, n_freq, n_out, n_in): Of the absolute value.
-        phase (n_pos, n_freq, n_out, n_in): Of the phase [rad].
     """
 
     response: ComplexArray
     total: FloatArray
-    magnitude: FloatArray
-    phase: FloatArray
-
-    def magnitude_interval(self, confidence: float) -> tuple[FloatArray, FloatArray]:
-        """Returns the lower and upper end of the absolute value's interval, not below zero."""
-        half = norm.ppf(0.5 + 0.5 * confidence) * self.magnitude
-        size = np.abs(self.response)
-        return np.maximum(size - half, 0), size + half
 
 
 def parameter_uncertainty(
@@ -100,13 +89,8 @@ def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: F
     n_function, n_local = parameters.shape
     blocks = covariance.reshape(n_function, n_local, n_function, n_local)
     local = np.einsum("qk,kiml,qm->qil", problem.values, blocks, problem.values)
-    turned = slope * np.exp(-1j * np.angle(here))[..., None]
-    along = np.einsum("qri,qil,qrl->qr", turned.real, local, turned.real)
-    across = np.einsum("qri,qil,qrl->qr", turned.imag, local, turned.imag)
-    along, across = np.maximum(along, 0).reshape(shape), np.maximum(across, 0).reshape(shape)
-    found = here.reshape(shape)
-    size = np.maximum(np.abs(found), np.finfo(float).tiny)
-    return ResponseUncertainty(found, np.sqrt(along + across), np.sqrt(along), np.sqrt(across) / size)
+    squared = np.einsum("qri,qil,qrl->qr", slope.conj(), local, slope).real
+    return ResponseUncertainty(here.reshape(shape), np.sqrt(np.maximum(squared, 0)).reshape(shape))
 
 
 def _null_directions(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:

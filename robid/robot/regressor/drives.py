@@ -97,14 +97,16 @@ def _term(
 
 def _friction(joint: Joint, row: FloatArray, options: RigidOptions) -> Iterator[DriveTerm]:
     law, form = joint.motor.friction, options.friction
+    # Behind a rigid gear the arm's friction is the motor's; that of coupled gears has a term of its own.
+    stated = law.viscous_nms_rad + (0.0 if joint.couplings else joint.reflected_viscous_nms_rad)
     if form == "asymmetric":
         for name, sense in (("forward", 1.0), ("backward", -1.0)):
             viscous = partial(_viscous_one_way, sense)
-            yield _term(joint, row, "viscous", law.viscous_nms_rad, viscous, f"viscous_{name}")
+            yield _term(joint, row, "viscous", stated, viscous, f"viscous_{name}")
             coulomb = partial(_coulomb_one_way, sense)
             yield _term(joint, row, "coulomb", law.coulomb_nm, coulomb, f"coulomb_{name}")
     elif form != "none":
-        yield _term(joint, row, "viscous", law.viscous_nms_rad, _velocity)
+        yield _term(joint, row, "viscous", stated, _velocity)
         if form != "viscous":
             yield _term(joint, row, "coulomb", law.coulomb_nm, _sense)
         if form == "load":
@@ -116,7 +118,7 @@ def _coupling(joint: Joint, row: FloatArray, options: RigidOptions) -> Iterator[
     if options.motor_inertias:
         yield _term(joint, row, "coupling_inertia", 0.0, _acceleration)
     if options.friction != "none":
-        yield _term(joint, row, "coupling_viscous", 0.0, _velocity)
+        yield _term(joint, row, "coupling_viscous", joint.arm_viscous, _velocity)
     if options.friction not in ("none", "viscous"):
         yield _term(joint, row, "coupling_coulomb", 0.0, _sense)
 

@@ -6,7 +6,7 @@ import string
 from collections.abc import Iterator
 from typing import TypeAlias
 
-from robid.settings.acquire import Acquire
+from robid.settings.acquire import PLACES, Acquire
 from robid.settings.base import DATA_VARIABLE
 from robid.settings.experiment import Campaign
 from robid.settings.problems import suggest
@@ -16,7 +16,6 @@ from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, 
 from robid.signals.quantities import DRIVES, INJECTED, MOTOR_TORQUE, units_of
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
-_PLACES = ("configuration", "realization", "experiment")
 
 
 def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configuration: int | None) -> _Found:
@@ -32,13 +31,18 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
     n_experiment = campaign.experiments or 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
     yield from _signal(field, campaign, acquire)
     counts = {"configuration": n_configuration or 1, "realization": campaign.realizations, "experiment": n_experiment}
-    yield from _file((*inside, "file"), acquire.file, counts)
+    variables = [one.variable for one in acquire.channels if one.file is None]
+    yield from _file((*inside, "file"), acquire.file, counts, variables)
     if acquire.one_shot:
         if n_configuration not in (None, 1):
             message = "one shot begins in one configuration; state repeated shots as realizations"
             yield (*field, "configurations"), message
         if acquire.drop_periods:
             yield (*inside, "drop_periods"), "one shot has no periods"
+    if acquire.resample == "time" and acquire.time is None:
+        yield (*inside, "resample"), "there is no `time` to resample to"
+    if acquire.resample == "period" and acquire.one_shot:
+        yield (*inside, "resample"), "one shot has no period to resample to"
     every: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
         ("inputs", acquire.inputs),
         ("outputs", acquire.outputs),
@@ -50,7 +54,7 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
             if channel.name in names[:index]:
                 yield (*inside, key, index, "name"), f"`{channel.name}` is there twice"
             if channel.file is not None:
-                yield from _file((*inside, key, index, "file"), channel.file, counts)
+                yield from _file((*inside, key, index, "file"), channel.file, counts, [channel.variable])
             for problem in channel.problems():
                 yield (*inside, key, index), problem
     known = units_of(INJECTED[campaign.excitation.inject], rotation=True)
@@ -138,18 +142,19 @@ def _output(output: OutputChannel, joints: list[str], sliding: list[str]) -> Ite
         yield "unit", f"{output.unit} is no unit of `{output.name}`: {wanted}"
 
 
-def _file(field: FieldPath, file: str, counts: dict[str, int]) -> _Found:
-    """Finds numbers that a path cannot hold, and several logs under one name."""
+def _file(field: FieldPath, file: str, counts: dict[str, int], variables: list[str]) -> _Found:
+    """Finds numbers that a path cannot hold, and several logs under one name that share their variables."""
     rest = file.removeprefix(DATA_VARIABLE)
     if "$" in rest:
         yield field, f"only `{DATA_VARIABLE}`, at the start, is replaced in a path"
         return
     try:
         used = {name for _, name, _, _ in string.Formatter().parse(rest) if name is not None}
-        rest.format(**dict.fromkeys(_PLACES, 1))
+        rest.format(**dict.fromkeys(PLACES, 1))
     except (ValueError, KeyError, IndexError, AttributeError):
-        yield field, f"only {', '.join(f'`{{{name}}}`' for name in _PLACES)} stand for numbers in a path"
+        yield field, f"only {', '.join(f'`{{{name}}}`' for name in PLACES)} stand for numbers in a path"
         return
     for name, count in counts.items():
-        if count > 1 and name not in used:
-            yield field, f"there is one log for each of {count} {name}s: put `{{{name}}}` into its name"
+        if count > 1 and name not in used and not (variables and all(f"{{{name}}}" in one for one in variables)):
+            message = f"there is one log for each of {count} {name}s: put `{{{name}}}` into its name"
+            yield field, f"{message}, or into those of all its variables"

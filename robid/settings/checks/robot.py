@@ -104,9 +104,8 @@ def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
 
 def _units(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
     """Finds values that belong to joints of the other type."""
-    turning, sliding = ("limits_deg",), ("limits_m",)
-    wrong = [key for key in (turning if joint.slides else sliding) if getattr(joint, key) is not None]
-    for key in wrong:
+    turning, sliding = ("limits_deg", "arm_viscous_nms_rad"), ("limits_m", "arm_viscous_ns_m")
+    for key in (key for key in (turning if joint.slides else sliding) if getattr(joint, key)):
         yield (*field, key), f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type}"
     wanted, other = ("gear_ratio_rad_m", "gear_ratio") if joint.slides else ("gear_ratio", "gear_ratio_rad_m")
     if getattr(joint.motor, other) is not None:

@@ -74,11 +74,12 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
     model, parameters, values = fitted.problem.model, fitted.problem.parameters, fitted.parameters
     s, x = modes.roots, modes.shapes
     motors, springs = x[: model.n_motor] ** 2, x[model.n_motor :] ** 2
-    inertias = _seen(model.link_inertia[configuration], x)
+    inertias, arms = _seen(model.link_inertia[configuration], x), (model.arm @ x) ** 2
     change = {
         "stiffness": model.rest.factor[configuration][:, None] * springs,
         "damping": s * springs,
         "viscous": s * motors,
+        "arm_viscous": s * arms,
         "motor_inertia": s**2 * motors,
         "link_inertia": s**2 * inertias,
         "delay": np.zeros((1, s.size)),

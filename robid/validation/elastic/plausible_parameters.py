@@ -83,7 +83,7 @@ def _by_name(estimate: Estimate) -> dict[str, _Found]:
 def _friction(robot: Robot, found: dict[str, _Found], omega: float) -> Iterator[Doubt]:
     """Negative levels, shapes and dampings; the relative error of a coefficient is what a fit finds."""
     words = {"level": "Coulomb friction", "shape": "friction's speeds and deflections", "torque_scale": "torque"}
-    for joint in robot.joints:
+    for joint, rigid in zip(robot.joints, robot.rigid.tolist(), strict=True):
         for kind, word in words.items():
             one = found.get(f"{joint.name}.{kind}")
             if one is not None and one.upper < -1:
@@ -96,6 +96,8 @@ def _friction(robot: Robot, found: dict[str, _Found], omega: float) -> Iterator[
         usual = max(_MODEL_ERROR * joint.motor.inertia_kgm2 * omega, 1e-12)
         if one is not None and one.upper < -usual:
             told = f"{joint.name}: its viscous friction comes out negative ({one.estimate:.2g} N m s/rad)"
+            if not rigid and f"{joint.name}.arm_viscous" not in found:
+                told += ", as it does where its arm rubs too: try `arm_viscous` in `free`"
             yield Doubt("friction", told, decisive=False, strength=-one.upper / usual)
     for spring in robot.springs:
         one = found.get(f"{spring.name}.damping")

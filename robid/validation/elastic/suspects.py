@@ -14,6 +14,7 @@ from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Inertial, Robot
 from robid.robot.linearize import LinearModel
+from robid.robot.parameters import element_names
 from robid.robot.response import ElasticParameters, response, with_values
 from robid.validation.elastic.fitted import FittedModel
 
@@ -21,6 +22,7 @@ _MASS_STEP = 0.01
 _STEP_M = 1e-3
 _TURN_10_HZ = 20 * np.pi
 _FARTHEST_MM = 500.0
+_OF_LINK = "% of what its link's inertia asks for at 10 Hz"
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ def suspects(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s
     ]
     found += _torque_constants(scene, before)
     found += _gears(scene, fitted.problem.model.rest.deflection)
+    found += _arms(scene)
     found += _friction(scene, before)
     return found
 
@@ -160,6 +163,21 @@ def _gears(scene: _Scene, deflection: FloatArray) -> list[Suspect]:
                 )
             )
     return listed
+
+
+def _arms(scene: _Scene) -> list[Suspect]:
+    """Viscous friction behind elastic transmissions, where nothing estimates it."""
+    if "arm_viscous" in scene.options.free:
+        return []
+    found = response(scene.model, scene.values, scene.frf.frequency_hz, scene.frf.hold_period_s)
+    slopes = jacobian(scene.model, scene.values, found, ("arm_viscous",), scene.frf.hold_period_s)
+    slopes = slopes * 0.01 * _TURN_10_HZ * scene.values.link_inertia / found.sampled[..., None]
+    names = element_names(scene.robot, "arm_viscous")
+    return [
+        Suspect("arm_friction", f"viscous friction of {joint.name}'s arm", _OF_LINK, slopes[..., index], positive=True)
+        for index, (joint, name) in enumerate(zip(scene.robot.joints, names, strict=True))
+        if name is not None
+    ]
 
 
 def _friction(scene: _Scene, before: ComplexArray) -> list[Suspect]:

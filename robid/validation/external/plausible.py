@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from robid.fit.external.choice import STRONG_EVIDENCE
 from robid.fit.external.covariance import WHITE
 from robid.fit.external.options import ExternalOptions
 from robid.fit.external.solution import ExternalSolution
@@ -20,7 +21,6 @@ _MISTAKES = {1e3: "metres were read as millimetres", 1e-3: "millimetres were rea
 _ROUGHLY = 1.3
 _TILTED = "; poses that were logged in another frame than the tool's at home are turned by `pose`"
 _RINGING = 0.1  # time constants
-_ALIKE = 10.0  # difference of the criterion that is very strong evidence
 
 
 def solution_doubts(solution: ExternalSolution, options: ExternalOptions) -> tuple[Doubt, ...]:
@@ -137,7 +137,7 @@ def _is_open(solution: ExternalSolution, block: str) -> bool:
     return any(
         (one.poles, one.zeros) == (chosen.poles, chosen.zeros)
         and one.delay_samples != chosen.delay_samples
-        and one.bic < chosen.bic + _ALIKE
+        and one.bic < chosen.bic + STRONG_EVIDENCE
         for one in own
     )
 

@@ -31,7 +31,7 @@ def moved_parameters(robot, model, seed):
     moved = {
         kind: getattr(nominal, kind) * np.exp(generator.uniform(-1, 1, getattr(nominal, kind).size)) for kind in kinds
     }
-    return replace(nominal, viscous=generator.uniform(0, 0.01, 2), **moved)
+    return replace(nominal, viscous=generator.uniform(0, 0.01, 2), arm_viscous=generator.uniform(0, 50, 2), **moved)
 
 
 @pytest.mark.parametrize("period_s", [None, 1e-3])

@@ -5,7 +5,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot, two_mass_robot
+from exact_systems import (
+    sensed_everywhere,
+    springs_everywhere,
+    two_joint_robot,
+    two_mass_robot,
+    with_arm_friction,
+)
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Inertial
 from robid.robot.linearize import linearize, solve_statics
@@ -21,6 +27,7 @@ CASES = {
     "springs everywhere": (springs_everywhere(), np.array([[-0.3, 0.5]]), ("shoulder", "elbow", "elbow.arm")),
     "sensors": (sensed_everywhere(), np.array([[-0.3, 0.5], [0.4, 0.2]]), ("shoulder", "elbow", "tip", "felt")),
     "motor and load": (two_mass_robot(viscous=0.01), np.zeros((1, 1)), ("drive", "drive.arm")),
+    "arms that rub": (with_arm_friction(springs_everywhere(), 40.0, 9.0), np.array([[-0.3, 0.5]]), ("elbow.arm",)),
 }
 
 
@@ -30,15 +37,16 @@ def linear_model(robot, configurations, outputs=None):
 
 
 @pytest.mark.parametrize("ratio", [1.0, 150.0])
-@pytest.mark.parametrize("viscous", [0.0, 0.02])
-def test_two_masses_in_continuous_time(ratio, viscous):
+@pytest.mark.parametrize(("viscous", "rubs"), [(0.0, 0.0), (0.02, 0.0), (0.02, 0.08)])
+def test_two_masses_in_continuous_time(ratio, viscous, rubs):
     motor, load, stiffness, damping = 4e-3, 5e-3 * ratio**2, 500.0 * ratio**2, 0.05 * ratio**2
-    robot = two_mass_robot(motor, load, stiffness, damping, ratio, viscous)
+    rubs = rubs * ratio**2
+    robot = with_arm_friction(two_mass_robot(motor, load, stiffness, damping, ratio, viscous), rubs)
     model = linear_model(robot, np.zeros((1, 1)), ("drive", "drive.arm"))
     found = response(model, nominal_parameters(robot, model, 0.0), FREQUENCY_HZ, None).sampled[0, :, :, 0]
     s = 2j * np.pi * FREQUENCY_HZ
     spring = stiffness + s * damping
-    load_angle = spring / ratio / (s**2 * load + spring)  # per motor angle
+    load_angle = spring / ratio / (s**2 * load + s * rubs + spring)  # per motor angle
     stiffness_of_motor = s**2 * motor + s * viscous + spring / ratio * (1 / ratio - load_angle)
     wanted = s**2 / stiffness_of_motor
     np.testing.assert_allclose(found[:, 0], wanted, rtol=1e-9)
@@ -94,7 +102,7 @@ def test_jacobian_is_the_derivative(case, period_s, kind):
     here = response(model, parameters, FREQUENCY_HZ, period_s)
     found = jacobian(model, parameters, here, (kind,), period_s)
     values = getattr(parameters, kind)
-    scale = robot.motor_inertia_kgm2 if kind == "viscous" else values
+    scale = {"viscous": robot.motor_inertia_kgm2, "arm_viscous": model.axial}.get(kind, values)
     for index in range(values.size):
         step = np.zeros(values.size)
         step[index] = 1e-4 * scale[index]

@@ -13,7 +13,7 @@ from robid.fit.lpv.estimation import estimate_lpv
 from robid.fit.lpv.options import LpvOptions, PathOptions
 from robid.fit.lpv.responses import LocalResponses
 from robid.fit.lpv.state_space import StateSpace, response
-from robid.studies.turk2018.synthetic import finds_structure
+from robid.studies.turk2018.known_structure import finds_structure
 
 SHORT = LpvOptions(order=3, path=PathOptions(count=3, smallest=10, largest=1000))
 

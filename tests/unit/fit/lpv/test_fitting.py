@@ -69,6 +69,20 @@ def test_the_model_comes_back_from_plain_values(found):
     assert (here.total > 0).all()
 
 
+def test_models_with_all_blocks_are_kept(found):
+    def cost(model, held):
+        error = model.frozen_response(held.points, held.frequency_hz) - held.response
+        return np.sum(np.abs(error / held.std) ** 2)
+
+    assert found.path.gamma[0] == 0
+    assert cost(found.full_model, found.own) == pytest.approx(found.path.refit_cost[0], rel=1e-6)
+    assert cost(found.full_model, found.choosing) == pytest.approx(found.path.validation_cost[0], rel=1e-6)
+    # As many functions as positions: every local model comes back, which no common model can better at its position.
+    costs = [cost(model, found.own) for model in (found.smile_model, found.full_model, found.model)]
+    assert costs[0] <= costs[1] * (1 + 1e-9) < costs[2]
+    assert np.count_nonzero(np.abs(found.dense.smile).max(axis=1)) == 5
+
+
 def test_intervals_widen_where_the_residual_is_larger_than_its_variance(found):
     generator = np.random.default_rng(1)
     own, choosing = (

@@ -5,7 +5,7 @@ import pytest
 
 from lpv_systems import POSITIONS, SIZES, basis, local_responses, problem, true_parameters, true_systems
 from robid.errors import DataError
-from robid.fit.lpv.alignment import align_neighbours, common_order, middle_position
+from robid.fit.lpv.alignment import align_neighbours, middle_position
 from robid.fit.lpv.basis import polynomial_basis
 from robid.fit.lpv.blocks import measure
 from robid.fit.lpv.local import fit_local_models
@@ -13,7 +13,7 @@ from robid.fit.lpv.options import SparseBasisOptions
 from robid.fit.lpv.problem import normal
 from robid.fit.lpv.smile import check_positions, interpolate
 from robid.fit.lpv.sparse_basis import _Search, find_sparse_bases
-from robid.fit.lpv.state_space import StateSpace, balance, pack, response, transform, unpack
+from robid.fit.lpv.state_space import StateSpace, balance, pack, response, stack, transform, unpack
 from tolerances import FINITE_DIFFERENCE
 
 VALUES = basis().values(POSITIONS)
@@ -79,9 +79,9 @@ def test_local_models_of_different_order_are_refused():
     system = true_systems(POSITIONS)[0]
     smaller = StateSpace(system.A[:2, :2], system.B[:2], system.C[:, :2], system.D)
     with pytest.raises(DataError, match="order 2, 3") as caught:
-        common_order([system, smaller, system])
+        stack([system, smaller, system])
     assert "same order" in caught.value.remedy
-    assert common_order([system, system]).A.shape == (2, 3, 3)
+    assert stack([system, system]).A.shape == (2, 3, 3)
 
 
 def test_the_search_for_a_sparse_basis_has_the_derivative_of_finite_differences():

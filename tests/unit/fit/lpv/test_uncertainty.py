@@ -43,14 +43,9 @@ def test_deviations_are_those_of_repeated_fits(weighted):
     np.testing.assert_allclose(predicted.response, exact, rtol=1e-9)
     seen = np.array([response(unpack(asked.values @ fit, SIZES), asked.z) for fit in fits])
     # The standard deviation of 100 fits scatters by 7 %; that of a mean over lines and positions less.
-    for ours, repeated in (
-        (predicted.total, np.sqrt(np.mean(np.abs(seen - exact) ** 2, axis=0))),
-        (predicted.magnitude, np.std(np.abs(seen), axis=0)),
-        (predicted.phase, np.std(np.angle(seen / exact), axis=0)),
-    ):
-        ratio = ours / repeated
-        assert abs(np.median(ratio) - 1) < 0.1
-        assert np.all((ratio > 0.7) & (ratio < 1.4))
+    ratio = predicted.total / np.sqrt(np.mean(np.abs(seen - exact) ** 2, axis=0))
+    assert abs(np.median(ratio) - 1) < 0.1
+    assert np.all((ratio > 0.7) & (ratio < 1.4))
 
 
 def test_what_is_known_of_responses_does_not_depend_on_the_states_basis():
@@ -63,7 +58,6 @@ def test_what_is_known_of_responses_does_not_depend_on_the_states_basis():
         for one in (TRUTH, turned)
     )
     np.testing.assert_allclose(ours.total, other.total, rtol=1e-4)
-    np.testing.assert_allclose(ours.magnitude**2 + (ours.phase * np.abs(ours.response)) ** 2, ours.total**2, rtol=1e-8)
 
 
 def test_where_no_variance_is_known_the_residual_stands_for_it():
@@ -78,15 +72,6 @@ def test_where_no_variance_is_known_the_residual_stands_for_it():
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
     assert ratio[0] == pytest.approx(1.0, abs=4 / np.sqrt(2 * 2000))
     assert np.all(known[~FREE.ravel()] == 0)
-
-
-def test_intervals_of_the_magnitude():
-    posed = problem(local_responses(POSITIONS, np.random.default_rng(5)))
-    covariance = parameter_uncertainty(posed, TRUTH, FREE, 1 / posed.root_weight**2).covariance
-    found = response_uncertainty(_asked(), TRUTH, covariance)
-    low, high = found.magnitude_interval(0.95)
-    np.testing.assert_allclose((high - low) / 2, 1.959964 * found.magnitude, rtol=1e-5)
-    np.testing.assert_allclose((high + low) / 2, np.abs(found.response), rtol=1e-9)
 
 
 def test_variances_of_few_realizations_give_right_deviations_where_weights_average_them():

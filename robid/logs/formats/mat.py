@@ -1,0 +1,154 @@
+"""Reads MAT files: versions 4 to 7 through scipy, variable by variable, and 7.3 through HDF5."""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from scipy.io import loadmat, whosmat
+from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+from scipy.sparse import issparse
+
+from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted
+
+_HEADER = 128
+_MATRIX, _COMPRESSED = 14, 15
+_REMEDIES = {
+    "table": "Save its columns: `s = table2struct(name, 'ToScalar', true)`.",
+    "timetable": "Save its columns: `s = table2struct(timetable2table(name), 'ToScalar', true)`.",
+    "timeseries": "Save `name.Time` and `name.Data` as variables of their own.",
+    "string": "Save it as a real numeric column.",
+}
+_DAMAGED = Reason("The log is damaged before its end.", "Check that it was copied completely, or save it again.")
+
+
+def read(file: Path, wanted: Wanted) -> Found:
+    """Reads a MAT file of any version.
+
+    Raises:
+        UnreadableLogError: If it is none.
+    """
+    with file.open("rb") as stream:
+        header = stream.read(_HEADER)
+        if header.startswith(b"MATLAB 7.3"):
+            from robid.logs.formats.mat_hdf5 import read as read_hdf5
+
+            return read_hdf5(file, wanted)
+        if header[126:128] not in (b"IM", b"MI") or 0 in header[:4]:
+            return _read_old(file, wanted)
+        found = Found()
+        for element in _elements(stream, header, found):
+            _read_element(element, wanted, found)
+    return found
+
+
+def object_reason(kind: str) -> Reason:
+    """Says that an object of a MATLAB class cannot be read, and what to save instead."""
+    remedy = _REMEDIES.get(kind, "Save what it holds as numeric variables of their own.")
+    return Reason(f"It is an object of the MATLAB class `{kind}`, which only MATLAB can decode.", remedy)
+
+
+def _read_old(file: Path, wanted: Wanted) -> Found:
+    """Reads version 4, which has no structures."""
+    found = Found()
+    with file.open("rb") as stream:
+        if b"HDF\r\n" in stream.read(600):
+            raise UnreadableLogError("it is an HDF5 file", "Set `format: hdf5`, or leave it out.")
+    for name, value in loadmat(file, appendmat=False).items():
+        if not name.startswith("__"):
+            _take(name, value, wanted, found)
+    return found
+
+
+def _elements(stream: IO[bytes], header: bytes, found: Found) -> Iterator[bytes]:
+    """Cuts a file into files of one variable each; what lies beyond damage is not found."""
+    order = "<" if header[126:128] == b"IM" else ">"
+    while tag := stream.read(8):
+        kind, size = struct.unpack(f"{order}II", tag) if len(tag) == 8 else (0, 0)
+        if kind not in (_MATRIX, _COMPRESSED):
+            found.damage = _DAMAGED
+            return
+        body = stream.read(size)
+        yield header[:116] + bytes(8) + header[124:] + tag + body
+        if len(body) < size:
+            found.damage = _DAMAGED
+
+
+def _read_element(element: bytes, wanted: Wanted, found: Found) -> None:
+    """Reads the variable of a file that holds one."""
+    try:
+        ((name, shape, kind),) = whosmat(io.BytesIO(element))
+    except Exception:  # noqa: BLE001 scipy raises whatever a damaged header, or an object, leads to
+        _note_object(element, found)
+        return
+    if not name or name == "__function_workspace__":  # where MATLAB keeps what objects hold
+        return
+    if not wanted.below(name) and kind not in ("object", "opaque"):
+        found.mention(name, int(np.prod(shape)))
+        return
+    try:
+        value = loadmat(io.BytesIO(element))[name]
+    except MemoryError:
+        raise
+    except Exception as e:  # noqa: BLE001 see above
+        found.unreadable[name] = Reason(f"It is damaged ({e}).", _DAMAGED.remedy)
+    else:
+        _take(name, value, wanted, found)
+
+
+def _note_object(element: bytes, found: Found) -> None:
+    """Notes an object of the newer kind, whose name scipy keeps beside its undecoded content; else, damage."""
+    try:
+        (value,) = (one for name, one in loadmat(io.BytesIO(element)).items() if not name.startswith("__"))
+        name, kind = _text(value["s0"]), _text(value["s2"])
+    except MemoryError:
+        raise
+    except Exception:  # noqa: BLE001 see above
+        found.damage = _DAMAGED
+    else:
+        found.unreadable[name] = object_reason(kind)
+
+
+def _text(value: Any) -> str:  # noqa: ANN401
+    """The text in the first element of an array of bytes."""
+    return str(np.ravel(value)[0].decode(errors="replace"))
+
+
+def _take(name: str, value: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
+    """Adds what is inside a variable."""
+    for path, leaf in _leaves(name, value):
+        if isinstance(leaf, MatlabOpaque):
+            found.unreadable[path] = object_reason(_text(leaf["s2"]))
+        elif isinstance(leaf, MatlabObject):
+            found.unreadable[path] = object_reason(str(leaf.classname))
+        elif isinstance(leaf, MatlabFunction):
+            found.unreadable[path] = Reason("It is a function.")
+        elif issparse(leaf):
+            found.unreadable[path] = Reason("It is a sparse matrix.", "Save `full(name)`.")
+        elif leaf.dtype.kind == "U" and leaf.size == 1:
+            found.note_text(path, str(leaf.ravel()[0]))
+        elif path in wanted or leaf.dtype.kind not in "fiubc":
+            found.add(path, leaf)
+        else:
+            found.mention(path, np.size(leaf))
+
+
+def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+    """Names every array inside structures and cells."""
+    special = isinstance(value, MatlabOpaque | MatlabObject | MatlabFunction) or issparse(value)
+    array = value if special else np.asarray(value)
+    if special or (array.dtype.names is None and array.dtype != object):
+        yield name, array
+        return
+    opening, closing = "()" if array.dtype.names else "{}"
+    for index, element in enumerate(array.ravel(order="F"), start=1):
+        place = name if array.dtype.names and array.size == 1 else f"{name}{opening}{index}{closing}"
+        if array.dtype.names is None:
+            yield from _leaves(place, element)
+            continue
+        for field in array.dtype.names:
+            yield from _leaves(f"{place}.{field}", element[field])

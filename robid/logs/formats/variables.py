@@ -1,0 +1,227 @@
+"""The variables of a log by name: what was read, what was not asked for, and what cannot be read, with the reason."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.errors import DataError
+
+_COLUMN = re.compile(r"\(:,\s*(\d+)\)$")
+_FIRST = re.compile(r"\(1\)")
+_BELOW = (".", "(", "{", "[", "/")
+_AS_NUMBERS = "Save it as a real numeric column."
+
+
+class UnreadableLogError(Exception):
+    """A reader's word on why it cannot read a log, with a remedy of its own."""
+
+    def __init__(self, what: str, remedy: str = "") -> None:
+        super().__init__(what)
+        self.remedy = remedy
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why a variable cannot be read, and what to do."""
+
+    what: str
+    remedy: str = _AS_NUMBERS
+
+
+@dataclass
+class Found:
+    """What a reader finds in a log, piece by piece.
+
+    Attributes:
+        arrays: Values of the variables that were asked for.
+        sizes: Number of values of every variable that could be read.
+        units: Units that the log states.
+        unreadable: Variables that cannot be read, with the reason.
+        texts: Texts that the log holds beside its numbers.
+        damage: What is wrong with the log as a whole, where some of it can be read.
+    """
+
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
+    sizes: dict[str, int] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    unreadable: dict[str, Reason] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
+    damage: Reason | None = None
+
+    def add(self, name: str, values: Any, unit: str = "") -> None:  # noqa: ANN401
+        """Adds an array; what holds no numbers is noted as unreadable."""
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiubc":
+            self.unreadable[name] = Reason(f"It holds {_KINDS.get(array.dtype.kind, 'objects')}, not numbers.")
+            return
+        self.arrays[name] = array
+        self.mention(name, array.size, unit)
+
+    def note_text(self, name: str, text: str) -> None:
+        """Notes a text; as the unit, where its name says so, of the field `Data` beside it."""
+        self.texts[name] = text
+        self.unreadable[name] = Reason("It holds text, not numbers.")
+        parent, _, field_name = name.rpartition(".")
+        if field_name in ("Unit", "Units", "unit", "units"):
+            self.units[f"{parent}.Data"] = text
+
+    def mention(self, name: str, size: int, unit: str = "") -> None:
+        """Notes a variable that was not asked for, or the unit of one that was."""
+        self.sizes[name] = size
+        if unit:
+            self.units[name] = unit
+
+
+_KINDS = {"U": "text", "S": "text", "T": "text", "M": "dates", "m": "time spans"}
+
+
+@dataclass(frozen=True)
+class Variables(Mapping[str, NDArray[Any]]):
+    """The variables of a log that were asked for, and what is known of the others.
+
+    Attributes:
+        file: The log.
+        found: What its reader found.
+    """
+
+    file: Path
+    found: Found
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self.found.arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.found.arrays)
+
+    def __len__(self) -> int:
+        return len(self.found.arrays)
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Number of values of every readable variable, asked for or not."""
+        return self.found.sizes
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units that the log states, as it writes them."""
+        return self.found.units
+
+    @property
+    def texts(self) -> Mapping[str, str]:
+        """Texts that the log holds beside its numbers, as the names of channels."""
+        return self.found.texts
+
+    @property
+    def unreadable(self) -> Mapping[str, Reason]:
+        """Variables that cannot be read, with the reason."""
+        return self.found.unreadable
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which variables were asked for; all where `names` is None."""
+
+    names: Collection[str] | None = None
+    _plain: frozenset[str] = field(init=False, default=frozenset())
+
+    def __post_init__(self) -> None:
+        both = {form for name in self.names or () for form in (plain_name(name), base_name(name))}
+        object.__setattr__(self, "_plain", frozenset(both))
+
+    def __contains__(self, name: str) -> bool:
+        return self.names is None or plain_name(name) in self._plain
+
+    def below(self, name: str) -> bool:
+        """Whether a variable, or one inside it, was asked for."""
+        if name in self:
+            return True
+        starts = tuple(plain_name(name) + mark for mark in _BELOW)
+        return any(one.startswith(starts) for one in self._plain)
+
+    def columns(self, name: str) -> list[int] | None:
+        """Columns of a matrix that were asked for, from 0; None where all of it was."""
+        if self.names is None or plain_name(name) in {plain_name(one) for one in self.names}:
+            return None
+        inside = [_COLUMN.search(one) for one in self.names if base_name(one) == plain_name(name)]
+        return sorted({int(one[1]) - 1 for one in inside if one})
+
+
+def plain_name(name: str) -> str:
+    """Returns a name without what may be left out: the index `(1)`, spaces in an index, a `/` at its beginning."""
+    return _FIRST.sub("", _COLUMN.sub(r"(:,\1)", name)).removeprefix("/")
+
+
+def base_name(name: str) -> str:
+    """Returns the plain name of the matrix that a column belongs to."""
+    return _COLUMN.sub("", plain_name(name))
+
+
+def number_repeated(names: Sequence[str]) -> tuple[list[str], dict[str, Reason]]:
+    """Numbers the names that occur more than once, as `speed(2)`, and says why the plain name will not do."""
+    again = {name: names.count(name) for name in names} if len(set(names)) < len(names) else {}
+    seen: dict[str, int] = {}
+    numbered = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        numbered.append(f"{name}({seen[name]})" if again.get(name, 1) > 1 else name)
+    reasons = {
+        name: Reason(f"Its name occurs {count} times.", f"Say which: `{name}(1)` to `{name}({count})`.")
+        for name, count in again.items()
+        if count > 1
+    }
+    return numbered, reasons
+
+
+def find_variable(variables: Mapping[str, Any], name: str) -> Any:  # noqa: ANN401
+    """Returns a variable by its name; `name(:,2)` is the second column of a matrix, an index `(1)` may be left out.
+
+    Raises:
+        KeyError: If there is none.
+        DataError: If it is there, or may be, but cannot be read.
+    """
+    if name in variables:
+        return variables[name]
+    if isinstance(variables, Variables):
+        _check_readable(variables, name)
+    known = _match(variables, plain_name(name), name)
+    if known is not None:
+        return variables[known]
+    column, base = _COLUMN.search(name), _match(variables, base_name(name), _COLUMN.sub("", name))
+    if column is None or base is None:
+        raise KeyError(name)
+    matrix, index = np.asarray(variables[base]), int(column[1]) - 1
+    if matrix.ndim != 2 or not 0 <= index < matrix.shape[1]:
+        raise KeyError(name)
+    return matrix[:, index]
+
+
+def _match(known: Iterable[str], plain: str, name: str) -> str | None:
+    """Returns the known name that a name stands for; only the name, not the known one, may have `(1)` too many."""
+    pattern = re.escape(_COLUMN.sub(r"(:,\1)", name).removeprefix("/")).replace(r"\(1\)", r"(?:\(1\))?")
+    alike = (one for one in known if plain_name(one) == plain)
+    return next((one for one in alike if re.fullmatch(f"/?{pattern}", one)), None)
+
+
+def _check_readable(variables: Variables, name: str) -> None:
+    """Refuses a variable that cannot be read: it, what it lies in, or the rest of a damaged log."""
+    plain, found = plain_name(name), variables.found
+    if _match(found.sizes, plain, name) is not None:
+        return
+    for known, reason in found.unreadable.items():
+        inside = plain.startswith(tuple(plain_name(known) + mark for mark in _BELOW))
+        if inside or _match([known], plain, name) is not None:
+            raise _unreadable(variables, name, reason)
+    absent = {plain, base_name(name)}.isdisjoint(plain_name(known) for known in found.sizes)
+    if absent and found.damage is not None:
+        raise _unreadable(variables, name, found.damage)
+
+
+def _unreadable(variables: Variables, name: str, reason: Reason) -> DataError:
+    return DataError(reason.what, where=f"{variables.file}: variable `{name}`", remedy=reason.remedy)

@@ -1,0 +1,204 @@
+"""Compares the period and the clock that a log shows with those that were said, and says what to set instead."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
+from robid.logs.lines import check_lines
+from robid.logs.period import Repetition, line_power, measure_repetition
+from robid.logs.timing import RESAMPLED_RATE, Clock, clock_problems
+
+_WHOLE = 5e-7
+"""Largest relative distance of a period from whole samples that settings accept, a margin kept."""
+
+_CARRIES = 1e-2
+"""Power of a line, relative to that of as many of the strongest as were stated, from which it carries the signal."""
+
+_SURE = 0.05
+"""Standard deviation of a measured period up to which it says what to resample to [samples]."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What was said of the period.
+
+    Attributes:
+        sampling_period_s: Sampling period of the log [s].
+        samples: Samples of one period.
+        periods: Periods that are used.
+        dropped: Periods that are dropped before.
+        lines (n_freq,): Lines that are excited, or among which they are.
+        find: Whether they are to be found among these.
+    """
+
+    sampling_period_s: float
+    samples: int
+    periods: int
+    dropped: int
+    lines: IntArray
+    find: bool = False
+
+    @property
+    def period_s(self) -> float:
+        """The period [s]."""
+        return self.samples * self.sampling_period_s
+
+
+def check_period(
+    where: str, steady: FloatArray, stated: Stated, clock: Clock | None = None
+) -> tuple[list[DataError], list[str]]:
+    """Measures the period of an excited channel and compares it, and the log's clock, with what was said.
+
+    Period and clock are judged together, so that what is advised for one does not spoil the other. Then the excited
+    lines are checked.
+
+    Args:
+        where: File and variable.
+        steady (n_sample,): The channel without its dropped periods.
+        stated: What was said.
+        clock: The log's own time, if it has one.
+
+    Returns:
+        Problems and notes.
+    """
+    found = measure_repetition(steady, stated.samples, stated.lines)
+    notes = [] if found.reachable else ["The log holds one period: its length could not be checked by repetition."]
+    if found.samples is None and found.reachable:
+        what = f"It does not repeat with a period of {stated.samples} samples, nor with any other."
+        remedy = "Check that the excitation is periodic and that this is the excited channel."
+        return [*(() if clock is None else clock_problems(clock)), DataError(what, where=where, remedy=remedy)], notes
+    if clock is not None and clock.is_off:
+        return [_other_clock(where, steady, stated, clock, found)], notes
+    if _shares_no_clock(found, stated):
+        return [_two_clocks(where, stated, found)], notes
+    if not found.agrees(stated.samples, stated.lines):
+        return [_other_period(where, steady, stated, found)], notes
+    if found.std_samples > 0.2:
+        notes.append(f"The noise lets the period be checked to +-{4 * found.std_samples:.1g} samples only.")
+    whole_periods = len(steady) // stated.samples
+    blocks = steady[: whole_periods * stated.samples].reshape(whole_periods, stated.samples)
+    return [] if stated.find else check_lines(where, blocks[: stated.periods], stated.lines), notes
+
+
+def _shares_no_clock(found: Repetition, stated: Stated) -> bool:
+    """Whether a period near the stated one is no whole number of samples, by enough to spoil its average."""
+    if found.samples is None or found.std_samples > _SURE:
+        return False
+    count = found.multiple(stated.samples)
+    near = abs(count * found.samples / stated.samples - 1) < RESAMPLED_RATE and not np.any(stated.lines % count)
+    proposed = found.proposed(stated.samples, stated.lines)
+    return bool(near and found.drifts(stated.periods, proposed, stated.lines))
+
+
+def _two_clocks(where: str, stated: Stated, found: Repetition) -> DataError:
+    length = (found.samples or 0.0) * found.multiple(stated.samples)
+    what = f"Its period is {length:.4f} samples, not a whole number: generator and log have different clocks."
+    remedy = (
+        f"Set resample to period, which makes {stated.samples} samples of a period that lasts {stated.period_s:.9g} s."
+    )
+    return DataError(what, where=where, remedy=remedy)
+
+
+def _other_clock(where: str, steady: FloatArray, stated: Stated, clock: Clock, found: Repetition) -> DataError:
+    """A sampling period that the log's own time contradicts; the period may be as stated, or another one too."""
+    step = clock.told_step_s
+    real = found.proposed(stated.samples, stated.lines)
+    lasts = real * step
+    resampled = f"Set resample to time, which keeps the period of {stated.period_s:.9g} s"
+    bridged = abs(step / stated.sampling_period_s - 1) < RESAMPLED_RATE
+    if abs(lasts / stated.period_s - 1) < max(_WHOLE, 0.5 * step / stated.period_s):
+        counted = stated.period_s / step
+        if abs(counted / max(round(counted), 1) - 1) < _WHOLE:
+            remedy = f"{_set({'sampling_period_s': _number(step)})[:-1]}; the period stays as it is."
+        else:
+            remedy = f"{resampled}."
+        return DataError(f"{clock.told}.", where=clock.where, remedy=remedy)
+    what = (
+        f"{clock.told}; and {where.partition('variable ')[2] or 'it'} repeats every {real} samples ({lasts:.9g} s), not"
+        f" every {stated.samples} ({stated.period_s:.9g} s)."
+    )
+    changed = {"sampling_period_s": _number(step), **_period_settings(steady, stated, real, step)}
+    remedy = _set(changed)
+    if bridged:
+        remedy += f" Or, where logs have different clocks: set resample to time and excitation.period_s to {lasts:.9g}."
+    return DataError(what, where=clock.where, remedy=remedy)
+
+
+def _other_period(where: str, steady: FloatArray, stated: Stated, found: Repetition) -> DataError:
+    real = found.proposed(stated.samples, stated.lines)
+    step = stated.sampling_period_s
+    what = (
+        f"It repeats every {real} samples ({real * step:.9g} s), not every {stated.samples} ({stated.period_s:.9g} s)."
+    )
+    if real == stated.samples:
+        real = round(found.samples or real)
+        what = (
+            f"It repeats every {real} samples ({real * step:.9g} s), and not all of the excited lines of"
+            f" {stated.samples} samples ({stated.period_s:.9g} s) are lines of that."
+        )
+    settings = _set(_period_settings(steady, stated, real, step))
+    return DataError(what, where=where, remedy=f"{settings[:-1]}, or correct sampling_period_s.")
+
+
+def _period_settings(steady: FloatArray, stated: Stated, real: int, step_s: float) -> dict[str, str]:
+    """Settings that a period needs: its length, the band and number of its lines, and no more periods than it has.
+
+    The band follows the period where the lines keep their numbers, as with another clock. Else the frequencies stay.
+    """
+    lasts = real * step_s
+    found = {"excitation.period_s": _number(lasts)}
+    periods = len(steady) // real
+    blocks = steady[: periods * real].reshape(periods, real)
+    lines, band = stated.lines, stated.lines[[0, -1]] * lasts / stated.period_s
+    grid = np.arange(int(np.ceil(band[0] - 1e-6)), int(np.floor(band[1] + 1e-6)) + 1)
+    kept = _fit_of(blocks, grid)
+    if abs(lasts / stated.period_s - 1) < _WHOLE:
+        pass
+    elif _fit_of(blocks, lines) > kept:
+        found["excitation.low_hz"] = _number(round((float(lines[0]) - 0.5) / lasts, 6))
+        found["excitation.high_hz"] = _number(round((float(lines[-1]) + 0.5) / lasts, 6))
+    elif kept > 0:
+        inside = np.intersect1d(_carried(blocks, grid)[1], grid)
+        if 0 < len(inside) < len(lines):
+            found["excitation.count"] = str(len(inside))
+        if np.all(lines % 2) and np.any(inside % 2 == 0):
+            found["excitation.grid"] = "full"
+    # What is dropped stays about the time that it was.
+    dropped = round(stated.dropped * stated.samples / real) if stated.dropped else 0
+    dropped = max(dropped, 1) if stated.dropped else 0
+    total = (len(steady) + stated.dropped * stated.samples) // real
+    if stated.dropped and dropped != stated.dropped:
+        found["drop_periods"] = str(dropped)
+    if dropped + stated.periods > total and total > dropped:
+        found["periods"] = str(total - dropped)
+    return found
+
+
+def _fit_of(blocks: FloatArray, lines: IntArray) -> float:
+    """How well lines are those that carry a signal: their share of its energy times the share of them that carry."""
+    if not len(blocks) or not len(lines) or 2 * lines[-1] >= blocks.shape[1]:
+        return 0.0
+    share, carrying = _carried(blocks, lines)
+    return share * len(np.intersect1d(carrying, lines)) / len(lines)
+
+
+def _carried(blocks: FloatArray, lines: IntArray) -> tuple[float, IntArray]:
+    """Share of the averaged period's energy at some lines, and the lines that really carry it."""
+    mean, _ = line_power(blocks)
+    mean[0] = 0
+    carrying = np.flatnonzero(mean > _CARRIES * np.sort(mean)[-max(len(lines) // 2, 1)])
+    return float(mean[lines].sum() / mean.sum()), carrying
+
+
+def _number(value: float) -> str:
+    return f"{value:.9g}"
+
+
+def _set(settings: dict[str, str]) -> str:
+    """Writes settings as a sentence: `Set a to 1, b to 2 and c to 3.`."""
+    texts = [f"{name} to {value}" for name, value in settings.items()]
+    return f"Set {', '.join(texts[:-1])} and {texts[-1]}." if len(texts) > 1 else f"Set {texts[0]}."

@@ -1,0 +1,150 @@
+"""Resampling of a log whose clock is not the one that was stated, with the error that this makes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft
+from scipy.interpolate import make_interp_spline
+from scipy.signal.windows import hann
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.logs.mapping import LogMapping
+from robid.logs.period import measure_repetition
+from robid.logs.period_checks import Stated
+from robid.logs.timing import RESAMPLED_RATE, Clock
+
+_DEGREE = 7
+"""Degree of the interpolating spline."""
+
+_COARSE = 2.0
+"""Deviation of the time stamps from a straight line, in their own steps, up to which they are only rounded."""
+
+
+def resample_to_time(
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock
+) -> tuple[dict[str, NDArray[Any]], Clock, list[str]]:
+    """Resamples all columns to the stated sampling period of the log's own time.
+
+    Args:
+        mapping: The log mapping.
+        columns: Columns of the log.
+        clock: Its time.
+
+    Returns:
+        The columns, their new time, and what to say about it.
+
+    Raises:
+        DataError: If the log has gaps, or its rate is too far from the stated one.
+    """
+    stated = mapping.sampling_period_s
+    _refuse_far(clock.step_s / stated, clock.where)
+    if len(clock.gaps):
+        what = f"{len(clock.gaps)} gaps, the first after sample {clock.gaps[0]}: resampling cannot fill them."
+        raise DataError(
+            what, where=f"{clock.where}, sample {clock.gaps[0]}", remedy="Cut the log to a part without a gap."
+        )
+    time = _unrounded(clock.time_s)
+    wanted = time[0] + stated * np.arange(int((time[-1] - time[0]) / stated * (1 + 1e-12)) + 1)
+    made, error = _interpolated(mapping, columns, time / stated, wanted / stated)
+    told = f"Resampled from time steps of {clock.told_step_s:.9g} s to {stated:g} s"
+    resampled = Clock(clock.where, wanted, stated, stated, np.zeros(0, int))
+    return made, resampled, [_error_note(mapping, told, error)]
+
+
+def resample_to_period(
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], steady: FloatArray, stated: Stated, where: str
+) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """Resamples all columns so that the measured period of an excited channel has its stated number of samples.
+
+    Args:
+        mapping: The log mapping.
+        columns: Columns of the log.
+        steady (n_sample,): The excited channel without its dropped periods.
+        stated: What was said of the period.
+        where: File and variable of that channel.
+
+    Returns:
+        The columns, and what to say about it; unchanged where the period cannot be measured.
+
+    Raises:
+        DataError: If the period is too far from the stated one.
+    """
+    found = measure_repetition(steady, stated.samples, stated.lines)
+    if found.samples is None:
+        return dict(columns), []
+    ratio = found.multiple(stated.samples) * found.samples / stated.samples
+    _refuse_far(1 / ratio, where)
+    count = min(len(column) for column in columns.values())
+    have = np.arange(count, dtype=float)
+    wanted = ratio * np.arange(int((count - 1) / ratio) + 1)
+    made, error = _interpolated(mapping, columns, have, wanted)
+    deviation = 1e6 * found.std_samples / found.samples
+    told = (
+        f"Resampled so that a period of {ratio * stated.samples:.4f} samples has {stated.samples}"
+        f" ({1e6 * (ratio - 1):+.4g} ppm, known to {deviation:.2g} ppm)"
+    )
+    return made, [_error_note(mapping, told, error)]
+
+
+def interpolation_error(values: FloatArray) -> float:
+    """Error that the spline makes between samples at worst, root mean square over that of the signal.
+
+    A wave of `w` rad per sample leaks into its images, first of all that at `2 pi - w`, by `(w / (2 pi - w))^(d+1)`
+    on either side. Noise counts as signal.
+
+    Args:
+        values (n_sample,): The signal.
+
+    Source:
+        Unser, Splines: a perfect fit for signal and image processing (1999), frequency response of the cardinal spline.
+    """
+    power = np.abs(rfft((values - values.mean()) * hann(len(values)))) ** 2
+    omega = np.pi * np.arange(len(power)) / max(len(power) - 1, 1)
+    leaked = np.minimum(2 * (omega / (2 * np.pi - omega)) ** (_DEGREE + 1), 2.0)
+    return float(np.sqrt((leaked**2 * power).sum() / max(float(power.sum()), np.finfo(float).tiny)))
+
+
+def _interpolated(
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], have: FloatArray, wanted: FloatArray
+) -> tuple[dict[str, NDArray[Any]], float]:
+    """The columns at other moments (in samples), and the largest error of a channel."""
+    made: dict[str, NDArray[Any]] = {}
+    error = 0.0
+    turning = {one.column: one.factor for one in mapping.channels if one.unwraps}
+    for name, column in columns.items():
+        values = column[: len(have)].astype(float)
+        if mapping.time is not None and name == mapping.time.variable:
+            made[name] = np.interp(wanted, have, values)
+            continue
+        if name in turning:
+            values = np.unwrap(turning[name] * values) / turning[name]
+        if np.ptp(values) > 0:
+            error = max(error, interpolation_error(values))
+        made[name] = np.asarray(make_interp_spline(have, values, k=_DEGREE)(wanted))
+    return made, error
+
+
+def _unrounded(time_s: FloatArray) -> FloatArray:
+    """The time, on a straight line where it is only rounded off that."""
+    index = np.arange(len(time_s))
+    line = np.polynomial.Polynomial.fit(index, time_s, 1)(index)
+    differences = np.abs(np.diff(np.unique(np.round(np.diff(time_s), 12))))
+    rounding = float(differences.min()) if len(differences) else 0.0
+    return np.asarray(line) if np.abs(time_s - line).max() <= _COARSE * rounding else time_s
+
+
+def _refuse_far(ratio: float, where: str) -> None:
+    if abs(ratio - 1) > RESAMPLED_RATE:
+        what = f"It runs {ratio:.4g} times as fast as was stated: resampling bridges {RESAMPLED_RATE:.0%} at most."
+        raise DataError(
+            what, where=where, remedy="Correct sampling_period_s or excitation.period_s, and leave out `resample`."
+        )
+
+
+def _error_note(mapping: LogMapping, told: str, error: float) -> str:
+    return f"{mapping.file.name}: {told}; interpolation makes errors of {100 * error:.2g} % of a channel at most."

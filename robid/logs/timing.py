@@ -1,0 +1,169 @@
+"""Checks of a log's own time: unit, rate, order, gaps and jitter; and of how many periods it holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
+from robid.logs.mapping import LogMapping
+
+RESAMPLED_RATE = 0.05
+"""Largest relative difference of two clocks that resampling bridges: it has no filter against aliases."""
+
+_JITTER = 0.05
+"""Largest deviation of a time step from the usual one, relative, that still counts as regular."""
+
+_SAME_CLOCK = 1e-4
+"""Relative difference of the mean time step from the sampling period that is passed over."""
+
+_GAP = 1.5
+"""Time step, in usual ones, from which samples are missing."""
+
+_FACTOR_OF_1000 = 0.2
+"""Relative error of a time step within which it is that of another unit."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The log's own time.
+
+    Attributes:
+        where: File and variable.
+        time_s (n_sample,): Time of each sample [s].
+        stated_s: The stated sampling period [s].
+        step_s: Mean time step, those across gaps left out [s].
+        gaps (n_gap,): Samples after which others are missing.
+    """
+
+    where: str
+    time_s: FloatArray
+    stated_s: float
+    step_s: float
+    gaps: IntArray
+
+    @property
+    def is_off(self) -> bool:
+        """Whether the log was sampled with another period than the stated one."""
+        return abs(self.step_s / self.stated_s - 1) > _SAME_CLOCK
+
+    @property
+    def told(self) -> str:
+        """What to say where it is off."""
+        return (
+            f"The mean time step is {self.told_step_s:.9g} s, but a sampling period of {self.stated_s:g} s was stated"
+        )
+
+    @property
+    def usual_s(self) -> float:
+        """The time step to name: the stated one, unless the log's is another [s]."""
+        return self.told_step_s if self.is_off else self.stated_s
+
+    @property
+    def told_step_s(self) -> float:
+        """The time step as a setting, with no more digits than it needs [s]."""
+        short = float(f"{self.step_s:.6g}")
+        return short if abs(short / self.step_s - 1) < 1e-7 else float(f"{self.step_s:.9g}")
+
+
+def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, list[DataError]]:
+    """Reads the time stamps of a log: unit, order and rate; a wrong rate alone is no problem here.
+
+    Args:
+        mapping: The log mapping, with a time channel.
+        stamps (n_sample,): The time in its unit.
+    """
+    if mapping.time is None:
+        return None, []
+    where, stated = mapping.place(mapping.time.variable), mapping.sampling_period_s
+    time = stamps.astype(float) * mapping.time.to_seconds
+    steps = np.diff(time)
+    backward = np.flatnonzero(steps <= 0)
+    if len(backward):
+        what = f"Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
+        remedy = "Sort the log by time and drop repeated samples, or leave out `time`."
+        return None, [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
+    usual = float(np.median(steps))
+    exponent = round(np.log10(usual / stated))
+    if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < _FACTOR_OF_1000:
+        what = f"The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
+        return None, [DataError(what, where=where, remedy=_unit_remedy(mapping, exponent))]
+    gaps = np.flatnonzero(steps > _GAP * usual)
+    return Clock(where, time, stated, float(np.delete(steps, gaps).mean()), gaps), []
+
+
+def _unit_remedy(mapping: LogMapping, exponent: int) -> str:
+    """Names the unit of the time that gives the stated steps, where there is one."""
+    units = {0: "s", -3: "ms", -6: "us"}
+    own = {unit: power for power, unit in units.items()}[mapping.time.unit] if mapping.time is not None else 0
+    fitting = units.get(own - exponent)
+    return f"Set time.unit to {fitting}." if fitting else "Correct the unit of `time`, or sampling_period_s."
+
+
+def clock_problems(clock: Clock) -> list[DataError]:
+    """Says what to set where a log without periods was sampled with another period than the stated one."""
+    if not clock.is_off:
+        return []
+    return [DataError(f"{clock.told}.", where=clock.where, remedy=f"Set sampling_period_s to {clock.told_step_s:.9g}.")]
+
+
+def check_steps(clock: Clock, used: slice, period: int | None = None) -> list[DataError]:
+    """Checks the part of a log that is used for gaps and jitter.
+
+    A gap between two periods loses whole periods only: what follows is checked to repeat what was before.
+
+    Args:
+        clock: The log's time.
+        used: The samples that are used.
+        period: Samples of one period; None where nothing repeats.
+    """
+    first, stop, _ = used.indices(len(clock.time_s))
+    gaps = clock.gaps[(clock.gaps >= first) & (clock.gaps < stop - 1)]
+    if period is not None:
+        gaps = gaps[(gaps + 1 - first) % period != 0]
+    steps = np.diff(clock.time_s)
+    problems = [_gaps(clock, gaps, steps, period)] if len(gaps) else []
+    inside = np.setdiff1d(np.arange(first, stop - 1), clock.gaps)
+    deviation = float(np.abs(steps[inside] / clock.step_s - 1).max(initial=0.0))
+    if deviation > _JITTER:
+        what = f"The time steps deviate from {clock.usual_s:g} s by up to {100 * deviation:.0f} %."
+        remedy = "Set resample to time, or leave out `time` if only the stamps are coarse."
+        problems.append(DataError(what, where=clock.where, remedy=remedy))
+    return problems
+
+
+def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, period: int | None) -> DataError:
+    missing = round(float(np.sum(steps[gaps] / clock.step_s - 1)))
+    what = (
+        f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, about {missing} missing samples; the first after sample"
+        f" {gaps[0]}: {steps[gaps[0]]:.6g} s instead of {clock.usual_s:g} s."
+    )
+    edges = np.concatenate([[0], clock.gaps + 1, [len(clock.time_s)]])
+    longest = int(np.argmax(np.diff(edges)))
+    remedy = "Record again, or cut the log to a part without a gap."
+    if period is not None:
+        dropped = -(-int(edges[longest]) // period)
+        whole = int(edges[longest + 1]) // period - dropped
+        if whole > 0:
+            remedy = f"Set drop_periods to {dropped} and periods to {whole}: the longest part without a gap."
+    return DataError(what, where=f"{clock.where}, sample {gaps[0]}", remedy=remedy)
+
+
+def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, periods: int) -> list[DataError]:
+    """Checks that the log holds the periods that were said."""
+    held = n_sample / samples_per_period
+    wanted = mapping.drop_periods + periods
+    if held >= wanted:
+        return []
+    fewer = int(held) - mapping.drop_periods
+    remedy = f"Set periods to {fewer} at most" if fewer > 0 else "Record longer"
+    return [
+        DataError(
+            f"It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
+            f" ({mapping.drop_periods} dropped and {periods} used).",
+            where=f"{mapping.file}: {n_sample} samples",
+            remedy=f"{remedy}, or correct the period.",
+        )
+    ]

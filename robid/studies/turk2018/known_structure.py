@@ -1,0 +1,65 @@
+"""A position-dependent system of known structure, measured with noise: is the structure found?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.fit.lpv.basis import Basis, polynomial_basis
+from robid.fit.lpv.blocks import block_names
+from robid.fit.lpv.estimation import LpvResult, estimate_lpv
+from robid.fit.lpv.options import LpvOptions
+from robid.fit.lpv.responses import LocalResponses
+from robid.fit.lpv.state_space import StateSpace, response, transform
+
+POSITIONS: FloatArray = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]
+LEFT_OUT: FloatArray = np.array([[-0.25]])
+FREQUENCY: FloatArray = np.linspace(0.002, 0.4, 200)
+ORDER = 3
+STRUCTURE = ("A1", "B2")
+NOISE = 0.01  # of an output's rms: 40 dB
+
+_A = (
+    np.array([[0.9, 0.05, 0.0], [0.0, 0.9112, 0.3326], [0.03, -0.3326, 0.9112]]),
+    np.array([[0.0, 0.02, 0.0], [0.0, 0.0, 0.06], [0.01, -0.06, 0.0]]),
+)
+_B = np.array([[0.5], [0.1], [0.4]]), np.array([[0.1], [-0.05], [0.2]])
+_C = np.array([[1.0, 0.3, 0.1], [0.5, -0.4, 0.6]])
+_D = np.array([[0.02], [0.05]])
+
+
+def synthetic_systems(points: FloatArray, T: FloatArray) -> StateSpace:
+    """Returns the system in the states `T x` at points (n_pos, 1).
+
+    A is affine, B has one quadratic block, C and D are constant.
+    """
+    p = points[:, :, None]
+    ones = np.ones_like(p)
+    return transform(StateSpace(_A[0] + _A[1] * p, _B[0] + _B[1] * p**2, _C * ones, _D * ones), T)
+
+
+def synthetic_responses(points: FloatArray, T: FloatArray, generator: np.random.Generator) -> LocalResponses:
+    """Returns the system's responses at points (n_pos, 1) with noise of known variance."""
+    exact = response(synthetic_systems(points, T), np.exp(2j * np.pi * FREQUENCY))
+    power = NOISE**2 * np.mean(np.abs(exact) ** 2, axis=1, keepdims=True)
+    variance = np.broadcast_to(power, exact.shape)
+    error = generator.standard_normal((*exact.shape, 2)) @ np.array([1, 1j]) * np.sqrt(variance / 2)
+    return LocalResponses(points, FREQUENCY, exact + error, variance, 1.0)
+
+
+def synthetic_basis() -> Basis:
+    """Returns powers up to the fourth: as many functions as positions, as in the paper."""
+    return polynomial_basis(POSITIONS, 4)
+
+
+def fit_synthetic(seed: int, options: LpvOptions) -> LpvResult:
+    """Fits one noisy draw, the system in a random basis."""
+    generator = np.random.default_rng(seed)
+    T = generator.standard_normal((3, 3))
+    fitted, held_out = (synthetic_responses(points, T, generator) for points in (POSITIONS, LEFT_OUT))
+    return estimate_lpv(fitted, held_out, synthetic_basis(), options)
+
+
+def finds_structure(seed: int) -> bool:
+    """Tells whether one noisy draw gives exactly the true blocks, with the default options."""
+    return block_names(fit_synthetic(seed, LpvOptions(order=ORDER)).kept) == STRUCTURE

@@ -1,0 +1,15 @@
+"""The study's section of an experiment file."""
+
+from __future__ import annotations
+
+from robid.settings.load import LoadedExperiment
+from robid.settings.lpv_study import TurkStudy
+
+
+def study_of(loaded: LoadedExperiment) -> TurkStudy:
+    """Returns the study of an experiment that has one of this kind."""
+    study = loaded.experiment.study
+    if not isinstance(study, TurkStudy):
+        message = "the study is of another kind"
+        raise TypeError(message)
+    return study

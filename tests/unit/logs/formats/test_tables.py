@@ -1,0 +1,194 @@
+"""Tables of text: every dialect is told from the table or stated, what is broken is located, memory stays bounded."""
+
+import gzip
+import lzma
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from robid.errors import DataError
+from robid.logs.formats.load import load_variables
+from robid.logs.formats.tables import CHUNK
+from robid.logs.formats.variables import find_variable
+from robid.signals.log_dialect import Dialect
+
+COLUMN = [0.001, -2]
+NAMES = ["t", "speed [rad/s]"]
+
+
+def load(path, text, names=None, encoding="utf-8", **dialect):
+    path = path / "log.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
+    return load_variables(path, None, names, Dialect(**dialect))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# a comment\n t , speed [rad/s]\n0,1e-3\n1,-2\n",
+        '"t";"speed [rad/s]"\n0;0,001\n\n1;-2,0\n',
+        '"t","speed [rad/s]"\n"0","0.001"\n"1","-2"\n',
+        "t\tspeed [rad/s]\r\n0\t0.001\r\n1\t-2\r\n",
+        "t\tspeed [rad/s]\n0\t0,001\n1\t-2,0\n",
+        "t|speed [rad/s]\n0|0.001\n1|-2\n",
+        "\ufefft,speed [rad/s]\n0,0.001\n1,-2",
+        "t;speed [rad/s];\n0;0,001;\n1;-2;\n",
+        "t;speed [rad/s]\n0;0,001;\n1;-2;\n",
+        "Recorder 7.1\nDate;2020-01-01;x\n\nt;speed [rad/s]\n0;0,001\n1;-2\n",
+        "# made by hand\n# t, speed [rad/s]\n0, 0.001\n1, -2\n",
+        "t,speed [rad/s]\n% in the middle\n0,0.001\n% in the middle\n1,-2\n",
+    ],
+)
+def test_dialects_are_told(tmp_path, text):
+    variables = load(tmp_path, text)
+    assert list(variables) == NAMES
+    assert variables.units == {"speed [rad/s]": "rad/s"}
+    np.testing.assert_array_equal(find_variable(variables, "speed [rad/s]"), COLUMN)
+    np.testing.assert_array_equal(find_variable(variables, "t"), [0, 1])
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_the_first_bytes_say_the_encoding(tmp_path, encoding):
+    assert list(load(tmp_path, "t;Drehzahl °\n0;1\n1;2\n", encoding=encoding)) == ["t", "Drehzahl °"]
+
+
+def test_another_encoding_is_stated(tmp_path):
+    text = "t;Drehzahl °\n0;1\n1;2\n"
+    with pytest.raises(DataError, match="cannot be read as text") as caught:
+        load(tmp_path, text, encoding="cp1252")
+    assert "dialect: {encoding: cp1252}" in caught.value.remedy
+    assert list(load_stated(tmp_path, text)) == ["t", "Drehzahl °"]
+
+
+def load_stated(folder, text):
+    (folder / "log.csv").write_bytes(text.encode("cp1252"))
+    return load_variables(folder / "log.csv", "csv", None, Dialect(encoding="cp1252"))
+
+
+@pytest.mark.parametrize(
+    ("text", "dialect"),
+    [
+        ("0 0.001\n  1\t-2\n", {}),
+        ("0,0 0,001\n1,0   -2,0\n", {}),
+        ("0,0.001\n1,-2\n", {}),
+        ("lost\n\n0;0,001\n1;-2\n", {}),
+        ("t;speed\nq;r;s\n0;0,001\n1;-2\n", {"header_line": 0}),
+        ("0 0,001\n1 -2\n", {"delimiter": "whitespace", "decimal": ","}),
+    ],
+)
+def test_columns_without_names_are_numbered(tmp_path, text, dialect):
+    variables = load(tmp_path, text, **dialect)
+    assert list(variables) == ["1", "2"]
+    np.testing.assert_array_equal(find_variable(variables, "2"), COLUMN)
+
+
+@pytest.mark.parametrize("units", ["s;rad/s", "[s];[rad/s]", "s ; rad/s"])
+def test_a_line_of_units_is_none_of_numbers(tmp_path, units):
+    variables = load(tmp_path, f"t;speed\n{units}\n0;0,001\n1;-2\n")
+    assert variables.units == {"t": "s", "speed": "rad/s"}
+    np.testing.assert_array_equal(find_variable(variables, "speed"), COLUMN)
+
+
+def test_names_that_are_numbers_have_their_line_stated(tmp_path):
+    text = "made by\n10,20\n0,0.001\n1,-2\n"
+    np.testing.assert_array_equal(find_variable(load(tmp_path, text, header_line=2), "20"), COLUMN)
+
+
+def test_names_stand_where_it_is_stated(tmp_path):
+    text = "a;b\nt;speed\nx;y\n0;0,001\n1;-2\n"
+    assert list(load(tmp_path, text)) == ["x", "y"]
+    assert list(load(tmp_path, text, header_line=2)) == ["t", "speed"]
+
+
+def test_moments_become_seconds_from_the_first(tmp_path):
+    text = "when,q\n2024-03-31 01:59:59.998,0\n2024-03-31 01:59:59.999,\n2024-03-31 02:00:00.001,2\n"
+    variables = load(tmp_path, text)
+    np.testing.assert_allclose(variables["when"], [0, 0.001, 0.003], atol=1e-12)
+    assert variables.units["when"] == "s"
+    np.testing.assert_array_equal(variables["q"], [0, np.nan, 2])
+
+
+def test_text_leaves_the_other_columns_readable(tmp_path):
+    variables = load(tmp_path, "t,state,q,none\n0,OK,1,\n1,ERROR,2,\n2,OK,x,\n")
+    np.testing.assert_array_equal(find_variable(variables, "t"), [0, 1, 2])
+    for name, what in (("state", "text (`OK`)"), ("q", "In line 4 `x` is no number"), ("none", "empty")):
+        with pytest.raises(DataError) as caught:
+            find_variable(variables, name)
+        assert what in caught.value.what
+        assert caught.value.where == f"{tmp_path / 'log.csv'}: variable `{name}`"
+
+
+def test_names_that_repeat_are_numbered(tmp_path):
+    variables = load(tmp_path, "t,q,t,w\n0,5,9,1\n1,6,8,2\n")
+    np.testing.assert_array_equal(find_variable(variables, "t(2)"), [9, 8])
+    np.testing.assert_array_equal(find_variable(variables, "t(1)"), [0, 1])
+    with pytest.raises(DataError, match="occurs 2 times"):
+        find_variable(variables, "t")
+    with pytest.raises(DataError, match="occurs 2 times"):
+        find_variable(variables, "t(3)")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "no table"),
+        ("t,q\n", "no table"),
+        ("t,q\n0,1\n1\n", "line 3: The table is broken: 1 values for 2 columns"),
+        ("t,q\n0,1\n1,2,3\n4,5\n6,7\n", "line 3: The table is broken: 3 values for 2 columns"),
+        ("t,q\n0,1,2\n1,2,3\n", "line 2: The table is broken: 3 values for 2 columns"),
+        (b"\xff\xfe\x00\x01", "no table"),
+        (b"\x80\x81\x82", "cannot be read as text"),
+        (b"t,q\n\x00,1\n", "cannot be read as text"),
+    ],
+)
+def test_broken_tables_are_located(tmp_path, text, words):
+    with pytest.raises(DataError) as caught:
+        load(tmp_path, text)
+    assert words in str(caught.value)
+    assert "log.csv" in caught.value.where
+    assert caught.value.remedy
+
+
+def test_the_remedy_for_names_that_do_not_fit_works(tmp_path):
+    text = "motor speed, load\n0,1,2\n1,2,3\n"
+    with pytest.raises(DataError, match="3 values for 2 columns of line 1") as caught:
+        load(tmp_path, text)
+    assert "dialect: {header_line: 0}" in caught.value.remedy
+    assert list(load(tmp_path, text, header_line=0)) == ["1", "2", "3"]
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, lzma.compress])
+def test_packed_tables(tmp_path, pack):
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(pack(b"t,q\n" + b"0,1\n" * 500))
+    assert load_variables(path)["q"].sum() == 500
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(DataError, match="cannot be"):
+        load_variables(path)
+
+
+def test_of_a_wide_table_only_what_is_asked_for_is_kept(tmp_path):
+    width, length = 400, 12000
+    line = ",".join(f"{0.25 * column:g}" for column in range(width))
+    path = tmp_path / "log.csv"
+    with path.open("w") as file:
+        file.write(",".join(f"c{column}" for column in range(width)) + "\n")
+        file.writelines(f"{row}{line[1:]}\n" for row in range(length))
+    assert path.stat().st_size > 20 * CHUNK
+    tracemalloc.start()
+    variables = load_variables(path, None, ["c0", "c7", "c399"])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert list(variables) == ["c0", "c7", "c399"]
+    np.testing.assert_array_equal(variables["c0"], np.arange(length))
+    np.testing.assert_array_equal(variables["c399"], np.full(length, 0.25 * 399))
+    assert variables.sizes["c5"] == length
+    assert peak < 8 * CHUNK
+
+
+def test_chunks_join_seamlessly(tmp_path, monkeypatch):
+    monkeypatch.setattr("robid.logs.formats.tables.CHUNK", 64)
+    values = np.random.default_rng(5).normal(size=(300, 2))
+    variables = load(tmp_path, "a,b\n" + "".join(f"{a!r},{b!r}\n" for a, b in values.tolist()))
+    np.testing.assert_array_equal(np.stack([variables["a"], variables["b"]], axis=1), values)
