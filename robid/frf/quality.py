@@ -38,7 +38,7 @@ def known_response(frf: Frf) -> ComplexArray:
     """The response (n_conf, n_freq, n_out, n_in), NaN where a line told too little of an input."""
     if frf.dropped is None:
         return frf.response
-    return np.asarray(np.where(frf.dropped[:, :, None], np.nan, frf.response))
+    return np.asarray(np.where(frf.dropped[:, :, None], complex(np.nan, np.nan), frf.response))
 
 
 def dropped_lines(frf: Frf) -> BoolArray:

@@ -101,11 +101,8 @@ def response_mat(response: Response) -> bytes:
 
 def response_json(response: Response) -> bytes:
     """Writes all configurations as JSON; a line that was dropped is null."""
-    frf = response.frf
-    parts: dict[str, FloatArray | ComplexArray] = {
-        "response_real": frf.response.real,
-        "response_imaginary": frf.response.imag,
-    }
+    frf, known = response.frf, known_response(response.frf)
+    parts: dict[str, FloatArray | ComplexArray] = {"response_real": known.real, "response_imaginary": known.imag}
     for name, value in _arrays(frf).items():
         if value is None:
             continue
