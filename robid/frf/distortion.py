@@ -93,6 +93,25 @@ def multiple_coherence(outputs: ComplexArray, covariance: ComplexArray | None) -
     return np.asarray(np.clip(1 - lost / np.maximum(power, np.finfo(float).tiny), 0, 1))
 
 
+def explained_coherence(response: ComplexArray, inputs: ComplexArray, covariance: ComplexArray) -> FloatArray:
+    """Multiple coherence of a local model: what the response makes of the inputs, over that and the residual.
+
+    The outputs themselves hold the transient too, which is neither, and may be far larger than both.
+
+    Args:
+        response (n_freq, n_out, n_in): Response.
+        inputs (n_freq, n_exp, width, n_in): Input spectra at the bins around each line.
+        covariance (n_freq, n_out, n_out): Covariance of one experiment's output residual.
+
+    Returns:
+        (n_freq, n_out), within 0 and 1.
+    """
+    made = inputs @ np.swapaxes(response, 1, 2)[:, None]
+    power = (np.abs(made) ** 2).mean(axis=(1, 2))
+    lost = np.real(np.diagonal(covariance, axis1=-2, axis2=-1))
+    return np.asarray(power / np.maximum(power + lost, np.finfo(float).tiny))
+
+
 def interpolation_error(lines: Lines, response: ComplexArray, wanted: Lines) -> FloatArray:
     """Magnitude (n_wanted, n_out, n_in) of the interpolation's error, at most that of lines twice as far apart."""
     if len(lines) < _SHORTEST or not len(wanted):
