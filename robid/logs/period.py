@@ -14,17 +14,11 @@ from robid.arrays import FloatArray, IntArray
 _UNLIKE = 0.6
 """Mismatch between a signal and its shifted copy above which they have little in common; 1 is unrelated."""
 
-_REPEATS = (0.1, 0.4)
-"""Mismatch below which a signal counts as repeating where one or two shifts by its period show it.
+_REPEATS = 0.4
+"""Mismatch below which a signal counts as repeating where several of its periods show it."""
 
-With more of them it may be mostly noise, as long as it stands out of chance.
-"""
-
-_OVERLAP = 0.55
-"""Shift, in lengths of the signal, up to which a single one shows another period than the stated one."""
-
-_CHANCE = 8.0
-"""Standard deviations of a chance correlation that stand out."""
+_REPEATS_ONCE = 0.1
+"""The same where a single period shows it."""
 
 _ALIKE = 0.005
 """Mismatch above twice the smallest one from which a shift is no period."""
@@ -113,19 +107,14 @@ def measure_repetition(signal: FloatArray, stated: int, lines: IntArray) -> Repe
     mismatch = _mismatch(flat)
     reachable = stated < len(mismatch)
     outside = np.flatnonzero(mismatch > _UNLIKE)
-    # Correlation that chance may give to so many independent samples.
-    chance = min(_CHANCE / np.sqrt(2 * lines.max() / stated * len(flat)), 1.0)
-    found = _minima(mismatch, max(int(outside[0]), _SHORTEST), 1 - chance) if len(outside) else []
+    found = _minima(mismatch, max(int(outside[0]), _SHORTEST)) if len(outside) else []
     nothing = Repetition(None, 0.0, reachable)
     if not found:
         return nothing
     least = min(each.mismatch for each in found)
-    good = [each for each in found if each.mismatch <= least + min(least, chance) + _ALIKE]
+    good = [each for each in found if each.mismatch <= 2 * least + _ALIKE]
     period, count = _follow(good)
-    if count <= len(_REPEATS) and least > _REPEATS[count - 1 if reachable else 0]:
-        return nothing
-    # Slow wandering is like itself, too, where little of it is left to compare.
-    if count == 1 and period > _OVERLAP * len(flat) and abs(period / stated - 1) > _NEAR:
+    if least > (_REPEATS if count > 1 and reachable else _REPEATS_ONCE):
         return nothing
     return Repetition(*_refine(level, period, count), reachable)
 
@@ -138,10 +127,10 @@ class _Minimum:
     mismatch: float
 
 
-def _minima(mismatch: FloatArray, first: int, highest: float) -> list[_Minimum]:
-    """Minima beyond a first shift and below a highest mismatch, by the parabolas through three points."""
+def _minima(mismatch: FloatArray, first: int) -> list[_Minimum]:
+    """Minima beyond a first shift, to a fraction of a sample by the parabola through three points."""
     before, here, after = mismatch[first - 1 : -2], mismatch[first:-1], mismatch[first + 1 :]
-    at = np.flatnonzero((here < before) & (here <= after) & (here < highest))
+    at = np.flatnonzero((here < before) & (here <= after) & (here < _UNLIKE))
     bend = (before + after - 2 * here)[at]
     lean = ((before - after) / 2)[at]
     shifts, depths = first + at + lean / bend, here[at] - lean**2 / (2 * bend)
@@ -172,6 +161,19 @@ def _refine(signal: FloatArray, period: float, count: int) -> tuple[float, float
         shift -= step
     spread = float(np.sqrt(np.sum(((apart - apart.mean()) * steep) ** 2)) / (steep @ steep))
     return shift / count, max(spread, abs(step)) / count
+
+
+def measure_share(periods: FloatArray, lines: IntArray) -> tuple[float, IntArray]:
+    """Returns the stated lines' share of the averaged period's energy, and the lines that really carry it.
+
+    Args:
+        periods (n_period, n_sample): The signal.
+        lines (n_lines,): Stated lines.
+    """
+    mean, _ = line_power(periods)
+    mean[0] = 0
+    carrying = np.flatnonzero(mean > 1e-2 * np.sort(mean)[-max(len(lines) // 2, 1)])
+    return float(mean[lines].sum() / mean.sum()), carrying
 
 
 def line_power(periods: FloatArray) -> tuple[FloatArray, FloatArray]:
