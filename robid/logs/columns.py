@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.errors import DataError
+from robid.logs.formats.known import tell_format
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import Variables, find_variable
 from robid.logs.mapping import LogMapping
@@ -19,6 +20,8 @@ from robid.signals.record import Record
 
 _SHOWN = 8
 """Fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists."""
+_SMALL = 1 << 27
+"""MAT files up to this size are read whole to suggest a name [bytes]."""
 
 
 def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
@@ -47,8 +50,9 @@ def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[N
     try:
         raw = np.asarray(find_variable(variables, variable))
     except KeyError:
-        close = difflib.get_close_matches(variable, variables.sizes, n=3, cutoff=0.5)
-        columns = [key for key, size in variables.sizes.items() if size > _SHOWN]
+        sizes = _every_size(mapping, name, variables)
+        close = difflib.get_close_matches(variable, sizes, n=3, cutoff=0.5)
+        columns = [key for key, size in sizes.items() if size > _SHOWN]
         guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
         remedy = f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
         return None, [DataError("The log has no such variable.", where=where, remedy=remedy)]
@@ -70,6 +74,14 @@ def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[N
         remedy = "Check that the channel was connected and that the variable is the right one."
         return column, [DataError(f"It is constant ({column[0]:g}).", where=where, remedy=remedy)]
     return column, []
+
+
+def _every_size(mapping: LogMapping, name: str, variables: Variables) -> Mapping[str, int]:
+    """Sizes of all variables of a log; only small MAT files are read again for those inside other structures."""
+    path, _ = mapping.variables[name]
+    if (mapping.format or tell_format(path)) != "mat" or path.stat().st_size > _SMALL:
+        return variables.sizes
+    return load_variables(path, mapping.format).sizes
 
 
 def check_motion(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:

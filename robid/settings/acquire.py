@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from robid.signals.log_options import LogOptions
 
 PLACES = ("configuration", "realization", "experiment")
 """What stands for numbers in names of logs and variables."""
+_NUMBERED = re.compile(r"\{(" + "|".join(PLACES) + r")(?::(0?\d*d?))?\}")
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -67,11 +69,15 @@ class Acquire(LogOptions):
         return LogOptions(**{one.name: changed.get(one.name, getattr(self, one.name)) for one in fields(LogOptions)})
 
 
+def is_numbered(variable: str, place: str) -> bool:
+    """Whether a variable's name holds the number of a place, as `exp{realization}.torque`."""
+    return any(found[1] == place for found in _NUMBERED.finditer(variable))
+
+
 def _numbered(variable: str, indices: Sequence[int]) -> str:
-    """A variable's name, in which braces may stand for cells too: only known names are replaced."""
-    for key, index in zip(PLACES, indices, strict=True):
-        variable = variable.replace(f"{{{key}}}", str(index + 1))
-    return variable
+    """A variable's name with its numbers; braces may stand for cells too, so only known names are replaced."""
+    numbers = {key: index + 1 for key, index in zip(PLACES, indices, strict=True)}
+    return _NUMBERED.sub(lambda found: format(numbers[found[1]], found[2] or ""), variable)
 
 
 def _path(file: str, folder: Path, indices: Sequence[int]) -> Path:

@@ -35,7 +35,8 @@ class Dialect:
     encoding: str | None = field(
         default=None,
         metadata={
-            "description": "Encoding of the text, as `cp1252`; UTF-8, or what its first bytes say, when not given."
+            "description": "Encoding of the text, as `shift_jis`; what its first bytes say, UTF-8 or else Windows-1252"
+            " when not given."
         },
     )
 

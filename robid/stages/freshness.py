@@ -81,7 +81,8 @@ def _unreadable(error: ArtifactError) -> State:
 def input_hashes(plan: Plan, inputs: Mapping[str, Path]) -> dict[str, str]:
     """Returns the content hash of each input and outside file that is there."""
     made = {name: _content(path) for name, path in inputs.items() if path.exists()}
-    return made | {name: _bytes(path) for name, path in plan.files.items() if path.exists()}
+    outside = {path: _bytes(path) for path in dict.fromkeys(plan.files.values()) if path.exists()}
+    return made | {name: outside[path] for name, path in plan.files.items() if path in outside}
 
 
 def changed(before: Any, now: Any, name: str = "") -> list[str]:  # noqa: ANN401

@@ -1,5 +1,6 @@
 """Logs of a whole campaign: what was exported is played, logged, matched back, and gives the same response."""
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -31,6 +32,11 @@ def write_log(path, columns):
     if path.suffix == ".mat":
         torque = np.stack([columns.pop("u1"), columns.pop("u2")], axis=1)
         savemat(path, {"rec": {"torque": torque}, **columns})
+        return
+    if path.suffix == ".h5":
+        with h5py.File(path.parent / "all.h5", "a") as file:
+            for name, values in columns.items():
+                file[f"{path.stem.replace('_e', '/e')}/{name}"] = values
         return
     lines = ["# made by a controller", ";".join(columns)]
     rows = zip(*columns.values(), strict=True)
@@ -100,6 +106,27 @@ def test_logs_of_a_campaign_give_the_response_of_the_record_they_come_from(done,
     response = read(done, "frf.h5", FRF, frf_from_artifact).response
     scale = np.abs(wanted.response).max(axis=(1, 2, 3), keepdims=True)
     np.testing.assert_allclose(response / scale, wanted.response / scale, atol=2e-6)
+
+
+def test_one_file_holds_all_experiments_under_numbered_roots(done):
+    record = read(done, "record.h5", RECORD, record_from_artifact)
+    write_logs(done.folder / "logs", record, ".h5")
+    switch_to_logs(done, "hdf5")
+    done.change("logs/c{configuration}_r{realization:02d}_e{experiment}.hdf5", "logs/all.h5")
+    for name in ("t", '"u1"', '"u2"', "q1", "q2", "ref1", "ref2"):
+        numbered = f'variable: "c{{configuration}}_r{{realization:02d}}/e{{experiment}}/{name.strip(chr(34))}"'
+        done.change(f"variable: {name}", numbered)
+    for stage in ("design-excitation", "simulate-or-acquire"):
+        answer = done.robid(stage, "small.yaml", "--campaign", "estimation", "--force")
+        assert answer.code == 0, answer.err
+    found = read(done, "record.h5", RECORD, record_from_artifact)
+    np.testing.assert_allclose(found.inputs, record.inputs, atol=1e-6)
+    assert done.states()["estimation/record.h5"][0] == "fresh"
+    with h5py.File(done.folder / "logs" / "all.h5", "r+") as file:
+        file["c1_r01/e1/q1"][0] += 1
+    state, why = done.states()["estimation/record.h5"]
+    assert state == "stale"
+    assert "input log of configuration 2, realization 1, experiment 1 changed" in why
 
 
 def test_logs_without_references_begin_where_they_are_said_to(done):
@@ -200,6 +227,7 @@ def test_exchanged_logs_are_named(done):
         ),
         ("unit: ms", "unit: s", ("time unit is off by a factor of 1000",)),
         ("format: csv", "format: mat", ("cannot be read as a MAT file",)),
+        ("format: csv", "dialect: {header_line: 7}", ("no such variable", "The log holds")),
     ],
 )
 def test_a_log_that_is_not_what_was_said_is_refused(logged, old, new, texts):

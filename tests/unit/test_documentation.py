@@ -64,6 +64,14 @@ def test_every_robot_file_loads(path):
     assert load_robot(path).joints
 
 
+def test_a_section_that_only_its_class_describes_has_one_line_that_is_written_anew():
+    part = {"description": "Does\nthis.\n\nAttributes:\n    kind: Of what.", "properties": {}}
+    schema = {"$defs": {"Part": part, "Whole": {"properties": {"part": {"$ref": "#/$defs/Part"}}}}}
+    once = renewed("<!-- settings: Whole -->\n\nMore.\n", schema)
+    assert "| `part` | section |  | Does this. |\n\nMore.\n" in once
+    assert renewed(once, schema) == once
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_tables_are_those_of_the_schema(page):
     text, schema = text_of(ROOT / page), PAGES[page]()

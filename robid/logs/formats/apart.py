@@ -68,7 +68,7 @@ class Reader:
         size = _size(file)
         seconds = self._limits.seconds + size * self._limits.seconds_per_byte
         memory = self._limits.memory + size * self._limits.memory_per_byte
-        asked = {"file": str(file.absolute()), "format": name, "memory": memory}
+        asked = {"file": str(file.absolute()), "module": FORMATS[name].module, "memory": memory}
         with self._lock:
             return self._ask({**asked, "names": None if names is None else list(names)}, file, name, seconds)
 
@@ -97,7 +97,7 @@ class Reader:
             process.kill()
             what = f"took longer than {seconds:.0f} s" if late.is_set() else _death(process.wait())
             self.close()
-            raise DataError(f"Reading the {FORMATS[name].title} {what}.", where=str(file), remedy=_COPIED) from None
+            raise DataError(f"Reading it as {FORMATS[name].title} {what}.", where=str(file), remedy=_COPIED) from None
         except BaseException:
             self.close()  # an interrupted talk leaves half an answer in the pipe
             raise
@@ -152,10 +152,10 @@ def _refusal(file: Path, name: str, answer: dict[str, Any]) -> DataError:
     told = tell_format(file)
     title = FORMATS[name].title
     if told != name and told != "csv":
-        what = f"The log cannot be read as a {title}: it looks like a {FORMATS[told].title}."
+        what = f"The log cannot be read as {title}: it looks like {FORMATS[told].title}."
         return DataError(what, where=str(file), remedy=f"Set `format: {told}`, or leave it out.")
-    remedy = answer.get("remedy") or f"Check that it is a {title} and that it was copied completely."
-    error = DataError(f"The log cannot be read as a {title} ({answer['error']}).", where=str(file), remedy=remedy)
+    remedy = answer.get("remedy") or f"Check that it is {title} and that it was copied completely."
+    error = DataError(f"The log cannot be read as {title} ({answer['error']}).", where=str(file), remedy=remedy)
     error.add_note(answer.get("trace", ""))
     return error
 

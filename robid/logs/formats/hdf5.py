@@ -39,24 +39,12 @@ def _take(name: str, dataset: Any, wanted: Wanted, found: Found) -> None:  # noq
         kind = dataset.dtype[field] if field else dataset.dtype
         if kind.kind not in "fiubc":
             found.unreadable[path] = Reason("It holds no numbers.")
-        elif path not in wanted:
-            found.mention(path, int(np.prod(dataset.shape)), unit)
-        elif field:
+        elif field and path in wanted:
             found.add(path, dataset[field], unit)
+        elif field:
+            found.mention(path, int(np.prod(dataset.shape)), unit)
         else:
-            _take_columns(path, dataset, wanted, found, unit)
-
-
-def _take_columns(name: str, dataset: Any, wanted: Wanted, found: Found, unit: str) -> None:  # noqa: ANN401
-    """Adds a dataset, or where only columns of a matrix were asked for these."""
-    columns = wanted.columns(name)
-    if columns is None or dataset.ndim != 2:
-        found.add(name, dataset[()], unit)
-        return
-    found.mention(name, int(np.prod(dataset.shape)), unit)
-    for column in columns:
-        if 0 <= column < dataset.shape[1]:
-            found.arrays[f"{name}(:,{column + 1})"] = dataset[:, column]
+            found.take(path, dataset, wanted, unit)
 
 
 def _text(value: Any) -> str:  # noqa: ANN401

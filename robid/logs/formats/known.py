@@ -21,7 +21,7 @@ class Format:
 
     Attributes:
         title: What a message calls it.
-        module: The module in this package that reads it, by `read(file, wanted)`.
+        module: The module that reads it, by `read(file, wanted)`.
         suffixes: Ends of file names that say so where the first bytes do not.
         needs: Modules that must be installed.
         extra: What installs them, `pip install 'robid[extra]'`.
@@ -34,15 +34,16 @@ class Format:
     extra: str = ""
 
 
+_HERE = "robid.logs.formats"
 FORMATS = {
-    "csv": Format("table of text", "tables", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")),
-    "mat": Format("MAT file", "mat", (".mat",)),
-    "hdf5": Format("HDF5 file", "hdf5", (".h5", ".hdf5", ".hdf")),
-    "parquet": Format("Parquet file", "parquet", (".parquet", ".pq"), ("pyarrow",), "parquet"),
-    "mcap": Format("MCAP file", "mcap_file", (".mcap",), ("mcap", "rosbags"), "ros"),
-    "rosbag": Format("ROS 2 bag", "rosbag", (".db3",), ("mcap", "rosbags"), "ros"),
-    "tdms": Format("TDMS file", "tdms", (".tdms",), ("nptdms",), "tdms"),
-    "mdf": Format("MDF file", "mdf", (".mf4", ".mdf", ".dl3"), ("asammdf",), "mdf"),
+    "csv": Format("a table of text", f"{_HERE}.tables", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")),
+    "mat": Format("a MAT file", f"{_HERE}.mat", (".mat",)),
+    "hdf5": Format("an HDF5 file", f"{_HERE}.hdf5", (".h5", ".hdf5", ".hdf")),
+    "parquet": Format("a Parquet file", f"{_HERE}.parquet", (".parquet", ".pq"), ("pyarrow",), "parquet"),
+    "mcap": Format("an MCAP file", f"{_HERE}.mcap_file", (".mcap",), ("mcap", "rosbags"), "ros"),
+    "rosbag": Format("a ROS 2 bag", f"{_HERE}.rosbag", (".db3",), ("mcap", "rosbags"), "ros"),
+    "tdms": Format("a TDMS file", f"{_HERE}.tdms", (".tdms",), ("nptdms",), "tdms"),
+    "mdf": Format("an MDF file", f"{_HERE}.mdf", (".mf4", ".mdf", ".dl3"), ("asammdf",), "mdf"),
 }
 
 _MAGIC = (

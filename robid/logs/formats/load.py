@@ -40,6 +40,8 @@ def load_variables(
     if not file.exists():
         remedy = "Correct `file`, or set ROBID_DATA to the folder that holds the data."
         raise DataError("The log does not exist.", where=str(file), remedy=remedy)
+    if file.is_file() and not file.stat().st_size:
+        raise DataError("The log is empty.", where=str(file), remedy="Record or copy it again.")
     try:
         name = format_ or tell_format(file)
         if file.is_dir() and name != "rosbag":
@@ -66,6 +68,6 @@ def _check_installed(file: Path, name: str) -> None:
     """Names the command that installs what a format needs."""
     lacking = [module for module in FORMATS[name].needs if find_spec(module) is None]
     if lacking:
-        what = f"To read a {FORMATS[name].title}, {' and '.join(lacking)} must be installed."
+        what = f"To read {FORMATS[name].title}, {' and '.join(lacking)} must be installed."
         remedy = f"Install with `pip install 'robid[{FORMATS[name].extra}]'`."
         raise DataError(what, where=str(file), remedy=remedy)

@@ -17,6 +17,8 @@ from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Want
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
+_PEEK = 1 << 18
+"""Bytes of a variable that hold its name and shape, packed or not."""
 _REMEDIES = {
     "table": "Save its columns: `s = table2struct(name, 'ToScalar', true)`.",
     "timetable": "Save its columns: `s = table2struct(timetable2table(name), 'ToScalar', true)`.",
@@ -41,8 +43,7 @@ def read(file: Path, wanted: Wanted) -> Found:
         if header[126:128] not in (b"IM", b"MI") or 0 in header[:4]:
             return _read_old(file, wanted)
         found = Found()
-        for element in _elements(stream, header, found):
-            _read_element(element, wanted, found)
+        _read_elements(stream, header, wanted, found)
     return found
 
 
@@ -64,40 +65,52 @@ def _read_old(file: Path, wanted: Wanted) -> Found:
     return found
 
 
-def _elements(stream: IO[bytes], header: bytes, found: Found) -> Iterator[bytes]:
-    """Cuts a file into files of one variable each; what lies beyond damage is not found."""
+def _read_elements(stream: IO[bytes], header: bytes, wanted: Wanted, found: Found) -> None:
+    """Reads the file variable by variable, each as a file of its own; what lies beyond damage is not found."""
     order = "<" if header[126:128] == b"IM" else ">"
+    header = header[:116] + bytes(8) + header[124:]
     while tag := stream.read(8):
         kind, size = struct.unpack(f"{order}II", tag) if len(tag) == 8 else (0, 0)
         if kind not in (_MATRIX, _COMPRESSED):
             found.damage = _DAMAGED
             return
-        body = stream.read(size)
-        yield header[:116] + bytes(8) + header[124:] + tag + body
-        if len(body) < size:
+        start = stream.tell()
+        name = _peek(header + tag + stream.read(min(size, _PEEK)), wanted, found)
+        if name is not None:
+            stream.seek(start)
+            _read_element(name, header + tag + stream.read(size), wanted, found)
+        if stream.seek(0, io.SEEK_END) < start + size:
             found.damage = _DAMAGED
+        stream.seek(start + size)
 
 
-def _read_element(element: bytes, wanted: Wanted, found: Found) -> None:
-    """Reads the variable of a file that holds one."""
+def _peek(element: bytes, wanted: Wanted, found: Found) -> str | None:
+    """Name of a variable that is to be read, by the first bytes of its file; empty where it may be an object."""
     try:
         ((name, shape, kind),) = whosmat(io.BytesIO(element))
     except Exception:  # noqa: BLE001 scipy raises whatever a damaged header, or an object, leads to
-        _note_object(element, found)
-        return
+        return ""
     if not name or name == "__function_workspace__":  # where MATLAB keeps what objects hold
-        return
+        return None
     if not wanted.below(name) and kind not in ("object", "opaque"):
         found.mention(name, int(np.prod(shape)))
-        return
+        return None
+    return str(name)
+
+
+def _read_element(name: str, element: bytes, wanted: Wanted, found: Found) -> None:
+    """Reads the variable of a file that holds one."""
     try:
-        value = loadmat(io.BytesIO(element))[name]
+        loaded = loadmat(io.BytesIO(element)) if name else None
     except MemoryError:
         raise
     except Exception as e:  # noqa: BLE001 see above
         found.unreadable[name] = Reason(f"It is damaged ({e}).", _DAMAGED.remedy)
+        return
+    if loaded is None or name not in loaded:
+        _note_object(element, found)
     else:
-        _take(name, value, wanted, found)
+        _take(name, loaded[name], wanted, found)
 
 
 def _note_object(element: bytes, found: Found) -> None:
@@ -131,10 +144,10 @@ def _take(name: str, value: Any, wanted: Wanted, found: Found) -> None:  # noqa:
             found.unreadable[path] = Reason("It is a sparse matrix.", "Save `full(name)`.")
         elif leaf.dtype.kind == "U" and leaf.size == 1:
             found.note_text(path, str(leaf.ravel()[0]))
-        elif path in wanted or leaf.dtype.kind not in "fiubc":
+        elif leaf.dtype.kind not in "fiubc":
             found.add(path, leaf)
         else:
-            found.mention(path, np.size(leaf))
+            found.take(path, leaf, wanted)
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401

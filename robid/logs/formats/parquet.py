@@ -55,17 +55,17 @@ def _take(name: str, top: str, leaf: Any, table: Any, wanted: Wanted, found: Fou
             )
             for group in range(table.num_row_groups)
         ]
-        values = np.concatenate(parts) if parts else np.zeros(0)
+        values: NDArray[Any] = np.concatenate(parts) if parts else np.zeros(0)
     except MemoryError:
         raise
     except Exception as e:  # noqa: BLE001 a damaged column leaves the others readable
         found.unreadable[name] = Reason(f"It cannot be decoded ({e}).", "Write the log again from its source.")
         return
-    found.add(name, values - values[0] if is_time and len(values) else values, unit)
+    found.add(name, (values - values[:1]) / np.timedelta64(1, "s") if is_time else values, unit)
 
 
 def _numbers(column: Any, name: str, top: str, *, is_time: bool) -> NDArray[Any]:  # noqa: ANN401
-    """The numbers of one row group, NaN where there is none; moments in seconds."""
+    """The numbers of one row group, NaN where there is none; or its moments."""
     array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
     for inner in name.removeprefix(top).split(".")[1:]:
         array = array.field(inner)
@@ -76,5 +76,5 @@ def _numbers(column: Any, name: str, top: str, *, is_time: bool) -> NDArray[Any]
         return np.asarray(array.flatten().to_numpy(zero_copy_only=False)).reshape(len(array), int(lengths[0]))
     values: NDArray[Any] = array.to_numpy(zero_copy_only=False)
     if is_time:
-        values = values.astype("datetime64[ns]").astype(np.int64) * 1e-9
+        return values.astype("datetime64[ns]")
     return values.astype(float) if values.dtype == object else values

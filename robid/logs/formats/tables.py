@@ -42,16 +42,29 @@ def read_table(file: Path, wanted: Wanted, dialect: Dialect) -> Found:
         where = f"{file}, {line}" if told else str(file)
         raise DataError(what, where=where, remedy=e.remedy or REMEDY) from e
     except (UnicodeError, LookupError, *UNPACKING_ERRORS) as e:
-        remedy = "State its encoding, as in `dialect: {encoding: cp1252}`; check that it was copied completely."
+        remedy = "Correct or leave out `dialect: {encoding: ...}`, and check that it was copied completely."
         raise DataError(f"The log cannot be read as text ({e}).", where=str(file), remedy=remedy) from e
 
 
 def _open_text(file: Path, dialect: Dialect) -> io.TextIOWrapper:
-    """Opens a file as text, unpacked, in the encoding that is stated or that its first bytes say."""
+    """Opens a file as text, unpacked.
+
+    An encoding that is not stated is told from the beginning; letters that it lacks are then replaced, as numbers
+    have none.
+    """
+    if dialect.encoding is not None:
+        stated = codecs.lookup(dialect.encoding).name
+        return io.TextIOWrapper(open_bytes(file), encoding=stated)
     with open_bytes(file) as stream:
-        start = stream.read(4)
-    told = next((name for bom, name in _BOMS if start.startswith(bom)), "utf-8")
-    return io.TextIOWrapper(open_bytes(file), encoding=dialect.encoding or told)
+        start = stream.read(_SAMPLE)
+    told = next((name for bom, name in _BOMS if start.startswith(bom)), None)
+    if told is None:
+        try:
+            start[: start.rfind(b"\n") + 1].decode()
+            told = "utf-8"
+        except UnicodeDecodeError:
+            told = "cp1252"
+    return io.TextIOWrapper(open_bytes(file), encoding=told, errors="replace")
 
 
 class _Table:

@@ -64,6 +64,20 @@ class Found:
         self.arrays[name] = array
         self.mention(name, array.size, unit)
 
+    def take(self, name: str, matrix: Any, wanted: Wanted, unit: str = "") -> None:  # noqa: ANN401
+        """Adds an array; of a matrix of which only columns were asked for, these; of what was not, the size."""
+        if name not in wanted:
+            self.mention(name, int(np.prod(matrix.shape)), unit)
+            return
+        columns = wanted.columns(name)
+        if columns is None or len(matrix.shape) != 2:
+            self.add(name, matrix[()], unit)
+            return
+        self.mention(name, int(np.prod(matrix.shape)), unit)
+        for column in columns:
+            if 0 <= column < matrix.shape[1]:
+                self.arrays[f"{name}(:,{column + 1})"] = matrix[:, column]
+
     def note_text(self, name: str, text: str) -> None:
         """Notes a text; as the unit, where its name says so, of the field `Data` beside it."""
         self.texts[name] = text

@@ -16,7 +16,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from robid.logs.formats.known import FORMATS, is_packed, open_bytes
+from robid.logs.formats.known import is_packed, open_bytes
 from robid.logs.formats.variables import Found, Wanted
 
 
@@ -29,7 +29,7 @@ def serve() -> None:
         question = json.loads(line)
         _limit_memory(question["memory"])
         try:
-            found = read_apart(Path(question["file"]), question["format"], Wanted(question["names"]))
+            found = read_apart(Path(question["file"]), question["module"], Wanted(question["names"]))
         except MemoryError:
             what = f"it asks for more than {question['memory'] / (1 << 30):.0f} GB of memory"
             _send(answers, {"error": what})
@@ -40,9 +40,9 @@ def serve() -> None:
             _send_found(answers, found)
 
 
-def read_apart(file: Path, name: str, wanted: Wanted) -> Found:
-    """Reads a log by the module of its format, unpacked into a folder of its own where it is packed."""
-    read: Callable[[Path, Wanted], Found] = import_module(f"robid.logs.formats.{FORMATS[name].module}").read
+def read_apart(file: Path, module: str, wanted: Wanted) -> Found:
+    """Reads a log by a module, unpacked into a folder of its own where it is packed."""
+    read: Callable[[Path, Wanted], Found] = import_module(module).read
     if file.is_dir() or not is_packed(file):
         return read(file, wanted)
     with tempfile.TemporaryDirectory() as folder:

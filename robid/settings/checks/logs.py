@@ -6,7 +6,7 @@ import string
 from collections.abc import Iterator
 from typing import TypeAlias
 
-from robid.settings.acquire import PLACES, Acquire
+from robid.settings.acquire import PLACES, Acquire, is_numbered
 from robid.settings.base import DATA_VARIABLE
 from robid.settings.experiment import Campaign
 from robid.settings.problems import suggest
@@ -155,6 +155,6 @@ def _file(field: FieldPath, file: str, counts: dict[str, int], variables: list[s
         yield field, f"only {', '.join(f'`{{{name}}}`' for name in PLACES)} stand for numbers in a path"
         return
     for name, count in counts.items():
-        if count > 1 and name not in used and not (variables and all(f"{{{name}}}" in one for one in variables)):
+        if count > 1 and name not in used and not (variables and all(is_numbered(one, name) for one in variables)):
             message = f"there is one log for each of {count} {name}s: put `{{{name}}}` into its name"
             yield field, f"{message}, or into those of all its variables"

@@ -168,6 +168,14 @@ def test_a_wrong_name_gets_a_suggestion(tmp_path):
     assert "Did you mean `q_motor`" in message
 
 
+def test_a_wrong_name_of_a_structure_gets_a_suggestion(tmp_path):
+    signals = make_signals()
+    savemat(tmp_path / "log.mat", {**signals, "exp1": {"angle": signals["q_motor"]}})
+    mapping = replace(make_mapping(tmp_path / "log.mat"), outputs=(OutputChannel("motor", "exp.angle"),), one_shot=True)
+    with pytest.raises(DataError, match=r"Did you mean `exp1\.angle`"):
+        import_shot(mapping)
+
+
 def test_a_wrong_length_is_named(tmp_path):
     signals = make_signals()
     signals["q_load"] = signals["q_load"][:-3]

@@ -48,22 +48,20 @@ def test_dialects_are_told(tmp_path, text):
     np.testing.assert_array_equal(find_variable(variables, "t"), [0, 1])
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
-def test_the_first_bytes_say_the_encoding(tmp_path, encoding):
-    assert list(load(tmp_path, "t;Drehzahl °\n0;1\n1;2\n", encoding=encoding)) == ["t", "Drehzahl °"]
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "utf-8", "cp1252"])
+def test_the_encoding_is_told(tmp_path, encoding):
+    variables = load(tmp_path, "t;Drehzahl °\n0;1\n1;2\n", encoding=encoding)
+    np.testing.assert_array_equal(find_variable(variables, "Drehzahl °"), [1, 2])
 
 
 def test_another_encoding_is_stated(tmp_path):
-    text = "t;Drehzahl °\n0;1\n1;2\n"
-    with pytest.raises(DataError, match="cannot be read as text") as caught:
-        load(tmp_path, text, encoding="cp1252")
-    assert "dialect: {encoding: cp1252}" in caught.value.remedy
-    assert list(load_stated(tmp_path, text)) == ["t", "Drehzahl °"]
-
-
-def load_stated(folder, text):
-    (folder / "log.csv").write_bytes(text.encode("cp1252"))
-    return load_variables(folder / "log.csv", "csv", None, Dialect(encoding="cp1252"))
+    path = tmp_path / "log.csv"
+    path.write_bytes("時間,速度\n0,1\n1,2\n".encode("shift_jis"))
+    assert list(load_variables(path, None, None, Dialect(encoding="shift_jis"))) == ["時間", "速度"]
+    for wrong in ("utf-8", "no_such"):
+        with pytest.raises(DataError, match="cannot be read as text") as caught:
+            load_variables(path, None, None, Dialect(encoding=wrong))
+        assert "dialect: {encoding: ...}" in caught.value.remedy
 
 
 @pytest.mark.parametrize(
@@ -132,13 +130,14 @@ def test_names_that_repeat_are_numbered(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "no table"),
+        ("", "is empty"),
+        ("\n\n", "no table"),
         ("t,q\n", "no table"),
         ("t,q\n0,1\n1\n", "line 3: The table is broken: 1 values for 2 columns"),
         ("t,q\n0,1\n1,2,3\n4,5\n6,7\n", "line 3: The table is broken: 3 values for 2 columns"),
         ("t,q\n0,1,2\n1,2,3\n", "line 2: The table is broken: 3 values for 2 columns"),
         (b"\xff\xfe\x00\x01", "no table"),
-        (b"\x80\x81\x82", "cannot be read as text"),
+        (b"\x80\x81\x82", "no table"),
         (b"t,q\n\x00,1\n", "cannot be read as text"),
     ],
 )
