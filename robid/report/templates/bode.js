@@ -4,6 +4,7 @@
   const { colour, names, axis, layout, title, logTicks, element, key, choices, onDraw, onFigures } = robid;
   const VIEWS = ["Magnitude", "Phase"], PHASE = 1;
   const FLOOR_DB = -40;
+  const ALONE = 1.006;
 
   // Splits a wrapped phase into runs without jumps, with a gap between them.
   function broken(x, y) {
@@ -24,9 +25,13 @@
     const outX = [], outY = [];
     let start = 0;
     const close = (end) => {
-      if (end - start > 1) {
-        outX.push(...x.slice(start, end), ...x.slice(start, end).reverse(), null);
-        outY.push(...upper.slice(start, end), ...lower.slice(start, end).reverse(), null);
+      if (end > start) {
+        // A line without neighbours has a band as wide as its point.
+        const alone = end - start === 1;
+        const run = (values) => (alone ? [values[start], values[start]] : values.slice(start, end));
+        const across = alone ? [x[start] / ALONE, x[start] * ALONE] : run(x);
+        outX.push(...across, ...[...across].reverse(), null);
+        outY.push(...run(upper), ...run(lower).reverse(), null);
       }
       start = end;
     };
