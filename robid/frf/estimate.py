@@ -140,10 +140,12 @@ def estimate_frf(
     dropped = np.ones((len(solved), len(record.input_names)), bool)
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
     require_lines(~dropped, record.frequency_hz, options.weak_line_std, place_of(record))
+    frf = replace(frf, dropped=dropped[None])
     if dropped.any():
         frf = replace(frf, element_scale=found.scale(record, ~dropped[solved])[None])
         amplitude = spectra.amplitude(record)
-        frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude)
+        reach = 0 if spectra.windows is None else spectra.windows.reach
+        frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude, reach)
         what = lost_inputs(dropped, record.frequency_hz, record.input_names)
         findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
     findings += fed_back(record, frf)

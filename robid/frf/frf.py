@@ -105,7 +105,7 @@ class Frf:
         freedom_share (n_conf,): Share of `total_degrees_of_freedom` left where experiments repeat each other's
             residual; None where it is unknown.
         dropped (n_conf, n_freq, n_in): Lines that tell too little of an input: the response from it is interpolated
-            there, and its variance infinite. None where every line tells of every input.
+            there, and its variance infinite. None where it is unknown.
     """
 
     frequency_hz: FloatArray

@@ -79,3 +79,28 @@ def test_friction_of_the_load_takes_a_third_of_the_misfit_and_most_of_the_damper
     assert viscous["after_high"] == pytest.approx(viscous["after"], rel=0.2)
     rubs = [estimate_of(summary, fit, "drive.arm_viscous") for fit in ("after", "after_high")]
     assert rubs == pytest.approx([0.0765, 0.0793], rel=0.05)
+
+
+def test_parts_of_the_log_have_their_resonances_within_each_others_intervals(data_folder, tmp_path, monkeypatch):
+    """Four parts of four periods; and of the bumps above 180 Hz, which friction makes, none is a resonance."""
+    monkeypatch.setenv("ROBID_DATA", str(data_folder("motor_bench").parent))
+    monkeypatch.chdir(tmp_path)
+    text = CONFIG.read_text().replace("robots/", f"{CONFIG.parent}/robots/")
+    head, campaign = text.partition("fits:")[0].split("  estimation:\n")
+    parts, fits = "", ""
+    for part, dropped in enumerate((1, 5, 9, 13)):
+        own = campaign.replace("periods: 19", "periods: 4").replace("drop_periods: 1", f"drop_periods: {dropped}")
+        parts += f"  part_{part}:\n{own}"
+        fits += f"  fit_{part}: {{family: elastic, from: part_{part}, free: [{AFTER}]}}\n"
+    (tmp_path / "parts.yaml").write_text(f"{head}{parts}fits:\n{fits}execution: {{backend: serial}}\n")
+    assert run_command(["run", "parts.yaml"]) == 5
+    summary = json.loads((tmp_path / "runs/motor_bench/summary.json").read_text())
+    for kind in MODES:
+        place = f"resonances.configuration_1.drive.{kind}_1"
+        rows = [
+            [summary[f"fits.fit_{part}.{place}.peak{key}_hz"] for key in ("_lower", "", "_upper")] for part in range(4)
+        ]
+        for lower, _, upper in rows:
+            assert all(lower <= peak <= upper for _, peak, _ in rows), rows
+            assert upper - lower < 0.01 * upper
+    assert not [key for key in summary if "resonance_2" in key]

@@ -42,9 +42,9 @@ def made(shop, finished):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("degree: 2", "degree: 3", "3 positions cannot tell 4 basis functions apart"),
-        ("choose_on: [3]", "choose_on: [0]", "The model holds from 0.174533 to 0.872665, not at 0"),
-        ("order: 3", "order: 5", " rad: The local model has a pole of absolute value"),
+        ("choose_on: [3]", "choose_on: [0]", "lift = 0°: The model holds from lift = 10° to lift = 50°"),
+        ("order: 3", "order: 7", "too few for 7 states. remedy: Measure more lines, or lower `order` to 6 at most"),
+        ("order: 3", "order: 5", "°: The local model has a pole of absolute value"),
     ],
 )
 def test_data_that_cannot_be_fitted_are_refused(made, old, new, told):
@@ -57,7 +57,7 @@ def test_a_validation_outside_the_range_is_refused(made):
     made.change("[[20, 30]]", "[[20, 60]]")
     answer = made.robid("run", "small.yaml")
     assert answer.code == 4
-    assert "The model holds from 0 to 0.523599, not at 1.0472" in answer.flat
+    assert "lift = 60°: The model holds from lift = 0° to lift = 30°" in answer.flat
 
 
 @pytest.mark.parametrize(
@@ -75,6 +75,9 @@ def test_a_validation_outside_the_range_is_refused(made):
         ("choose_on: [3]", "choose_on: [3], configurations: [0, 1, 2]", "is 3, which is none of `configurations`"),
         ("order: 3", "order: 3, integrators: [1, 2]", "has 2 counts for 1 outputs"),
         ("order: 3", "order: 3, integrators: [-1]", "has a count below 0"),
+        ("degree: 2", "degree: 3", "fits.own.basis: 3 positions cannot tell 4 functions apart"),
+        ("degree: 2", "kind: splines", "fits.own.basis: 3 positions cannot tell 6 functions apart"),
+        ("scheduling: [lift]", "scheduling: [turn, lift]", "3 positions cannot tell 6 functions apart"),
         ("degree: 2", "degree: 2, center: [0, 0]", "has 2 values for 1 scheduling parameters"),
     ],
 )

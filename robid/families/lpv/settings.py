@@ -65,6 +65,7 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with a position-dependent fit."""
     fit = lpv_fit(experiment, name)
     yield from _chosen_on(experiment, fit)
+    yield from _functions(experiment, fit)
     if fit.basis.center and len(fit.basis.center) != len(fit.scheduling):
         yield ("basis", "center"), f"has {len(fit.basis.center)} values for {len(fit.scheduling)} scheduling parameters"
     if fit.basis.kind == "splines" and fit.basis.center:
@@ -114,6 +115,24 @@ def _chosen_on(experiment: Experiment, fit: LpvFit) -> _Found:
             yield ("choose_on", index), what
     if count is not None and set(fit.choose_on) >= set(fit.configurations or range(count)):
         yield ("choose_on",), "leaves no configuration to fit: leave it fewer of them"
+
+
+def _functions(experiment: Experiment, fit: LpvFit) -> _Found:
+    """Yields a basis of more functions than positions are fitted."""
+    count, named = _count(experiment, fit), isinstance(fit.choose_on, str) and fit.choose_on in experiment.campaigns
+    if count is None or (isinstance(fit.choose_on, str) and (not named or fit.configurations is not None)):
+        return
+    if isinstance(fit.choose_on, str):
+        left = count - (configuration_count(experiment, experiment.campaigns[fit.choose_on]) or 0)
+    else:
+        left = len(set(fit.configurations or range(count)) - set(fit.choose_on))
+    wanted = fit.basis.count(len(fit.scheduling))
+    if 0 < left < wanted:
+        message = (
+            f"{left} positions cannot tell {wanted} functions apart, the constant one counted: lower"
+            f" {'`degree` or `pieces`' if fit.basis.kind == 'splines' else '`degree`'}, or fit more positions"
+        )
+        yield ("basis",), message
 
 
 def _count(experiment: Experiment, fit: LpvFit) -> int | None:

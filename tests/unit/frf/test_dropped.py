@@ -75,7 +75,7 @@ def test_a_notch_of_one_motor_costs_its_responses_there_and_no_others(estimator)
     assert inside.mean() > 0.9
     near = np.abs(frf.response[0] / whole - 1)
     assert near[NOTCH, :, 1].max() < 0.5  # what stands there is interpolated, not noise over noise
-    np.testing.assert_array_equal(estimate_frf(record(), options).dropped, None)
+    assert not estimate_frf(record(), options).dropped.any()
 
 
 def test_lines_without_any_power_are_left_out_of_an_exact_record():
@@ -143,7 +143,7 @@ def test_lines_between_stay_apart_in_the_correlation():
     )
     dropped = np.zeros((LINES.size, 2), bool)
     dropped[20] = True
-    whole = completed(part, dropped, LINES, frf.frequency_hz, frf.input_amplitude[0])
+    whole = completed(part, dropped, LINES, frf.frequency_hz, frf.input_amplitude[0], frf.line_correlation.shape[2])
     found, own = whole.line_correlation[0], part.line_correlation[0]
     np.testing.assert_array_equal(found[:10, : own.shape[1]], own[:10])
     assert found[19, 0] == 0
