@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.fft import rfft
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.checks import Finding
 from robid.frf.spectra import Blocks, output_factor
 from robid.signals.record import Record
@@ -86,7 +86,7 @@ def measure_steadiness(
     unit = np.sqrt(power)
     residual = (moved_out - response @ moved_in) / unit[:, None]
     factor = output_factor(record, blocks.lines, accelerations=accelerations)
-    leading, gain = _transient(residual, _without_slope(residual, factor, unit, record))
+    leading, gain = _transient(residual, _without_slope(residual, factor, unit, blocks.lines, record.inputs.shape[4]))
     steady = slice(leading, None)
     rest = residual[:, steady] - residual[:, steady].mean(axis=1, keepdims=True)
     inputs, outputs = _scatter_share(moved_in, blocks.inputs), _scatter_share(moved_out, blocks.outputs)
@@ -218,11 +218,10 @@ def _unfollowed(moved_in: _Deviations, response: ComplexArray, residual: _Deviat
 
 
 def _without_slope(
-    residual: _Deviations, factor: FloatArray | ComplexArray, unit: FloatArray, record: Record
+    residual: _Deviations, factor: FloatArray | ComplexArray, unit: FloatArray, lines: IntArray, n_sample: int
 ) -> _Deviations:
     """Deviations of each period without what a slope makes of it: the drift that is removed spreads over periods."""
-    n_sample = record.inputs.shape[4]
-    ramp = rfft((np.arange(n_sample) + 0.5) / n_sample)[record.excited_lines]
+    ramp = rfft((np.arange(n_sample) + 0.5) / n_sample)[lines]
     shape = (ramp[:, None] * factor)[None, None, :, :, None] / unit[:, None]
     part = (shape.conj() * residual).sum(axis=2, keepdims=True) / (np.abs(shape) ** 2).sum(axis=2, keepdims=True)
     return np.asarray(residual - part * shape)
