@@ -75,6 +75,32 @@ def test_lines_that_were_dropped_before_stay_dropped():
     assert same.dropped.sum() == 1
 
 
+def test_arbitrary_signals_of_one_resolution_have_the_same_lines_however_long_their_logs_are():
+    resolution_hz, own = 1 / (333 * 0.003), np.arange(5, 60)
+    frfs = [on_grid(own * segments, segments / resolution_hz) for segments in (30, 31, 47)]
+    assert not np.array_equal(frfs[0].frequency_hz, frfs[1].frequency_hz)  # they differ by rounding
+    joined = join(frfs, ["a", "b", "c"])
+    assert joined.dropped is None
+    np.testing.assert_allclose(joined.frequency_hz, own * resolution_hz, rtol=1e-12)
+    coarse = on_grid(np.arange(4, 20) * 37, 37 / (0.5 * resolution_hz))
+    both = join([frfs[0], coarse], ["a", "b"])
+    assert len(both.frequency_hz) == len(np.union1d(2 * own, np.arange(4, 20)))
+
+
+@pytest.mark.parametrize("other", [np.arange(4, 40), np.arange(4, 40, 3)])
+def test_lines_that_share_windows_stay_correlated_beside_others_that_do_not(other):
+    first, second = on_grid(np.arange(4, 40), 2.0), on_grid(other, 2.0)
+    first = replace(first, line_correlation=np.full((2, 36, 3), 0.4))
+    second = replace(second, line_correlation=np.full((2, len(other), 2), 0.3))
+    for beside in (second, replace(second, line_correlation=None)):
+        found = join([first, beside], ["a", "b"]).line_correlation
+        np.testing.assert_array_equal(found[:2, :30, :3], 0.4)
+        step = other[1] - other[0]
+        assert (found[2, 0, step - 1] == 0.3) == (beside is second)
+        turned = join([beside, first], ["b", "a"]).line_correlation
+        np.testing.assert_array_equal(found, turned[[2, 3, 0, 1]])
+
+
 def test_lines_without_a_common_grid_are_refused():
     with pytest.raises(DataError, match=r"no common grid: `a` 2 s, `b` 2\.0371 s") as caught:
         join([on_grid(np.arange(4, 40), 2.0), on_grid(np.arange(4, 40), 2.0371)], ["a", "b"])
