@@ -121,6 +121,13 @@ REFUSED = [
     ("high_hz: 60", "high_hz: 500", 2, "lower high_hz", ("500", "60")),
     ("        # ref", "        drop_periods: 1\n        # ref", 2, "has no periods", ("drop_periods: 1", "")),
     ("        # ref", "        one_shot: true\n        # ref", 2, "leave one of them out", ("one_shot: true", "")),
+    (
+        "        # ref",
+        "        resample: period\n        # ref",
+        2,
+        "no period to resample to",
+        ("resample: period", ""),
+    ),
     ("compensation: none", "estimator: joint", 2, "read by `local`", ("estimator: joint", "")),
     ("on: none", "on: silent_lines", 2, "use `compensation: nominal` or `none`", ("silent_lines", "none")),
 ]
