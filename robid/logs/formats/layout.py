@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -59,9 +60,11 @@ class Layout:
 
 
 def split(line: str, separator: str) -> list[str]:
-    """Splits a line into its cells, without quotes."""
+    """Splits a line into its cells, without quotes, within which separators are text."""
     line = line.strip("\r\n")
     parts = line.split() if separator == " " else line.split(separator)
+    if '"' in line and separator != " " and len(line) < csv.field_size_limit():
+        parts = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     return [part.strip().strip('"').strip() for part in parts]
 
 
@@ -117,7 +120,7 @@ def _tell_separator(lines: Sequence[str], decimal: str | None) -> str:
     best, found = 0.0, " "
     for separator in _DELIMITERS:
         cells = [split(line, separator) for line in lines]
-        comma = separator != "," and decimal != "."
+        comma = decimal == "," if decimal else separator != ","
         rows = [c for c in cells if len(c) > 1 and any(_is_number(cell, comma) for cell in c)]
         if not rows:
             continue
