@@ -110,6 +110,8 @@ def test_lines_without_a_common_grid_are_refused():
 def test_a_fit_takes_of_each_campaign_the_lines_that_it_has():
     from robid.fit.elastic.fitting import fit_elastic
     from robid.fit.elastic.options import ElasticOptions
+    from robid.fit.elastic.weights import make_weights
+    from robid.frf.residual import LOGARITHM
 
     nominal = with_spring_factors(two_joint_robot(), 1.3)
     low, high = on_grid(np.arange(4, 60), 2.0), on_grid(np.arange(40, 400, 5), 3.0, CONFIGURATIONS + 0.2)
@@ -117,10 +119,13 @@ def test_a_fit_takes_of_each_campaign_the_lines_that_it_has():
     spoiled = joined.response.copy()
     spoiled[np.isinf(joined.element_variance())] *= -5.0  # what was never measured must not matter
     options = ElasticOptions(free=("stiffness", "damping"), starts=1)
+    below = [make_weights(each, options.weights, LOGARITHM)[1] for each in (joined, low, high)]
+    assert below[0] == below[1] + below[2]  # what was never measured does not lie below 10 dB
     fits = [fit_elastic(nominal, replace(joined, response=each), options, 0.0) for each in (joined.response, spoiled)]
     for fit in fits:
         true = {spring.name: spring.stiffness for spring in two_joint_robot().springs}
         found = dict(zip(fit.estimate.names, fit.estimate.value, strict=True))
         for name, value in true.items():
             assert found[f"{name}.stiffness"] == pytest.approx(value, rel=1e-3)
+        assert fit.costs.told == low.response.size + high.response.size
     np.testing.assert_allclose(fits[0].estimate.value, fits[1].estimate.value, rtol=1e-6)
