@@ -116,7 +116,7 @@ def _overlap(frf: Frf) -> float:
     """How many lines share the information of one, from the correlation of neighbours."""
     if frf.line_correlation is None:
         return 1.0
-    shared = mean_correlation(frf.line_correlation, ~dropped_lines(frf).all(axis=2))
+    shared = mean_correlation(frf.line_correlation, np.logical_not(dropped_lines(frf).all(axis=2)))
     return float(1 + 2 * (shared.mean(axis=0) ** 2).sum())
 
 
