@@ -10,6 +10,7 @@ Schema history:
         be one from torque to acceleration. `input_hold`, `input_amplitude`, `mean_input` and `mean_output` were
         `torque_hold`, `torque_amplitude`, `mean_torque` and `mean_position`. `joint_units`, where joints
         are prismatic.
+    2.1: `dropped`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from robid.signals.quantities import units_text
 if TYPE_CHECKING:
     from robid.frf.frf import Frf
 
-FRF = Kind("frf", "2.0", "robid estimate-frf")
+FRF = Kind("frf", "2.1", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -81,6 +82,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "mean_output": Column(measured, ("configuration", "output"), "Mean outputs as measured"),
         "motion_rms": Column(measured, ("configuration", "output"), "RMS of the outputs about their means"),
         "freedom_share": Column("1", ("configuration",), "Of the degrees of freedom, left by experiments that repeat"),
+        "dropped": Column("1", ("configuration", "frequency", "input"), "Lines that tell too little of an input"),
         "line_correlation": Column("1", ("configuration", "frequency", "next"), "Of errors at overlapping windows"),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)

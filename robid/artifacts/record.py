@@ -8,6 +8,7 @@ Schema history:
         `inputs`, `outputs`, `output_offset`, `input_hold` and `input_relative_std` were `torque`, `position`,
         `position_offset_rad`, `torque_hold` and `torque_relative_std`. A record may be one shot: without excited
         lines, and without configurations. `joint_units`, where joints are prismatic.
+    2.1: `segments`: an arbitrary signal, one shot with lines.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from robid.signals.quantities import units_text
 if TYPE_CHECKING:
     from robid.signals.record import Record
 
-RECORD = Kind("record", "2.0", "robid simulate-or-acquire")
+RECORD = Kind("record", "2.1", "robid simulate-or-acquire")
 
 
 def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:

@@ -8,8 +8,10 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
+from robid.frf.frf import Frf
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
 from robid.signals.positions import shown
+from robid.signals.quantities import DRIVES
 from robid.signals.record import Record
 
 JITTER_LIMIT = 0.1
@@ -17,6 +19,9 @@ JITTER_LIMIT = 0.1
 
 JITTER_SIGMAS = 5.0
 """Standard deviations by which jitter must stand out to be believed."""
+
+INCOHERENT = 0.9
+"""Coherence below which noise may have a say in the response of a loop."""
 
 SATURATED_SHARE = 0.005
 """Share of samples at an input's extreme value above which it is told."""
@@ -37,7 +42,7 @@ class Finding:
     """Something wrong with a record.
 
     Attributes:
-        kind: `period`, `dropped`, `jitter`, `saturation` or `still`.
+        kind: `period`, `dropped`, `jitter`, `saturation`, `still`, `weak` or `loop`.
         what: What is wrong, with channel, experiment, realization, period and sample where they are known.
         remedy: What to do next.
         fatal: Whether the record cannot be used.
@@ -61,6 +66,25 @@ def check_record(record: Record, *, periodic: bool = True) -> list[Finding]:
         and samples are numbered from 1.
     """
     return (_timing(record) if periodic else []) or [*_saturation(record), *_still(record)]
+
+
+def fed_back(record: Record, frf: Frf) -> list[Finding]:
+    """Tells where noise that a controller feeds back may bias the response of an arbitrary signal.
+
+    Drives are told by a controller what their motion asks for. Without the reference as instrument the response leans
+    towards minus the controller's inverse, by about the noise's share of the signal, which the coherence tells.
+    """
+    drives = all(channel.quantity in DRIVES for channel in record.input_channels)
+    if not (record.is_arbitrary and drives) or record.reference is not None or frf.coherence is None:
+        return []
+    low = np.nan_to_num(frf.coherence[0], nan=1.0).min(axis=1) < INCOHERENT
+    if not low.any():
+        return []
+    what = (
+        f"at {int(low.sum())} of {len(low)} lines the coherence is below {INCOHERENT:g}, and no reference was logged:"
+        " where a controller drives the motors, noise that it feeds back biases the response there"
+    )
+    return [Finding("loop", what, "log the references and name them, or trust these lines less", fatal=False)]
 
 
 def refuse_faults(record: Record, findings: list[Finding]) -> None:

@@ -56,9 +56,9 @@ class Disturbance:
     torque: ComplexArray
     derivative: ComplexArray
 
-    def first(self, count: int) -> Disturbance:
-        """Returns it at the first lines."""
-        return Disturbance(self.torque[:, :count], self.derivative[:, :, :count])
+    def select(self, chosen: IntArray) -> Disturbance:
+        """Returns it at some of the lines, by index."""
+        return Disturbance(self.torque[:, chosen], self.derivative[:, :, chosen])
 
 
 def shows_friction(inputs: Sequence[Channel], outputs: Sequence[Channel]) -> bool:
@@ -84,7 +84,11 @@ def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling:
     n_in, period_s = len(record.input_names), record.sampling_period_s
     angle = mean_without_drift(record.outputs[0, ..., :n_in]) + record.output_offset[0, :n_in]
     angle = np.ascontiguousarray(np.moveaxis(angle, 2, 0))
-    speed = periodic_speed(angle, period_s, _NOISE_CUT * record.frequency_hz[-1], oversampling)
+    # An arbitrary motion ends elsewhere: a ramp is taken out before its speed is found, and put back.
+    rise = (angle[-1] - angle[0]) * record.is_arbitrary
+    level = angle - rise * np.linspace(0, 1, len(angle))[:, None, None, None]
+    speed = periodic_speed(level, period_s, _NOISE_CUT * record.frequency_hz[-1], oversampling)
+    speed = speed + rise / record.period_s
     omega = 2 * np.pi * lines / record.period_s
     half = 0.5 * omega * period_s * (record.input_hold == "zoh")
     return Motion(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray
 
 _STANDS_OUT = 4.0  # standard deviations of a sum of chance correlations
 _FEWEST = 2.0  # degrees of freedom below which inverted variances have no use
@@ -88,7 +88,13 @@ def noise_covariance(scatter: ComplexArray, freedom: int, pooled: int) -> tuple[
     return pool(covariance, pooled), float(whole * min(pooled, n_freq))
 
 
-def element_scale(errors: ComplexArray, factor: ComplexArray, total: ComplexArray | None, n_exp: int) -> FloatArray:
+def element_scale(
+    errors: ComplexArray,
+    factor: ComplexArray,
+    total: ComplexArray | None,
+    n_exp: int,
+    told: BoolArray | None = None,
+) -> FloatArray:
     """Sample variance of each element over that of the Kronecker product (n_out, n_in), mean over the lines.
 
     Args:
@@ -96,6 +102,7 @@ def element_scale(errors: ComplexArray, factor: ComplexArray, total: ComplexArra
         factor (n_freq, n_in, n_in): Input factor of the structured covariance.
         total (n_freq, n_out, n_out): Its other factor, or None where there is only one realization.
         n_exp: Experiments of each realization.
+        told (n_freq, n_in): Lines that count for each input; all when not given, or where there are none.
     """
     if total is None:
         return np.ones(errors.shape[2:])
@@ -105,7 +112,10 @@ def element_scale(errors: ComplexArray, factor: ComplexArray, total: ComplexArra
     columns = np.real(np.diagonal(factor, axis1=-2, axis2=-1))
     product = rows[:, :, None] * columns[:, None, :]
     ratio = np.divide(sample, product, out=np.ones_like(product), where=product > 0)
-    return np.asarray(ratio.mean(axis=0))
+    if told is None:
+        return np.asarray(ratio.mean(axis=0))
+    counts = (told | ~told.any(axis=0))[:, None] & np.ones_like(ratio, bool)
+    return np.asarray(ratio.mean(axis=0, where=counts))
 
 
 def pool(covariance: ComplexArray, count: int) -> ComplexArray:

@@ -8,26 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.frf.block_checks import check_blocks, place_of
+from robid.frf.block_checks import place_of, solvable_lines
 from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, BlockEstimate
 from robid.frf.channels import response_channels, to_accelerations
-from robid.frf.checks import check_record, finding_notes, refuse_faults
-from robid.frf.compensation import (
-    Disturbance,
-    coefficient_names,
-    disturbance,
-    law_table,
-    no_disturbance,
-    record_motion,
-)
+from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
+from robid.frf.coefficients import coefficients
+from robid.frf.compensation import Disturbance, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
 from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
+from robid.frf.dropped import completed, lost_inputs, require_lines, weak_inputs
 from robid.frf.frf import Frf
 from robid.frf.local import LOCAL, local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
+from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
 from robid.frf.transient import robust_blocks
 from robid.frf.windows import Windows, bin_windows, half_width, line_windows
 from robid.signals.friction import TorqueLaw
@@ -35,6 +31,9 @@ from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
 """Estimators that look at what was injected, if it was recorded."""
+
+UNSTEADY = frozenset({"local", "robust_local"})
+"""Estimators that need no period to repeat another one."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +50,26 @@ class _Spectra:
         """The removed torque at the lines (n_real, n_freq, n_in, n_exp)."""
         return self.removed.torque if self.windows is None else self.removed.torque[:, self.windows.lines]
 
+    @property
+    def at_lines(self) -> Blocks:
+        """The blocks at the lines themselves."""
+        return self.blocks if self.windows is None else self.blocks.select(self.windows.lines)
+
+    def at(self, chosen: BoolArray) -> _Spectra:
+        """Returns what is read of some of the lines."""
+        if self.windows is not None:
+            return replace(self, windows=self.windows.at(chosen))
+        index = np.flatnonzero(chosen)
+        return replace(self, blocks=self.blocks.select(index), removed=self.removed.select(index))
+
+    def amplitude(self, segments: int) -> ComplexArray:
+        """Inputs at the lines (n_freq, n_in, n_block); of an arbitrary signal with the power of all bins around."""
+        inputs = self.at_lines.inputs
+        if segments and self.windows is not None:
+            power = (np.abs(self.blocks.inputs[:, self.windows.index]) ** 2).mean(axis=2)
+            inputs = np.exp(1j * np.angle(inputs)) * np.sqrt(segments * power)
+        return np.concatenate(list(inputs), axis=-1)
+
 
 @dataclass(frozen=True)
 class _Found:
@@ -64,6 +83,13 @@ class _Found:
     realization_error: ComplexArray | None = None
     line_correlation: FloatArray | None = None
     freedom_share: float = 1.0
+
+    def scale(self, record: Record, told: BoolArray) -> FloatArray:
+        """Element scale (n_out, n_in) from the lines that tell of each input (n_freq, n_in) alone."""
+        if self.realization_error is None:
+            return self.element_scale
+        factor, n_exp = self.estimate.input_factor, record.inputs.shape[2]
+        return element_scale(self.realization_error, factor, self.total, n_exp, told)
 
 
 def estimate_frf(
@@ -90,25 +116,70 @@ def estimate_frf(
     Source:
         Wernholt and Moberg (2008), eq. 2; METHODS sec. 4.
     """
-    configurations = record.require_periods("A frequency response")
+    record.require_periods("A frequency response")
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
     spectra = _spectra(record, options, laws, delay_s)
     findings = check_record(record, periodic=options.estimator != "local")
+    # Periods that differ in size look like jitter, too: the steadiness below tells which it is.
+    if any(one.fatal and one.kind != "jitter" for one in findings):
+        refuse_faults(record, findings)
+    found, solved = _found(record, spectra, options)
+    steady = _steadiness(record, spectra.at(solved), found, options)
+    findings = [*(() if steady is None else steadiness_findings(steady, record)), *findings]
+    if any(one.fatal and one.kind == "unsteady" for one in findings):
+        findings = [one for one in findings if one.kind != "jitter"]
     refuse_faults(record, findings)
-    windows = spectra.windows
-    found = _by_blocks(record, spectra, options) if windows is None else _by_windows(spectra, windows, options)
-    response = found.estimate.response
-    blocks = spectra.blocks if windows is None else spectra.blocks.select(windows.lines)
+    frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws)
+    dropped = np.ones((len(solved), len(record.input_names)), bool)
+    dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
+    require_lines(~dropped, record.frequency_hz, options.weak_line_std, place_of(record))
+    if dropped.any():
+        frf = replace(frf, element_scale=found.scale(record, ~dropped[solved])[None])
+        amplitude = spectra.amplitude(record.segments)
+        frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude)
+        what = lost_inputs(dropped, record.frequency_hz, record.input_names)
+        findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
+    findings += fed_back(record, frf)
+    told = () if steady is None else (steadiness_note(steady, record),)
+    return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
+
+
+def _steadiness(record: Record, spectra: _Spectra, found: _Found, options: EstimateOptions) -> Steadiness | None:
+    """How the periods differ, for estimators that average them."""
+    if options.estimator in UNSTEADY:
+        return None
+    accelerations = to_accelerations(record, options)
+    return measure_steadiness(spectra.at_lines, found.estimate.response, record, accelerations=accelerations)
+
+
+def _found(record: Record, spectra: _Spectra, options: EstimateOptions) -> tuple[_Found, BoolArray]:
+    """An estimate at the lines that can be solved, and which of all they are (n_freq,)."""
+    if spectra.windows is not None:
+        return _by_windows(spectra, spectra.windows, options)
+    solved = solvable_lines(record, spectra.blocks, options.estimator)
+    return _by_blocks(spectra.at(solved), options), solved
+
+
+def _frf(
+    record: Record,
+    lines: IntArray,
+    spectra: _Spectra,
+    found: _Found,
+    options: EstimateOptions,
+    laws: tuple[TorqueLaw, ...] | None,
+) -> Frf:
+    """The response at the lines that could be solved."""
+    response, blocks = found.estimate.response, spectra.at_lines
     scatter = blocks.output_scatter - response @ blocks.input_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
-    levels = silent_levels(spectra.silent, blocks.lines, response)
+    levels = silent_levels(spectra.silent, lines, response)
     return Frf(
-        **_coefficients(record, laws, found),
+        **coefficients(record, laws, found.estimate, found.derivative),
         **_at_rest(record),
-        frequency_hz=record.frequency_hz,
-        lines=record.excited_lines,
-        configurations=configurations,
+        frequency_hz=lines / record.period_s,
+        lines=lines,
+        configurations=record.require_periods("A frequency response"),
         response=response[None],
         input_factor=found.estimate.input_factor[None],
         element_scale=found.element_scale[None],
@@ -125,13 +196,13 @@ def estimate_frf(
         measured_channels=record.output_channels,
         input_hold=record.input_hold,
         joint_units=record.joint_units,
-        notes=(*record.notes, *_notes(found.total, record.excited_lines), *finding_notes(record, findings)),
+        notes=(*record.notes, *_notes(found.total, record)),
         coherence=multiple_coherence(blocks.outputs, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_interpolation=levels.doubt[None],
-        input_amplitude=np.concatenate(list(blocks.inputs), axis=-1)[None],
+        input_amplitude=spectra.amplitude(record.segments)[None],
         compensation=_used(laws, options),
         freedom_share=np.array([found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],
@@ -150,20 +221,21 @@ def _used(laws: tuple[TorqueLaw, ...] | None, options: EstimateOptions) -> str:
 def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> _Spectra:
     """Transforms the record at the lines that the estimator reads and at the silent ones."""
     n_freq = len(record.excited_lines)
-    lines = np.concatenate([record.excited_lines, silent_lines(record.excited_lines)])
+    lines = np.concatenate([record.excited_lines, _silent_lines(record)])
     accelerations = to_accelerations(record, options)
     transform = partial(record_blocks, with_reference=options.estimator in READS_REFERENCE, accelerations=accelerations)
     blocks = transform(record, lines)
     removed = _removed(record, lines, laws, delay_s)
     silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
-    blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.first(n_freq), None
+    blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.select(np.arange(n_freq)), None
     if options.estimator == "robust_local":
         blocks = robust_blocks(record, record.excited_lines, options, accelerations=accelerations)
     if options.estimator in LOCAL:
         n_in, n_out = len(record.input_names), len(record.output_names)
-        half = half_width(options, record.inputs.shape[1] * record.inputs.shape[2], n_in, n_out)
-        windows = line_windows(record.excited_lines, half)
-        if options.estimator == "local":
+        half = half_width(options, record.inputs.shape[1] * record.inputs.shape[2], n_in, n_out, record.segments)
+        if options.estimator == "local_periodic":
+            windows = line_windows(record.excited_lines, half)
+        else:
             source = record.as_one_period()
             lines, windows = bin_windows(source.excited_lines, half, source.inputs.shape[4] // 2)
             blocks = transform(source, lines)
@@ -183,10 +255,9 @@ def _without(blocks: Blocks, removed: Disturbance) -> Blocks:
     return replace(blocks, inputs=blocks.inputs - removed.torque)
 
 
-def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _Found:
+def _by_blocks(spectra: _Spectra, options: EstimateOptions) -> _Found:
     """An estimate whose blocks each excite every input; its covariance is that of the realizations."""
     blocks = spectra.blocks
-    check_blocks(record, blocks, options.estimator)
     estimate = ESTIMATORS[options.estimator](blocks)
     residual = blocks.outputs - estimate.response @ blocks.inputs
     total, freedom = total_covariance(residual, blocks.inputs.shape[2], options.pooled_lines)
@@ -197,12 +268,13 @@ def _by_blocks(record: Record, spectra: _Spectra, options: EstimateOptions) -> _
     return _Found(estimate, scale, total, freedom, spectra.removed.derivative, each, freedom_share=share)
 
 
-def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> _Found:
-    """An estimate over neighbouring lines; its covariance is that of the local fits' residuals."""
+def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> tuple[_Found, BoolArray]:
+    """An estimate over neighbouring lines, whose covariance is that of the local fits' residuals; where it holds."""
     fit = local_fit(spectra.blocks, windows, options)
-    derivative = windows.joined(spectra.removed.derivative)
+    derivative = windows.at(fit.determined).joined(spectra.removed.derivative)
     shared = fit.line_correlation if fit.line_correlation.size else None
-    return _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative, line_correlation=shared)
+    found = _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative, line_correlation=shared)
+    return found, fit.determined
 
 
 def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
@@ -210,45 +282,9 @@ def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
     measured = replace(spectra.blocks, inputs=spectra.blocks.inputs + spectra.removed.torque)
     if spectra.windows is None:
         return ESTIMATORS[options.estimator](measured).response
-    return local_fit(measured, spectra.windows, options).response
-
-
-def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:
-    """Derivative (n_coef, n_freq, n_out, n_in) of the response with respect to each motor's each coefficient."""
-    moved = np.einsum("krfje,rfei->kfji", derivative, weights)
-    each = np.einsum("foj,kfji->kjfoi", response, moved)
-    return np.asarray(each.reshape(-1, *response.shape))
-
-
-def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
-    """Derivative (n_in, n_freq, n_out, n_in) of the response with respect to each torque's relative error."""
-    n_in = response.shape[-1]
-    return np.asarray(-response * np.eye(n_in)[:, None, None, :])
-
-
-def _coefficients(record: Record, laws: tuple[TorqueLaw, ...] | None, found: _Found) -> dict[str, Any]:
-    """What a fit may move of the removed torque, and the torques' scales last; the removed laws themselves."""
-    response = found.estimate.response
-    scale = np.zeros(len(record.input_channels)) if record.input_relative_std is None else record.input_relative_std
-    names = tuple(f"{name}.torque_scale" for name in record.input_names)
-    deviation, offset = scale, np.zeros_like(scale)
-    table: tuple[tuple[str, ...], FloatArray, FloatArray] = ((), np.zeros(0), np.zeros(0))
-    if laws is not None:
-        names = coefficient_names(record) + names
-        deviation = np.concatenate([np.ravel(np.transpose([law.coefficient_std for law in laws])), deviation])
-        offset = np.concatenate([np.ravel(np.transpose([law.offset for law in laws])), offset])
-        table = law_table(record, laws)
-    moved = _sensitivity(response, found.derivative, found.estimate.weights), _scale_sensitivity(response)
-    unsure = deviation > 0
-    return {
-        "sensitivity": np.concatenate(moved)[None, unsure],
-        "coefficient_names": tuple(name for name, chosen in zip(names, unsure, strict=True) if chosen),
-        "coefficient_relative_std": deviation[unsure],
-        "coefficient_offset": offset[unsure],
-        "law_names": table[0],
-        "law_values": table[1],
-        "law_std": table[2],
-    }
+    fit = local_fit(measured, spectra.windows, options)
+    nearest = np.abs(np.arange(len(fit.determined))[:, None] - np.flatnonzero(fit.determined)).argmin(axis=1)
+    return np.asarray(fit.response[nearest])
 
 
 def _at_rest(record: Record) -> dict[str, Any]:
@@ -269,12 +305,17 @@ def _rms(torque: ComplexArray) -> FloatArray:
     return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
 
 
-def _notes(total: ComplexArray | None, excited: IntArray) -> tuple[str, ...]:
+def _silent_lines(record: Record) -> IntArray:
+    """Lines of the band that are not excited; an arbitrary signal leaves none."""
+    return np.zeros(0, int) if record.is_arbitrary else silent_lines(record.excited_lines)
+
+
+def _notes(total: ComplexArray | None, record: Record) -> tuple[str, ...]:
     """What the data cannot tell."""
-    notes = []
+    notes, excited = [], record.excited_lines
     if total is None:
         notes.append("One realization: the covariance holds noise only, no distortion by nonlinearities.")
-    if not silent_lines(excited).size:
+    if not _silent_lines(record).size:
         notes.append(
             "Every line of the band is excited: distortion by nonlinearities cannot be told from the response."
         )

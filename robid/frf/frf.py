@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.signals.quantities import Channel, channel_names, response_unit, units_text
 
 Level = Literal["odd", "even", "noise"]
@@ -38,6 +38,7 @@ CONFIGURATION_WISE = (
     "motion_rms",
     "line_correlation",
     "freedom_share",
+    "dropped",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -103,6 +104,8 @@ class Frf:
             estimators whose windows overlap; None where lines are independent.
         freedom_share (n_conf,): Share of `total_degrees_of_freedom` left where experiments repeat each other's
             residual; None where it is unknown.
+        dropped (n_conf, n_freq, n_in): Lines that tell too little of an input: the response from it is interpolated
+            there, and its variance infinite. None where every line tells of every input.
     """
 
     frequency_hz: FloatArray
@@ -144,6 +147,7 @@ class Frf:
     line_correlation: FloatArray | None = None
     freedom_share: FloatArray | None = None
     joint_units: tuple[str, ...] | None = None
+    dropped: BoolArray | None = None
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -194,7 +198,8 @@ class Frf:
         rows = np.real(np.diagonal(chosen, axis1=-2, axis2=-1))
         columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
         scale = 1.0 if noise_only else self.element_scale[:, None]
-        return np.asarray(rows[..., :, None] * columns[..., None, :] * scale)
+        variance = np.asarray(rows[..., :, None] * columns[..., None, :] * scale)
+        return variance if self.dropped is None else np.where(self.dropped[:, :, None], np.inf, variance)
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -220,7 +225,9 @@ class Frf:
         """
         freedom = self.degrees_of_freedom
         quantile = freedom * np.expm1(-np.log1p(-level) / freedom) if freedom > 0 else 0.0
-        return np.asarray(np.sqrt(self.element_variance() * quantile))
+        variance = self.element_variance()
+        known = np.isfinite(variance)
+        return np.asarray(np.sqrt(np.multiply(variance, quantile, out=variance.copy(), where=known)))
 
     @property
     def signal_to_noise(self) -> FloatArray | None:

@@ -4,19 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
+from math import gcd, lcm
 from typing import Any
 
 import numpy as np
 
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
+from robid.frf.dropped import completed
 from robid.frf.frf import CONFIGURATION_WISE, Frf
 from robid.frf.friction import with_friction_moved
 
 _SAME = ("input_channels", "output_channels", "input_hold", "sampling_period_s", "coefficient_names")
+_SILENT = ("silent_level", "silent_noise", "silent_interpolation")
+
+_COMMON_PERIODS = 60
+"""Longest common period of several grids of lines, in periods of any of them."""
+
+_SAME_FREQUENCY = 1e-6
+"""Relative difference of frequencies that are the same line."""
 
 
 def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
-    """Joins responses of the same robot and lines, such as those of two amplitudes.
+    """Joins responses of the same robot, such as those of two amplitudes or of two bands.
+
+    Where their lines differ, all have the lines of all: one that was not excited is a dropped line, as one that tells
+    too little, see `Frf.dropped`. What is known of silent lines is left out then.
 
     Compensated torque coefficients are the robot's own and shared: each response is moved to where the first one's
     were subtracted, exactly as a fit moves them.
@@ -26,35 +40,94 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
         names: What to call each in an error.
 
     Raises:
-        DataError: If they differ in lines, channels or compensation.
+        DataError: If they differ in channels or compensation, or their lines have no common grid.
     """
     first = frfs[0]
     for other, name in zip(frfs[1:], names[1:], strict=True):
         differing = [key for key in _SAME if getattr(other, key) != getattr(first, key)]
-        if not np.array_equal(other.frequency_hz, first.frequency_hz):
-            differing.insert(0, "excited lines")
         if differing:
             message = f"`{name}` cannot be joined to `{names[0]}`: {', '.join(differing).replace('_', ' ')} differ"
-            remedy = (
-                "give both campaigns the same lines (`period_s`, `low_hz`, `high_hz`, `count`, `seed`) and channels"
+            raise DataError(
+                message, where=name, remedy="give both campaigns the same channels, or fit them on their own"
             )
-            raise DataError(message, where=name, remedy=remedy)
     blocks = max((frf.input_amplitude.shape[-1] for frf in frfs if frf.input_amplitude is not None), default=0)
+    told: tuple[str, ...] = ()
     aligned = [_aligned(frf, first, blocks) for frf in frfs]
+    if any(not np.array_equal(frf.frequency_hz, first.frequency_hz) for frf in frfs):
+        told = (_lines_note(frfs, names),)
+        aligned = _on_all_lines(aligned, names)
     whole: dict[str, Any] = {}
     for key in CONFIGURATION_WISE:
         parts = [getattr(frf, key) for frf in aligned]
+        if key == "dropped" and any(part is not None for part in parts):
+            parts = [_none_dropped(frf) if frf.dropped is None else frf.dropped for frf in aligned]
         alike = all(part is not None and part.shape[1:] == parts[0].shape[1:] for part in parts)
         whole[key] = np.concatenate(parts) if alike else None
     deviations = [frf.coefficient_relative_std for frf in frfs]
     return replace(
-        first,
+        aligned[0],
         **whole,
         coefficient_relative_std=np.max(deviations, axis=0),
         total_degrees_of_freedom=min(frf.total_degrees_of_freedom for frf in frfs),
         noise_degrees_of_freedom=min(frf.noise_degrees_of_freedom for frf in frfs),
-        notes=tuple(dict.fromkeys(note for frf in frfs for note in frf.notes)),
+        notes=(*dict.fromkeys(note for frf in frfs for note in frf.notes), *told),
     )
+
+
+def _none_dropped(frf: Frf) -> BoolArray:
+    return np.zeros((len(frf.response), len(frf.lines), frf.response.shape[3]), bool)
+
+
+def _on_all_lines(frfs: Sequence[Frf], names: Sequence[str]) -> list[Frf]:
+    """Responses at the lines of all of them, counted on a grid that holds them all."""
+    period_s = _common_period(frfs, names)
+    counted = [np.round(frf.frequency_hz * period_s).astype(int) for frf in frfs]
+    lines = np.unique(np.concatenate(counted))
+    return [_at_lines(frf, own, lines, lines / period_s) for frf, own in zip(frfs, counted, strict=True)]
+
+
+def _at_lines(frf: Frf, own: IntArray, lines: IntArray, frequency_hz: FloatArray) -> Frf:
+    """One response at further lines, dropped in all of its configurations."""
+    at = np.searchsorted(lines, own)
+    silent: dict[str, Any] = dict.fromkeys(_SILENT)
+    rows = []
+    for row in range(len(frf.response)):
+        part = replace(frf.select([row]), lines=own, silent_lines=np.zeros(0, int), **silent)
+        dropped = np.ones((len(lines), frf.response.shape[3]), bool)
+        dropped[at] = False if part.dropped is None else part.dropped[0]
+        held = part.input_amplitude
+        amplitude = np.zeros((len(lines), *((*frf.response.shape[3:], 0) if held is None else held.shape[2:])), complex)
+        if held is not None:
+            amplitude[at] = held[0]
+        made = completed(part, dropped, lines, frequency_hz, amplitude)
+        rows.append(made if held is not None else replace(made, input_amplitude=None))
+    return join(rows, [""] * len(rows)) if len(rows) > 1 else rows[0]
+
+
+def _common_period(frfs: Sequence[Frf], names: Sequence[str]) -> float:
+    """Shortest period whose lines are those of all responses [s].
+
+    Raises:
+        DataError: If it is much longer than theirs.
+    """
+    periods_s = [float(frf.lines[-1] / frf.frequency_hz[-1]) for frf in frfs]
+    ratios = [Fraction(period_s / periods_s[0]).limit_denominator(_COMMON_PERIODS) for period_s in periods_s]
+    common = Fraction(lcm(*(one.numerator for one in ratios)), gcd(*(one.denominator for one in ratios)))
+    off = [abs(float(one) * periods_s[0] / period_s - 1) for one, period_s in zip(ratios, periods_s, strict=True)]
+    if max(off) > _SAME_FREQUENCY or max(float(common / one) for one in ratios) > _COMMON_PERIODS:
+        shown = ", ".join(f"`{name}` {period_s:.9g} s" for name, period_s in zip(names, periods_s, strict=True))
+        message = f"the lines have no common grid: {shown} are the periods"
+        remedy = "give the campaigns periods (`period_s`) that are small whole multiples of one time, or fit them apart"
+        raise DataError(message, where=names[-1], remedy=remedy)
+    return float(common) * periods_s[0]
+
+
+def _lines_note(frfs: Sequence[Frf], names: Sequence[str]) -> str:
+    each = ", ".join(
+        f"{name} {len(frf.lines)} from {frf.frequency_hz[0]:.4g} to {frf.frequency_hz[-1]:.4g} Hz"
+        for name, frf in zip(names, frfs, strict=True)
+    )
+    return f"The campaigns have different lines: {each}; where one was not excited its response is left out."
 
 
 def _aligned(frf: Frf, first: Frf, blocks: int) -> Frf:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.blocks import BlockEstimate
+from robid.frf.dropped import FEWEST
 from robid.frf.options import EstimateOptions
 from robid.frf.overlap import realization_scale, window_correlation
 from robid.frf.spectra import Blocks
@@ -30,6 +31,7 @@ class LocalEstimate(BlockEstimate):
         covariance (n_freq, n_out, n_out): Covariance of one experiment's output residual.
         freedom: Complex degrees of freedom of each.
         element_scale (n_out, n_in): Variance of each element over that of the product, mean over the lines.
+        determined (n_window,): Whether the bins of each window determine a model; all else is of those that do.
         line_correlation (n_freq, n_next): Correlation of each line's error with those of the next lines, whose
             windows hold the same bins; the denominator's part is taken to be alike.
     """
@@ -38,6 +40,7 @@ class LocalEstimate(BlockEstimate):
     freedom: float
     element_scale: FloatArray
     line_correlation: FloatArray
+    determined: BoolArray
 
 
 def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> LocalEstimate:
@@ -54,7 +57,7 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         options: Estimator and orders.
 
     Raises:
-        DataError: If the bins around a line do not determine the model.
+        DataError: If the bins around hardly any line determine the model.
 
     Source:
         Pintelon and Schoukens (2012), System Identification, 2nd ed., ch. 7; McKelvey and Guerin (2012), IFAC
@@ -68,6 +71,8 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
     powers = windows.offset[:, :, None] ** np.arange(n_power)
     silence = _transient_projection(powers) if options.estimator == "local" else None
     fit = _Fit(_flat(_products(powers, regressor), silence), n_in)
+    if not fit.determined.all():
+        return replace(local_fit(blocks, windows.at(fit.determined), options), determined=fit.determined)
     observed = _flat(explained, silence)
     own = regressor.shape[1] * n_power * (silence is not None)
     freedom = float(observed.shape[1] - own - n_power * n_in - options.local_denominator)
@@ -108,7 +113,8 @@ def _estimate(
         slope = _output_part(slope, response[:, None], n_in) if indirect else slope
         scale = scale * _element_scale(slope, denominator.covariance(freedom), gain, covariance)
     correlation = window_correlation(gain, windows.index)
-    return LocalEstimate(response, np.swapaxes(gain, 1, 2)[None], covariance, freedom, scale, correlation)
+    weights = np.swapaxes(gain, 1, 2)[None]
+    return LocalEstimate(response, weights, covariance, freedom, scale, correlation, fit.determined)
 
 
 class _Fit:
@@ -117,9 +123,16 @@ class _Fit:
     def __init__(self, columns: ComplexArray, n_in: int) -> None:
         self.orthonormal, self._triangle = np.linalg.qr(columns)
         size = np.linalg.norm(self._triangle, axis=1).reshape(len(columns), -1, n_in).max(axis=1)
-        scaled = self._triangle / np.tile(size, columns.shape[2] // n_in)[:, None]
-        if not (size > 0).all() or np.linalg.cond(scaled).max() > _CONDITION_LIMIT:
-            message = "the spectrum around a line is too empty to determine a local model of every motor's response"
+        divisor = np.where(size > 0, size, 1.0)
+        scaled = self._triangle / np.tile(divisor, columns.shape[2] // n_in)[:, None]
+        self.determined = (size > 0).all(axis=1)
+        self.determined[self.determined] = np.linalg.cond(scaled[self.determined]) < _CONDITION_LIMIT
+        needed, left = min(FEWEST, len(columns)), int(self.determined.sum())
+        if left < needed:
+            message = (
+                "the spectrum around a line is too empty to determine a local model of every motor's response:"
+                f" {left} of {len(columns)} lines have one, {needed} are needed"
+            )
             remedy = "use `robust_local` for sparse lines of periodic data; else excite all motors, or widen the window"
             raise DataError(message, remedy=remedy)
 

@@ -76,6 +76,15 @@ class EstimateOptions:
         metadata={"description": "Neighbouring lines (odd number) pooled in the residual covariance.", "ge": 1},
     )
 
+    weak_line_std: float = field(
+        default=1.0,
+        metadata={
+            "description": "Standard deviation of an input's best known response, over the response's usual size around"
+            " the line, from which the line is left out for this input.",
+            "gt": 0,
+        },
+    )
+
     @property
     def friction_fit(self) -> str | None:
         """Name of the fit whose friction is subtracted, if one's is."""

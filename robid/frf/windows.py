@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.options import EstimateOptions
 
@@ -25,6 +25,10 @@ class Windows:
     offset: FloatArray
     lines: IntArray
 
+    def at(self, chosen: BoolArray) -> Windows:
+        """Returns the windows around some of the lines."""
+        return Windows(self.index[chosen], self.offset[chosen], self.lines[chosen])
+
     def rows(self, spectra: ComplexArray) -> ComplexArray:
         """Reorders block spectra (n_real, n_bin, n_channel, n_exp) to (n_freq, n_real n_exp, width, n_channel)."""
         around = spectra[:, self.index].transpose(1, 0, 4, 2, 3)
@@ -41,7 +45,7 @@ class Windows:
         return np.swapaxes(joined, 2, 3)[:, None]
 
 
-def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int) -> int:
+def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int, segments: int = 0) -> int:
     """Returns the bins on each side: as set, else the fewest that leave enough freedom.
 
     Enough is as much as there are outputs for `local`, whose bias falls with the width, and as much as there are
@@ -52,6 +56,7 @@ def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int) -> i
         n_exp: Experiments of all realizations.
         n_in: Inputs.
         n_out: Outputs.
+        segments: Bins of one resolution of an arbitrary signal, all of which count; 0 for any other.
 
     Raises:
         DataError: If the width that was set leaves no freedom.
@@ -64,7 +69,7 @@ def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int) -> i
     needed = max(needed, own + 1, options.local_order + 1 + options.local_denominator)
     fewest = int(np.ceil((needed - 1) / 2))
     if options.local_half_width_lines is None:
-        return fewest
+        return max(fewest, segments // 2)
     width = 2 * options.local_half_width_lines + 1
     if width < options.local_order + 1 or n_exp * (width - own) <= common:
         message = f"{width} bins of {n_exp} experiments leave no freedom beside the local model's coefficients"

@@ -8,15 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import IntArray
 from robid.errors import DataError, SettingsError
 from robid.logs.mapping import LogMapping
-from robid.logs.period import find_silent_lines, measure_share
 from robid.signals.log_channels import LogChannel, input_problems
 from robid.signals.quantities import INJECTED, units_of
-
-_SHOWN = 8
-"""How many names or runs of lines a message lists."""
 
 _STILL = "Constant in"
 
@@ -102,40 +98,15 @@ def is_still_note(note: str) -> bool:
     return note.startswith(_STILL)
 
 
-def check_lines(where: str, blocks: FloatArray, lines: IntArray) -> list[DataError]:
-    """Checks that the stated lines carry the excitation, all of them.
-
-    Args:
-        where: File and variable.
-        blocks (n_period, n_sample): The input's periods; nothing is checked when there is none.
-        lines (n_freq,): Lines that were said to be excited.
-    """
-    if not len(blocks):
-        return []
-    share, carrying = measure_share(blocks, lines)
-    silent = find_silent_lines(blocks, lines)
-    if share >= 0.5 and not len(silent):
-        return []
+def check_segment(mapping: LogMapping, n_sample: int, segment_samples: int) -> list[DataError]:
+    """Says what a log that is shorter than one segment of its resolution would need."""
+    step_s = mapping.sampling_period_s
+    # Rounded upwards to four digits, so that what is advised fits.
+    least = 1 / (n_sample * step_s)
+    scale = 10 ** (3 - int(np.floor(np.log10(least))))
     what = (
-        f"The excited lines {format_lines(lines)} carry only {100 * share:.1f} % of its energy"
-        if share < 0.5
-        else f"{len(silent)} of {len(lines)} excited lines are silent: {format_lines(silent)}"
+        f"It lasts {n_sample * step_s:.4g} s, less than the {segment_samples * step_s:.4g} s that a resolution of"
+        f" {1 / (segment_samples * step_s):.4g} Hz needs."
     )
-    remedy = f"The energy is at lines {format_lines(carrying)}: correct the excitation's band, lines or period."
-    return [DataError(f"{what}.", where=where, remedy=remedy)]
-
-
-def format_lines(lines: IntArray) -> str:
-    """Writes rising lines as runs of equal steps: `11-250, 301-399 by 2`."""
-    runs: list[list[int]] = []
-    for line in map(int, lines):
-        last = runs[-1] if runs else []
-        if len(last) == 1 or (len(last) > 1 and line - last[-1] == last[1] - last[0]):
-            last.append(line)
-        else:
-            runs.append([line])
-    texts = []
-    for run in runs[:_SHOWN]:
-        step = run[1] - run[0] if len(run) > 1 else 1
-        texts.append(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" + (f" by {step}" if step > 1 else ""))
-    return ", ".join(texts) + (", ..." if len(runs) > _SHOWN else "")
+    remedy = f"Set excitation.resolution_hz to {np.ceil(least * scale) / scale:.4g} or more, or record longer."
+    return [DataError(what, where=f"{mapping.file}: {n_sample} samples", remedy=remedy)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import check_mapping, check_shot, still_note
+from robid.logs.checks import check_mapping, check_segment, check_shot, still_note
 from robid.logs.columns import check_lengths, check_motion, read_columns
+from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
 from robid.logs.period import measure_repetition
@@ -35,6 +36,7 @@ def import_log(
     configurations: FloatArray,
     detection_lines: IntArray | None = None,
     played: PlayedExcitation | None = None,
+    find: bool = False,
 ) -> Record:
     """Imports one realization of one experiment in one configuration.
 
@@ -49,6 +51,7 @@ def import_log(
         configurations (1, n_joint): Arm-side joint angles [rad].
         detection_lines (n_detection,): Lines of the band that were left out on purpose, or None.
         played: What the references are matched to; needed where the mapping has references.
+        find: Whether the excited lines are only candidates, of which the data show those that are meant.
 
     Raises:
         SettingsError: If the mapping contradicts itself or names an unknown unit.
@@ -56,7 +59,9 @@ def import_log(
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
-    stated = Stated(mapping.sampling_period_s, samples_per_period, periods, mapping.drop_periods, excited_lines)
+    stated = Stated(
+        mapping.sampling_period_s, samples_per_period, periods, mapping.drop_periods, excited_lines, find=find
+    )
     log, problems, notes = _read(mapping)
     problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
     if mapping.resample == "period" and not problems:
@@ -70,6 +75,9 @@ def import_log(
     notes += told
     found += [] if log.clock is None else check_steps(log.clock, used, samples_per_period)
     _raise(mapping.file, problems + found)
+    if find:
+        excited_lines, said = _found_lines(mapping, columns, used, periods, excited_lines)
+        notes = [*notes, said]
     record = sample_channels(mapping, columns, used, periods)
     return replace(
         record,
@@ -103,11 +111,56 @@ def import_shot(mapping: LogMapping) -> Record:
     columns = log.columns
     still = still_note(mapping, columns)
     record = sample_channels(mapping, columns, slice(None), 1)
-    if mapping.references:
-        reference = channel_values(mapping.references, columns, slice(None))[None, None, None]
-        channels = tuple(channel.channel for channel in mapping.references)
-        record = replace(record, reference=reference, reference_channels=channels)
-    return replace(record, notes=(*_notes(mapping), *record.notes, *notes, *still))
+    record = _with_logged_references(record, mapping, columns, slice(None))
+    return replace(record, notes=(*record.notes, *notes, *still))
+
+
+def _with_logged_references(
+    record: Record, mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice
+) -> Record:
+    """The record with the references of its log, where it has some, and what is to be said of its torque."""
+    record = replace(record, notes=(*_notes(mapping), *record.notes))
+    if not mapping.references:
+        return record
+    reference = channel_values(mapping.references, columns, used)[None, None, None]
+    channels = tuple(channel.channel for channel in mapping.references)
+    return replace(record, reference=reference, reference_channels=channels)
+
+
+def import_arbitrary(
+    mapping: LogMapping, *, segment_samples: int, lines: IntArray, configurations: FloatArray
+) -> Record:
+    """Imports a log of an arbitrary signal around a configuration: as many segments as it holds, whatever was played.
+
+    Args:
+        mapping: File, channels, units and sampling period; references are those of the log.
+        segment_samples: Samples of one over the resolution.
+        lines (n_freq,): Lines of a segment where a response is wanted.
+        configurations (1, n_joint): Arm-side joint angles [rad].
+
+    Raises:
+        SettingsError: If the mapping contradicts itself or names an unknown unit.
+        DataError: If the log is missing, unreadable, too short or not what was said; every problem at once.
+    """
+    check_shot(mapping)
+    log, problems, notes = _read(mapping)
+    columns, n_sample = log.columns, log.n_sample
+    problems += check_motion(mapping, columns) if mapping.takes_turns else []
+    problems += [] if log.clock is None else clock_problems(log.clock)
+    segments = n_sample // segment_samples
+    problems += [] if segments or not n_sample else check_segment(mapping, n_sample, segment_samples)
+    start = n_sample - segments * segment_samples if mapping.take == "last" else 0
+    used = slice(start, start + segments * segment_samples)
+    problems += [] if log.clock is None else check_steps(log.clock, used)
+    _raise(mapping.file, problems)
+    record = _with_logged_references(sample_channels(mapping, columns, used, 1), mapping, columns, used)
+    return replace(
+        record,
+        notes=(*record.notes, *notes),
+        configurations=configurations,
+        excited_lines=np.asarray(lines) * segments,
+        segments=segments,
+    )
 
 
 def join_shots(records: list[Record], n_experiment: int = 1) -> Record:
@@ -222,6 +275,16 @@ def _place(mapping: LogMapping, log: _Log, stated: Stated) -> tuple[int, list[Da
     found, notes = check_period(*strongest, stated, log.clock)
     # A wrong period is why a log holds too few of it.
     return start, found or problems, notes
+
+
+def _found_lines(
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int, candidates: IntArray
+) -> tuple[IntArray, str]:
+    """The excited lines that the inputs show, and what to say about them."""
+    inputs = channel_values(mapping.inputs, columns, used)
+    found = find_lines([values.reshape(periods, -1) for values in inputs.T], candidates)
+    _raise(mapping.file, check_found(f"{mapping.file}: inputs", found, candidates))
+    return found, found_note(found, len(candidates))
 
 
 def _match(

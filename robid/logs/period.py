@@ -14,11 +14,17 @@ from robid.arrays import FloatArray, IntArray
 _UNLIKE = 0.6
 """Mismatch between a signal and its shifted copy above which they have little in common; 1 is unrelated."""
 
-_REPEATS = 0.4
-"""Mismatch below which a signal counts as repeating where several of its periods show it."""
+_REPEATS = (0.1, 0.4)
+"""Mismatch below which a signal counts as repeating where one or two shifts by its period show it.
 
-_REPEATS_ONCE = 0.1
-"""The same where a single period shows it."""
+With more of them it may be mostly noise, as long as it stands out of chance.
+"""
+
+_OVERLAP = 0.55
+"""Shift, in lengths of the signal, up to which a single one shows another period than the stated one."""
+
+_CHANCE = 8.0
+"""Standard deviations of a chance correlation that stand out."""
 
 _ALIKE = 0.005
 """Mismatch above twice the smallest one from which a shift is no period."""
@@ -107,14 +113,19 @@ def measure_repetition(signal: FloatArray, stated: int, lines: IntArray) -> Repe
     mismatch = _mismatch(flat)
     reachable = stated < len(mismatch)
     outside = np.flatnonzero(mismatch > _UNLIKE)
-    found = _minima(mismatch, max(int(outside[0]), _SHORTEST)) if len(outside) else []
+    # Correlation that chance may give to so many independent samples.
+    chance = min(_CHANCE / np.sqrt(2 * lines.max() / stated * len(flat)), 1.0)
+    found = _minima(mismatch, max(int(outside[0]), _SHORTEST), 1 - chance) if len(outside) else []
     nothing = Repetition(None, 0.0, reachable)
     if not found:
         return nothing
     least = min(each.mismatch for each in found)
-    good = [each for each in found if each.mismatch <= 2 * least + _ALIKE]
+    good = [each for each in found if each.mismatch <= least + min(least, chance) + _ALIKE]
     period, count = _follow(good)
-    if least > (_REPEATS if count > 1 and reachable else _REPEATS_ONCE):
+    if count <= len(_REPEATS) and least > _REPEATS[count - 1 if reachable else 0]:
+        return nothing
+    # Slow wandering is like itself, too, where little of it is left to compare.
+    if count == 1 and period > _OVERLAP * len(flat) and abs(period / stated - 1) > _NEAR:
         return nothing
     return Repetition(*_refine(level, period, count), reachable)
 
@@ -127,10 +138,10 @@ class _Minimum:
     mismatch: float
 
 
-def _minima(mismatch: FloatArray, first: int) -> list[_Minimum]:
-    """Minima beyond a first shift, to a fraction of a sample by the parabola through three points."""
+def _minima(mismatch: FloatArray, first: int, highest: float) -> list[_Minimum]:
+    """Minima beyond a first shift and below a highest mismatch, by the parabolas through three points."""
     before, here, after = mismatch[first - 1 : -2], mismatch[first:-1], mismatch[first + 1 :]
-    at = np.flatnonzero((here < before) & (here <= after) & (here < _UNLIKE))
+    at = np.flatnonzero((here < before) & (here <= after) & (here < highest))
     bend = (before + after - 2 * here)[at]
     lean = ((before - after) / 2)[at]
     shifts, depths = first + at + lean / bend, here[at] - lean**2 / (2 * bend)
@@ -163,35 +174,7 @@ def _refine(signal: FloatArray, period: float, count: int) -> tuple[float, float
     return shift / count, max(spread, abs(step)) / count
 
 
-def find_silent_lines(periods: FloatArray, lines: IntArray) -> IntArray:
-    """Finds stated lines that do not stand out of the noise and are weak beside the others.
-
-    Args:
-        periods (n_period, n_sample): The signal.
-        lines (n_lines,): Stated lines.
-    """
-    mean, noise = _line_power(periods)
-    typical = np.median(mean[lines])
-    weak = mean[lines] < 1e-2 * typical
-    if len(periods) > 1:
-        weak &= mean[lines] < 3 * noise[lines]
-    return lines[weak | (mean[lines] < 1e-6 * typical)]
-
-
-def measure_share(periods: FloatArray, lines: IntArray) -> tuple[float, IntArray]:
-    """Returns the stated lines' share of the averaged period's energy, and the lines that really carry it.
-
-    Args:
-        periods (n_period, n_sample): The signal.
-        lines (n_lines,): Stated lines.
-    """
-    mean, _ = _line_power(periods)
-    mean[0] = 0
-    carrying = np.flatnonzero(mean > 1e-2 * np.sort(mean)[-max(len(lines) // 2, 1)])
-    return float(mean[lines].sum() / mean.sum()), carrying
-
-
-def _line_power(periods: FloatArray) -> tuple[FloatArray, FloatArray]:
+def line_power(periods: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Power of the averaged period at each line, and the power that noise contributes to it."""
     spectrum = rfft(periods - periods.mean(axis=1, keepdims=True), axis=1)
     mean = spectrum.mean(axis=0)

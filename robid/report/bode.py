@@ -115,7 +115,7 @@ def _response_data(response: BodeResponse, level: float, unit: str) -> dict[str,
     configurations = [
         {
             "label": configuration_label(frf, index),
-            **_curve(frf.response[index]),
+            **_curve(_known(frf, index)),
             "models": [_curve(model[index]) for _, model in response.models],
             "radius": _per_element(radius[index], 3) if radius[index].any() else None,
             "uncompensated": None
@@ -140,6 +140,13 @@ def _response_data(response: BodeResponse, level: float, unit: str) -> dict[str,
     }
 
 
+def _known(frf: Frf, index: int) -> ComplexArray:
+    """The response of a configuration, NaN where a line told too little of an input."""
+    if frf.dropped is None:
+        return np.asarray(frf.response[index])
+    return np.asarray(np.where(frf.dropped[index][:, None], np.nan, frf.response[index]))
+
+
 def _curve(response: ComplexArray) -> dict[str, Any]:
     """Magnitude and phase of a response (n_freq, n_out, n_in)."""
     return {"magnitude": _decibels(response), "phase": _per_element(np.rad2deg(np.angle(response)), decimals=1)}
@@ -158,7 +165,7 @@ def _quality(frf: Frf, index: int) -> dict[str, Any]:
         "odd": None if odd is None else _level(odd[index]),
         "even": None if even is None else _level(even[index]),
         "incoherence": None
-        if frf.coherence is None or not np.isfinite(frf.coherence[index]).all()
+        if frf.coherence is None or not np.isfinite(frf.coherence[index]).any()
         else [[rounded(value, 3) for value in row] for row in 1 - frf.coherence[index].T],
     }
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import Discriminator, GetJsonSchemaHandler, Tag
 from pydantic_core import CoreSchema
 
+from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.options import (
     ChirpOptions,
     FourierOptions,
@@ -45,7 +46,8 @@ ExcitationSettings: TypeAlias = Annotated[
     | Annotated[SteppedSineOptions, Tag("stepped_sine")]
     | Annotated[FourierOptions, Tag("fourier")]
     | Annotated[TrajectoryOptions, Tag("trajectory")]
-    | Annotated[PoseChirpOptions, Tag("pose_chirp")],
+    | Annotated[PoseChirpOptions, Tag("pose_chirp")]
+    | Annotated[ArbitraryOptions, Tag("arbitrary")],
     Discriminator(signal),
     _KeyUnlessDefault(),
 ]

@@ -10,7 +10,14 @@ import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions
-from robid.design.excitation.options import MultisineOptions, PoseChirpOptions, SignalOptions, TrajectoryOptions
+from robid.design.excitation.arbitrary import ArbitraryOptions
+from robid.design.excitation.options import (
+    ChosenLineOptions,
+    MultisineOptions,
+    PoseChirpOptions,
+    SignalOptions,
+    TrajectoryOptions,
+)
 from robid.frf.options import EstimateOptions
 from robid.settings.acquire import Acquire
 from robid.settings.base import STRICT, Name, Section
@@ -154,6 +161,16 @@ class Campaign(Section):
         return isinstance(self.excitation, TrajectoryOptions)
 
     @property
+    def is_arbitrary(self) -> bool:
+        """Whether only band and resolution of its signal are said, which need not repeat."""
+        return isinstance(self.excitation, ArbitraryOptions)
+
+    @property
+    def finds_lines(self) -> bool:
+        """Whether its logs show which lines are excited."""
+        return isinstance(self.excitation, ChosenLineOptions) and self.excitation.lines == "found"
+
+    @property
     def moves_poses(self) -> bool:
         """Whether it commands poses of the tool, position in and position out."""
         return isinstance(self.excitation, PoseChirpOptions)
@@ -172,16 +189,26 @@ class Campaign(Section):
         """Number of experiments in a realization: as many as inputs unless it says less, a single trajectory."""
         if isinstance(self.excitation, PoseChirpOptions):
             return len(self.excitation.channels) or n_input
+        if self.is_arbitrary:
+            return self.experiments or 1
         return 1 if self.is_trajectory else self.experiments or n_input
+
+    @model_validator(mode="before")
+    @classmethod
+    def _arbitrary_signals_are_read_locally(cls, values: Any) -> Any:  # noqa: ANN401
+        """Estimates arbitrary signals by `local` unless told otherwise: no other estimator reads them."""
+        if not isinstance(values, Mapping) or _signal(values.get("excitation")) != "arbitrary":
+            return values
+        estimate = values.get("estimate", {})
+        if not isinstance(estimate, Mapping) or "estimator" in estimate:
+            return values
+        return {**values, "estimate": {**estimate, "estimator": "local"}}
 
     @model_validator(mode="before")
     @classmethod
     def _poses_have_no_friction(cls, values: Any) -> Any:  # noqa: ANN401
         """Compensates pose commands by `none` unless told otherwise: they are no torques."""
-        excitation = values.get("excitation") if isinstance(values, Mapping) else None
-        if isinstance(excitation, PoseChirpOptions):
-            excitation = {"signal": excitation.signal}
-        if not isinstance(excitation, Mapping) or excitation.get("signal") != "pose_chirp":
+        if not isinstance(values, Mapping) or _signal(values.get("excitation")) != "pose_chirp":
             return values
         estimate = values.get("estimate", {})
         if not isinstance(estimate, Mapping) or "compensation" in estimate:
@@ -195,12 +222,18 @@ class Campaign(Section):
         if not isinstance(values, Mapping) or not isinstance(values.get("source"), Mapping):
             return values
         estimate = values.get("estimate", {})
-        excitation = values.get("excitation")
-        if isinstance(excitation, Mapping) and excitation.get("signal") == "pose_chirp":
+        if _signal(values.get("excitation")) == "pose_chirp":
             return values
         if "acquire" not in values["source"] or not isinstance(estimate, Mapping) or "compensation" in estimate:
             return values
         return {**values, "estimate": {**estimate, "compensation": "auto"}}
+
+
+def _signal(excitation: Any) -> str | None:  # noqa: ANN401
+    """Which signal a section states, read or not yet read."""
+    if isinstance(excitation, PoseChirpOptions | ArbitraryOptions):
+        return excitation.signal
+    return excitation.get("signal") if isinstance(excitation, Mapping) else None
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)

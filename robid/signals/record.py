@@ -20,8 +20,9 @@ def _no_lines() -> IntArray:
 class Record:
     """Whole periods of the steady state, or one shot: samples that do not repeat.
 
-    A record of one shot has no excited lines and one period, which is all of its samples; it may have no
-    configuration to rest in.
+    A record of one shot has one period, which is all of its samples. It has no excited lines, and may have no
+    configuration to rest in; or its signal is arbitrary and carries all DFT bins, of which `excited_lines` are those
+    where a response is wanted.
 
     Attributes:
         sampling_period_s: Sampling period of all channels [s].
@@ -35,8 +36,10 @@ class Record:
             record that does not begin and stay at rest.
         reference (n_conf, n_real, n_exp, n_sample, n_reference): One period of what was injected, or None.
         reference_channels: What each column of `reference` is; empty where there is none.
-        excited_lines (n_freq,): Excited DFT lines of one period; none for one shot.
+        excited_lines (n_freq,): Excited DFT lines of one period; none for one shot whose signal is not arbitrary.
         detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
+        segments: Segments of one over the resolution that an arbitrary signal is long, so that `excited_lines` are
+            multiples of it; 0 for any other.
         input_hold: `zoh` where the inputs are commands held for a sample, `band_limited` where they were measured
             behind the same anti-aliasing as the outputs.
         input_relative_std (n_in,): Standard deviation of the relative error of each input's scale, or None
@@ -57,6 +60,7 @@ class Record:
     reference_channels: tuple[Channel, ...] = ()
     excited_lines: IntArray = field(default_factory=_no_lines)
     detection_lines: IntArray = field(default_factory=_no_lines)
+    segments: int = 0
     input_hold: Literal["zoh", "band_limited"] = "zoh"
     input_relative_std: FloatArray | None = None
     truth_sha256: str = ""
@@ -76,7 +80,12 @@ class Record:
     @property
     def is_one_shot(self) -> bool:
         """Whether the samples do not repeat."""
-        return not len(self.excited_lines)
+        return self.is_arbitrary or not len(self.excited_lines)
+
+    @property
+    def is_arbitrary(self) -> bool:
+        """Whether the samples do not repeat, and a response at some frequencies is wanted all the same."""
+        return self.segments > 0
 
     @property
     def period_s(self) -> float:
@@ -89,16 +98,17 @@ class Record:
         return np.asarray(self.excited_lines / self.period_s)
 
     def require_periods(self, reader: str) -> FloatArray:
-        """Returns the configurations (n_conf, n_joint) of a record that repeats [rad].
+        """Returns the configurations (n_conf, n_joint) of a record with lines around a configuration [rad].
 
         Args:
-            reader: What needs its periods, for the message.
+            reader: What needs its lines, for the message.
 
         Raises:
-            DataError: If the record is one shot, or has no configuration to rest in.
+            DataError: If the record has no lines, or no configuration to rest in.
         """
-        if self.is_one_shot or self.configurations is None:
-            lacks = "no period and no excited lines" if self.is_one_shot else "no configuration that it rests in"
+        if not len(self.excited_lines) or self.configurations is None:
+            lacks = "no configuration that it rests in"
+            lacks = lacks if len(self.excited_lines) else "no period and no excited lines"
             what = f"{reader} needs a periodic excitation around a configuration at rest; the record has {lacks}"
             raise DataError(what, remedy="read it with a family that reads records, or name another campaign")
         return self.configurations
@@ -113,6 +123,18 @@ class Record:
             reference=None if self.reference is None else np.tile(self.reference, (1, 1, 1, periods, 1)),
             excited_lines=self.excited_lines * periods,
             detection_lines=self.detection_lines * periods,
+        )
+
+    def shortened(self, segments: int) -> Record:
+        """Returns the first segments of an arbitrary signal."""
+        n_sample = self.inputs.shape[4] // self.segments * segments
+        return replace(
+            self,
+            inputs=self.inputs[..., :n_sample, :],
+            outputs=self.outputs[..., :n_sample, :],
+            reference=None if self.reference is None else self.reference[..., :n_sample, :],
+            excited_lines=self.excited_lines // self.segments * segments,
+            segments=segments,
         )
 
     def select(self, configuration: int) -> Record:

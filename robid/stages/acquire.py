@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
+from robid.arrays import IntArray
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.logs.columns import check_turns
-from robid.logs.importing import import_log, import_shot, join_experiments, join_shots
+from robid.logs.importing import import_arbitrary, import_log, import_shot, join_experiments, join_shots
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation
 from robid.settings.acquire import Acquire
@@ -57,27 +59,61 @@ def acquire_configuration(
     Raises:
         DataError: If a log is not what was said.
     """
-    excitation, n_exp = content.excitation, experiment_count(campaign, acquire)
-    records = [
-        import_log(
-            _mapping(acquire, folder, index, realization, experiment),
-            samples_per_period=excitation.reference.shape[2],
-            periods=campaign.periods,
-            excited_lines=excitation.excited_lines,
-            configurations=content.configurations[index : index + 1],
-            detection_lines=np.asarray(excitation.detection_lines),
-            played=PlayedExcitation(np.asarray(excitation.reference), excitation.kind, realization, experiment)
-            if acquire.references
-            else None,
-        )
-        for realization, experiment in np.ndindex(campaign.realizations, n_exp)
-    ]
-    record = join_experiments(records, n_exp)
+    n_exp = experiment_count(campaign, acquire)
+    places = np.ndindex(campaign.realizations, n_exp)
+    read = _arbitrary if campaign.is_arbitrary else _periodic
+    records = [read(campaign, acquire, content, (index, *place), folder) for place in places]
+    record = join_experiments(_alike(records), n_exp)
     if acquire.takes_turns:
         check_turns(record, acquire.file)
-    told = f"Imported from {Path(acquire.file).name}, periods dropped: {acquire.drop_periods}, used: {campaign.periods}"
-    return replace(
-        record, joint_units=joint_units, notes=(f"{told} ({acquire.take} of those that are whole).", *record.notes)
+    name = Path(acquire.file).name
+    told = f"Imported from {name}, periods dropped: {acquire.drop_periods}, used: {campaign.periods}"
+    told = f"{told} ({acquire.take} of those that are whole)."
+    told = f"Imported from {name}, as an arbitrary signal." if campaign.is_arbitrary else told
+    return replace(record, joint_units=joint_units, notes=(told, *record.notes))
+
+
+def _alike(records: Sequence[Record]) -> list[Record]:
+    """Returns records with the same lines, those that any of them has, and arbitrary signals of the same length."""
+    segments = min(record.segments for record in records)
+    lines = np.unique(np.concatenate([record.excited_lines for record in records]))
+    return [with_lines(record, segments, lines) for record in records]
+
+
+def with_lines(record: Record, segments: int, lines: IntArray) -> Record:
+    """Returns a record whose arbitrary signal is some segments long, or, of another signal, with these lines."""
+    return record.shortened(segments) if segments else replace(record, excited_lines=lines)
+
+
+def _periodic(
+    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, indices: tuple[int, ...], folder: Path
+) -> Record:
+    """One log of a signal that repeats: indices of its configuration, realization and place in the block."""
+    excitation = content.excitation
+    return import_log(
+        _mapping(acquire, folder, *indices),
+        samples_per_period=excitation.reference.shape[2],
+        periods=campaign.periods,
+        excited_lines=excitation.excited_lines,
+        configurations=content.configurations[indices[0] : indices[0] + 1],
+        detection_lines=np.asarray(excitation.detection_lines),
+        played=PlayedExcitation(np.asarray(excitation.reference), excitation.kind, *indices[1:])
+        if acquire.references
+        else None,
+        find=campaign.finds_lines,
+    )
+
+
+def _arbitrary(
+    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, indices: tuple[int, ...], folder: Path
+) -> Record:
+    """One log of an arbitrary signal: indices as in `_periodic`."""
+    del campaign
+    return import_arbitrary(
+        _mapping(acquire, folder, *indices),
+        segment_samples=content.excitation.reference.shape[2],
+        lines=np.asarray(content.excitation.excited_lines),
+        configurations=content.configurations[indices[0] : indices[0] + 1],
     )
 
 

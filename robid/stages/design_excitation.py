@@ -10,8 +10,9 @@ from rich.console import Group
 from robid.arrays import FloatArray
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
+from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.excitation import CampaignExcitation, Excitation
-from robid.design.excitation.lines import samples_per_period
+from robid.design.excitation.lines import period_samples
 from robid.design.excitation.loop import nominal_loop
 from robid.design.excitation.options import PoseChirpOptions, TrajectoryOptions
 from robid.design.excitation.pose.design import design_pose_chirp
@@ -59,7 +60,7 @@ def _declared(loaded: LoadedExperiment, campaign: Campaign, sampling_period_s: f
     """The lines of a log, which somebody else has played: there are no realizations of ours."""
     options, n_motor = campaign.excitation, input_count(campaign, loaded.robot)
     excited, detection = campaign_lines(loaded, campaign)
-    n_sample = samples_per_period(options.period_s, sampling_period_s)
+    n_sample = period_samples(options, sampling_period_s)
     return Excitation(
         reference=np.zeros((0, 0, n_sample, n_motor)),
         kind=options.inject,
@@ -76,6 +77,9 @@ def _designed(job: Job, robot: Robot, configurations: FloatArray) -> Excitation:
     campaign, options = job.campaign, job.campaign.excitation
     if isinstance(options, PoseChirpOptions):
         return _pose_chirp(job, options, robot, configurations)
+    if isinstance(options, ArbitraryOptions):
+        message = f"campaign {job.owner} has no signal that could be played"
+        raise TypeError(message)
     controller = require_controller(job.loaded)
     period_s = controller.sampling_period_s
     if isinstance(options, TrajectoryOptions):

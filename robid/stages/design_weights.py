@@ -23,7 +23,15 @@ UNREAD = (
     "input_amplitude",
 )
 """What no design reads of a response."""
-_WEIGHED = ("configurations", "response", "input_factor", "element_scale", "total_covariance", "noise_covariance")
+_WEIGHED = (
+    "configurations",
+    "response",
+    "input_factor",
+    "element_scale",
+    "total_covariance",
+    "noise_covariance",
+    "dropped",
+)
 
 
 def fit_weights(path: Path, options: ElasticOptions) -> FloatArray:

@@ -146,6 +146,8 @@ def run(job: Job) -> str:
     laws, delay = stated_laws(job.loaded, job.campaign, options)
     if options.friction_fit is not None and laws is not None:
         laws, notes = _fitted(job, options.friction_fit, laws)
+    elif job.campaign.is_arbitrary and options.compensation == "auto" and laws is not None:
+        notes = ("An arbitrary signal leaves no line silent: friction was subtracted as the robot file has it.",)
     elif options.compensation in IDENTIFYING and laws is not None:
         laws, notes = _chosen(job, path, n_conf, laws, delay)
     elif laws is None and options.compensation == "auto":

@@ -6,16 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.parts import Parts
 from robid.artifacts.provenance import canonical_hash
-from robid.artifacts.record import RECORD, record_to_artifact
+from robid.artifacts.record import RECORD, record_from_artifact, record_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
 from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.logs.checks import is_still_note
+from robid.logs.lines import is_found_note
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part
@@ -29,8 +32,8 @@ from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.pose_loop import PoseExperiment, simulate_poses, with_settled_pose_steps
 from robid.simulate.steps import Steps
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
-from robid.stages.acquire import acquire_configuration, acquire_shots
-from robid.stages.chain.simulate_or_acquire import STAGE, experiment_count
+from robid.stages.acquire import acquire_configuration, acquire_shots, with_lines
+from robid.stages.chain.simulate_or_acquire import STAGE
 from robid.stages.stage import Job, counted
 
 
@@ -53,9 +56,15 @@ def phrase(output: Path) -> str:
     found = inspect_artifact(output)
     shape = found["datasets"]["inputs"]["shape"]
     period_s = shape[4] * found["attributes"]["sampling_period_s"]
+    notes = found["datasets"]["notes"].get("values", ())
     if found["datasets"]["excited_lines"]["shape"] == [0]:
-        return _shots(shape[1], period_s, found["datasets"]["notes"].get("values", ()))
-    return record_phrase(shape, period_s)
+        return _shots(shape[1], period_s, notes)
+    segments = found["attributes"].get("segments", 0)
+    if segments:
+        text = f"{counted(shape[0] * shape[1] * shape[2], 'arbitrary signal')} of {period_s:.3g} s"
+        pieces = f"{counted(segments, 'segment')} of {period_s / segments:.3g} s"
+        return f"{counted(shape[0], 'configuration')}, {text}, {pieces}"
+    return "; ".join((record_phrase(shape, period_s), *(note for note in notes if is_found_note(note))))
 
 
 def record_phrase(shape: Sequence[int], period_s: float) -> str:
@@ -109,7 +118,7 @@ def _acquire_part(task: _LogTask) -> None:
 
 
 def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
-    campaign, n_conf, n_exp = job.campaign, len(content.configurations), experiment_count(job.campaign, acquire)
+    campaign, n_conf = job.campaign, len(content.configurations)
     parts = Parts(job.output, RECORD, job.key)
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
@@ -117,8 +126,24 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
     units = job.loaded.robot.joint_units
     tasks = [_LogTask(parts, campaign, acquire, content, index, folder, units) for index in todo]
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
+    if n_conf > 1 and (campaign.is_arbitrary or campaign.finds_lines):
+        _make_alike(parts, n_conf)
     parts.merge(n_conf, job.provenance(STAGE.name))
-    return record_phrase((n_conf, campaign.realizations, n_exp, campaign.periods), content.excitation.period_s)
+    return phrase(job.output)
+
+
+def _make_alike(parts: Parts, n_conf: int) -> None:
+    """Gives the records of all configurations the same lines and, of arbitrary signals, the same length."""
+    found = []
+    for index in range(n_conf):
+        record = record_from_artifact(parts.read(index))
+        found.append((record.segments, record.excited_lines))
+    segments = min(each for each, _ in found)
+    lines = np.unique(np.concatenate([each for _, each in found]))
+    for index, (length, own) in enumerate(found):
+        if length != segments or (not segments and len(own) != len(lines)):
+            record = with_lines(record_from_artifact(parts.read(index)), segments, lines)
+            parts.write(index, record_to_artifact(record, Provenance(stage=STAGE.name)))
 
 
 def _acquire_shots(job: Job) -> str:

@@ -14,6 +14,7 @@ CAUSES = {
     "filters": "filters that let the noise of the positions pass",
     "units": "units or gear ratios of the log that are off",
     "same_motion": "a motion that the fit has seen already",
+    "same_configuration": "configurations that the fit has seen already",
     "excitation": "too little signal for the sensors' noise",
     "payload": "a payload that is off",
     "masses": "masses or centres of mass that are off",

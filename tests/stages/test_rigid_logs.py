@@ -48,12 +48,21 @@ def test_a_sound_log_is_to_be_trusted(logs):
 
 
 def test_a_validation_on_the_same_motion_says_that_it_cannot_generalise(logs):
-    shutil.copy(logs.folder / "motion.csv", logs.folder / "other.csv")
+    again = shot_along(logs.robot, fourier_motion(logs.robot, 5000, 0), seed=7)
+    write_log(logs.folder / "other.csv", again)
     answer = logs.robid("run", "small.yaml", "--strict")
     assert answer.code == 5, answer.err
     assert "the validation repeats the motion of the fit: it says nothing of other motions" in answer.flat
     write_log(logs.folder / "other.csv", logs.shots["other"])
     assert logs.robid("run", "small.yaml", "--strict").code == 0
+
+
+def test_a_copy_of_the_log_of_the_fit_validates_nothing(logs):
+    shutil.copy(logs.folder / "motion.csv", logs.folder / "other.csv")
+    answer = logs.robid("run", "small.yaml")
+    assert answer.code == 4, answer.err
+    assert "holds samples of the fit: 1250 from sample 1 on are those of `motion`" in answer.flat
+    assert "remedy: validate on another recording" in answer.flat
 
 
 @pytest.mark.parametrize(

@@ -275,11 +275,12 @@ def _outside(bread: FloatArray, meat: FloatArray) -> FloatArray:
 
 def _importance(frf: Frf, weights: FloatArray | None) -> FloatArray:
     """Weights (n_conf, n_freq, n_element), rows of the response one after the other."""
-    if weights is None:
-        return np.ones((*frf.response.shape[:2], frf.response.shape[2] * frf.response.shape[3]))
     n_conf, n_freq, n_out, n_in = frf.response.shape
+    told = np.ones(frf.response.shape) if frf.dropped is None else np.repeat(~frf.dropped[:, :, None], n_out, axis=2)
+    if weights is None:
+        return np.asarray(told.reshape(n_conf, n_freq, -1), float)
     check_shape("weights", weights, "n_conf n_freq n_out n_in", n_conf=n_conf, n_freq=n_freq, n_out=n_out, n_in=n_in)
-    return np.asarray(weights.reshape(n_conf, n_freq, -1))
+    return np.asarray((weights * told).reshape(n_conf, n_freq, -1))
 
 
 def _check_inputs(robot: Robot, frf: Frf) -> None:

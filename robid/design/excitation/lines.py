@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import IntArray
-from robid.design.excitation.options import ChosenLineOptions
+from robid.design.excitation.arbitrary import ArbitraryOptions
+from robid.design.excitation.options import ChosenLineOptions, ExcitationOptions
 from robid.errors import SettingsError
 
 
@@ -24,6 +25,17 @@ def samples_per_period(period_s: float, sampling_period_s: float) -> int:
             remedy=f"Use a period of {max(count, 1) * sampling_period_s:.9g} s.",
         )
     return count
+
+
+def period_samples(options: ExcitationOptions, sampling_period_s: float) -> int:
+    """Returns the samples of one period, or of the segments of a signal that has none.
+
+    Raises:
+        SettingsError: If the period is not a whole number of samples.
+    """
+    if isinstance(options, ArbitraryOptions):
+        return options.segment_samples(sampling_period_s)
+    return samples_per_period(options.period_s, sampling_period_s)
 
 
 def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[IntArray, IntArray]:
@@ -45,44 +57,77 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
             frequency, or has fewer lines than are asked for.
     """
     n_sample = samples_per_period(options.period_s, sampling_period_s)
+    if options.lines is not None:
+        return _stated_lines(options, n_sample), np.zeros(0, int)
     n_detection = _detection_count(options)
     total = options.count + n_detection
-    step = 2 if options.grid == "odd" else 1
-    lowest = max(int(np.ceil(options.low_hz * options.period_s - 1e-9)), 1)
-    highest = int(np.floor(options.high_hz * options.period_s + 1e-9))
-    if options.grid == "odd":
-        lowest, highest = lowest + 1 - lowest % 2, highest - 1 + highest % 2
-    grid = np.arange(lowest, highest + 1, step)
-    if options.slow_motion_rad_s > 0:
-        grid = grid[grid % options.slow_motion_line != 0]
+    grid = _grid(options)
     available = len(grid)
-    problems = []
-    if 2 * highest >= n_sample:
-        problems.append(
-            f"high_hz {options.high_hz:g} is not below the Nyquist frequency {0.5 / sampling_period_s:g} Hz "
-            f"(lower high_hz)"
-        )
-    if options.low_hz >= options.high_hz:
-        problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
-    elif available < total:
+    problems = _band_problems(options, grid, n_sample)
+    if options.low_hz < options.high_hz and available < total:
         odd = "odd " if options.grid == "odd" else ""
         problems.append(
             f"{options.count} excited and {n_detection} detection lines do not fit: the band {options.low_hz:g} to "
             f"{options.high_hz:g} Hz holds {available} {odd}lines of a {options.period_s:g} s"
             f" period (lower count, or lengthen the period to {options.period_s * total / max(available, 1):.3g} s)"
         )
-    if problems:
-        raise SettingsError(
-            "The lines cannot be chosen: " + "; ".join(problems) + ".",
-            where="excitation",
-            remedy="Change the fields named in parentheses.",
-        )
+    _refuse(problems)
     chosen = _spread(grid, total, options.spacing)
     generator = np.random.default_rng([options.seed, 1])
     inner = np.arange(1, total - 1) if total >= n_detection + 2 else np.arange(total)
     drawn = [int(generator.choice(run)) for run in np.array_split(inner, n_detection)] if n_detection else []
     excited = np.delete(chosen, drawn)
     return excited, chosen[drawn]
+
+
+def _refuse(problems: list[str]) -> None:
+    if problems:
+        raise SettingsError(
+            "The lines cannot be chosen: " + "; ".join(problems) + ".",
+            where="excitation",
+            remedy="Change the fields named in parentheses.",
+        )
+
+
+def _grid(options: ChosenLineOptions) -> IntArray:
+    """Lines of the band that may be excited."""
+    lowest = max(int(np.ceil(options.low_hz * options.period_s - 1e-9)), 1)
+    highest = int(np.floor(options.high_hz * options.period_s + 1e-9))
+    if options.grid == "odd":
+        lowest, highest = lowest + 1 - lowest % 2, highest - 1 + highest % 2
+    grid = np.arange(lowest, highest + 1, 2 if options.grid == "odd" else 1)
+    return grid[grid % options.slow_motion_line != 0] if options.slow_motion_rad_s > 0 else grid
+
+
+def _band_problems(options: ChosenLineOptions, grid: IntArray, n_sample: int) -> list[str]:
+    problems = []
+    if 2 * grid.max(initial=0) >= n_sample:
+        nyquist_hz = n_sample / (2 * options.period_s)
+        problems.append(
+            f"high_hz {options.high_hz:g} is not below the Nyquist frequency {nyquist_hz:g} Hz (lower high_hz)"
+        )
+    if options.low_hz >= options.high_hz:
+        problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
+    return problems
+
+
+def _stated_lines(options: ChosenLineOptions, n_sample: int) -> IntArray:
+    """The lines whose numbers are stated, or all of the band."""
+    if not isinstance(options.lines, tuple):
+        grid = _grid(options)
+        problems = _band_problems(options, grid, n_sample)
+        if not (problems or len(grid)):
+            problems.append(f"no line of a {options.period_s:g} s period lies in the band (widen low_hz to high_hz)")
+        _refuse(problems)
+        return grid
+    stated = np.array(options.lines, dtype=int)
+    problems, highest = [], (n_sample - 1) // 2
+    if not len(stated) or stated.min() < 1 or stated.max() > highest:
+        problems.append(f"they must be within 1 to {highest}, below Nyquist (lines, period_s)")
+    if np.any(np.diff(stated) <= 0):
+        problems.append("they must rise (lines)")
+    _refuse(problems)
+    return stated
 
 
 def _detection_count(options: ChosenLineOptions) -> int:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from math import pi
 from typing import ClassVar, Literal, TypeAlias
 
+from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.signals.pose import ANGLES
 
 _SIGNAL = {
@@ -15,6 +16,11 @@ _SIGNAL = {
 }
 _DEG = pi / 180
 _COUNT = {"description": "Number of excited lines, of frequencies of a stepped sine.", "ge": 1}
+_LINES = {
+    "description": "In place of `count`, `spacing` and `detection_share`: `all` lines of the band on the `grid`;"
+    " `found`, those of them that a log shows to be excited; or a list of their numbers, in cycles per period, whatever"
+    " band and grid are."
+}
 _SPACING = {"description": "How the excited lines, or a stepped sine's frequencies, are spaced."}
 
 
@@ -115,10 +121,11 @@ class ChosenLineOptions(SignalOptions):
         default=0.1,
         metadata={"description": "Share of the chosen lines left out to detect distortion.", "ge": 0, "lt": 1},
     )
+    lines: tuple[int, ...] | Literal["all", "found"] | None = field(default=None, metadata=_LINES)
 
     decides_lines: ClassVar[tuple[str, ...]] = (
         *SignalOptions.decides_lines,
-        *("count", "spacing", "detection_share", "seed"),
+        *("count", "spacing", "detection_share", "lines", "seed"),
     )
 
 
@@ -298,4 +305,4 @@ class PoseChirpOptions:
 
 SweepOptions: TypeAlias = ChirpOptions | SteppedSineOptions
 PerturbationOptions: TypeAlias = MultisineOptions | ChirpOptions | SteppedSineOptions | FourierOptions
-ExcitationOptions: TypeAlias = PerturbationOptions | TrajectoryOptions | PoseChirpOptions
+ExcitationOptions: TypeAlias = PerturbationOptions | TrajectoryOptions | PoseChirpOptions | ArbitraryOptions

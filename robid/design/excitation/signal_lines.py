@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
-from robid.design.excitation.lines import choose_lines, samples_per_period
+from robid.design.excitation.arbitrary import ArbitraryOptions
+from robid.design.excitation.lines import choose_lines, period_samples, samples_per_period
 from robid.design.excitation.options import (
     ChirpOptions,
     ChosenLineOptions,
@@ -40,6 +41,8 @@ def signal_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[
     """
     if isinstance(options, ChosenLineOptions):
         return choose_lines(options, sampling_period_s)
+    if isinstance(options, ArbitraryOptions):
+        return options.lines(sampling_period_s), np.zeros(0, int)
     if isinstance(options, TrajectoryOptions):
         return np.arange(1, options.harmonics + 1), np.zeros(0, int)
     n_sample = samples_per_period(options.period_s, sampling_period_s)
@@ -66,8 +69,10 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
     Raises:
         SettingsError: With every problem of the signal, or of its lines.
     """
-    n_sample = samples_per_period(options.period_s, sampling_period_s)
-    if isinstance(options, TrajectoryOptions):
+    n_sample = period_samples(options, sampling_period_s)
+    if isinstance(options, ArbitraryOptions):
+        problems = options.problems(sampling_period_s)
+    elif isinstance(options, TrajectoryOptions):
         problems = _trajectory_problems(options, n_sample)
     elif isinstance(options, PoseChirpOptions):
         problems = _band_problems(options, sampling_period_s)
@@ -100,9 +105,10 @@ def _perturbation_problems(options: PerturbationOptions, n_sample: int, sampling
     if options.travel is not None:
         problems += _travel_problems(options.travel, options, n_sample)
     resting = RESTING_ORDERS[options.inject]
-    if isinstance(options, FourierOptions) and options.at_rest and options.count <= len(resting):
+    count = len(options.lines) if isinstance(options, FourierOptions) and isinstance(options.lines, tuple) else None
+    if isinstance(options, FourierOptions) and options.at_rest and (count or options.count) <= len(resting):
         needed = len(resting) + 1
-        problems.append(f"{options.count} lines cannot begin and end at rest (use at least {needed} lines)")
+        problems.append(f"{count or options.count} lines cannot begin and end at rest (use at least {needed} lines)")
     return problems
 
 

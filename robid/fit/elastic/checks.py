@@ -64,8 +64,9 @@ def check_influence(problem: Problem) -> None:
 
 def _not_finite(frf: Frf) -> list[tuple[str, str]]:
     found = []
+    told = True if frf.dropped is None else ~frf.dropped[:, :, None]
     for what, values in (("response", frf.response), ("covariance", frf.element_variance())):
-        bad = np.asarray(~np.isfinite(values).all(axis=(0, 2, 3)))
+        bad = np.asarray((told & ~np.isfinite(values)).any(axis=(0, 2, 3)))
         if bad.any():
             found.append((f"the {what} is not finite at {_shown(frf, bad)} Hz", "estimate it again"))
     return found
@@ -74,6 +75,8 @@ def _not_finite(frf: Frf) -> list[tuple[str, str]]:
 def _covariance(frf: Frf, options: ElasticOptions) -> list[tuple[str, str]]:
     """A variance of zero where others have one, or none at all, gives optimal weights no size."""
     variance = frf.element_variance()
+    if frf.dropped is not None:
+        variance = np.where(frf.dropped[:, :, None], np.nanmax(variance[np.isfinite(variance)], initial=0.0), variance)
     if not options.weights.kind.startswith("optimal") or not np.isfinite(variance).all():
         return []
     if not variance.any():

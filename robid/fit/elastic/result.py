@@ -191,7 +191,8 @@ def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
     """Cost (n_conf,) that the measured response's covariance alone gives around the modelled response."""
     kind = problem.residual_kind
     variance = 0.5 * kind.parts * problem.frf.element_variance() / np.abs(kind.divisor(modelled)) ** 2
-    return np.asarray((problem.weight * variance).sum(axis=(1, 2, 3)))
+    counted = np.multiply(problem.weight, variance, out=np.zeros_like(variance), where=problem.weight > 0)
+    return np.asarray(counted.sum(axis=(1, 2, 3)))
 
 
 def misfit(problem: Problem, modelled: ComplexArray, cost: float) -> float:

@@ -58,7 +58,7 @@ def make_weights(
     shown = np.abs(residual.per_relative(size + 0j)) ** 2
     base = np.divide(base, shown, out=np.zeros(power.shape), where=shown > 0)
     dropped = below & residual.drops_noise
-    keep = ~dropped & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
+    keep = ~dropped & np.isfinite(variance) & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
     return np.where(keep, base, 0.0), int(dropped.sum())
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TypeAlias
 
+from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.options import PoseChirpOptions, SignalOptions, TrajectoryOptions
 from robid.design.excitation.signal_lines import check_signal
 from robid.errors import SettingsError
@@ -28,6 +29,9 @@ _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
 StudyCheck: TypeAlias = Callable[[Experiment, RobotFile | None], _Found]
 """Finds what is wrong with the study of an experiment, for its robot where that could be read."""
 
+_ARBITRARY = "`arbitrary` says what logs hold: add `source: {acquire: ...}`, or choose a signal that can be played"
+_FOUND = "lines are `found` in logs: add `source: {acquire: ...}`, or say which lines are played"
+_NO_RMS = (TrajectoryOptions, PoseChirpOptions, ArbitraryOptions)
 _FOLDERS = ("designs", "fits", "tasks")
 
 
@@ -99,11 +103,14 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
     if isinstance(campaign.excitation, TrajectoryOptions):
         if campaign.experiments is not None:
             yield (*field, "experiments"), "a trajectory is one experiment in each realization: leave it out"
-    elif not isinstance(campaign.excitation, PoseChirpOptions):
+    elif not isinstance(campaign.excitation, PoseChirpOptions | ArbitraryOptions):
         rms = campaign.excitation.rms
         if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
             yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
-    if campaign.source is not None and campaign.source.acquire is not None:
+    if campaign.source is None or campaign.source.acquire is None:
+        if campaign.is_arbitrary or campaign.finds_lines:
+            yield (*field, "excitation"), _ARBITRARY if campaign.is_arbitrary else _FOUND
+    else:
         count = configuration_count(experiment, campaign)
         yield from check_logs(field, campaign, campaign.source.acquire, count)
 
@@ -113,14 +120,14 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     n_joint = len(robot.joints)
     if campaign.configurations is not None:
         yield from check_reachable((*field, "configurations"), campaign.configurations, robot)
-    rms = () if isinstance(campaign.excitation, TrajectoryOptions | PoseChirpOptions) else campaign.excitation.rms
+    rms = () if isinstance(campaign.excitation, _NO_RMS) else campaign.excitation.rms
     if isinstance(rms, tuple) and rms and len(rms) != n_joint:
         message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
     acquire = None if campaign.source is None else campaign.source.acquire
     yield from _travel((*field, "excitation", "travel"), campaign, robot)
     if not campaign.is_one_shot:
-        if not (campaign.is_trajectory or campaign.moves_poses):
+        if not (campaign.is_trajectory or campaign.moves_poses or campaign.is_arbitrary):
             yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
         yield from _lines(field, campaign, robot)
     if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
@@ -128,7 +135,7 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
     yield from _outputs(field, campaign, robot)
     yield from check_pose_campaign(field, campaign, robot)
     if acquire is not None:
-        yield from check_channels(field, acquire, robot)
+        yield from check_channels(field, campaign, acquire, robot)
     elif campaign.source is not None and campaign.source.simulate is not None:
         if robot.controller is None:
             yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
@@ -138,7 +145,8 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
 def _campaign_of_logs(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
     field, acquire = ("campaigns", name), None if campaign.source is None else campaign.source.acquire
     if acquire is not None and not campaign.is_one_shot and not campaign.is_trajectory:
-        yield from _experiments(field, campaign, len(acquire.inputs))
+        if not campaign.is_arbitrary:
+            yield from _experiments(field, campaign, len(acquire.inputs))
         yield from _lines(field, campaign, robot)
 
 

@@ -28,7 +28,7 @@ def check_limits(experiment: Experiment, robot: RobotFile) -> _Found:
 
 def _is_designed(campaign: Campaign) -> bool:
     """Tells whether a campaign's excitation is designed here; one that others played is not."""
-    if campaign.source is None:
+    if campaign.source is None or campaign.is_arbitrary:
         return False
     return campaign.source.acquire is None or bool(campaign.source.acquire.references)
 

@@ -29,6 +29,7 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
     """
     inside = (*field, "source", "acquire")
     n_experiment = campaign.experiments or 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
+    yield from _signal(field, campaign, acquire)
     counts = {"configuration": n_configuration or 1, "realization": campaign.realizations, "experiment": n_experiment}
     variables = [one.variable for one in acquire.channels if one.file is None]
     yield from _file((*inside, "file"), acquire.file, counts, variables)
@@ -58,7 +59,7 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
                 yield (*inside, key, index), problem
     known = units_of(INJECTED[campaign.excitation.inject], rotation=True)
     for index, reference in enumerate(acquire.references):
-        if reference.unit not in known and not acquire.one_shot:
+        if reference.unit not in known and not (acquire.one_shot or campaign.is_arbitrary):
             message = f"{reference.unit} is no unit of a {campaign.excitation.inject}: use {' or '.join(known)}"
             yield (*inside, "references", index, "unit"), message
     for problem in input_problems(acquire.inputs):
@@ -74,11 +75,32 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         yield (*field, "estimate", "compensation"), message
 
 
+def _signal(field: FieldPath, campaign: Campaign, acquire: Acquire) -> _Found:
+    """Finds what logs of an arbitrary signal, or whose lines are to be found, cannot have."""
+    inside, estimate = (*field, "source", "acquire"), campaign.estimate
+    if campaign.finds_lines and acquire.references:
+        message = "`found` is for signals that others have played; one that is designed here has the lines it was given"
+        yield (*field, "excitation", "lines"), message
+    if not campaign.is_arbitrary:
+        return
+    if acquire.one_shot:
+        yield (*inside, "one_shot"), "an arbitrary signal is for responses, one shot for records: leave one of them out"
+    if acquire.drop_periods:
+        yield (*inside, "drop_periods"), "an arbitrary signal has no periods"
+    if estimate.estimator != "local":
+        yield (*field, "estimate", "estimator"), "an arbitrary signal is read by `local`: leave it out"
+    if estimate.compensation_kind == "silent_lines":
+        message = "an arbitrary signal leaves no line silent: use `compensation: nominal` or `none`"
+        yield (*field, "estimate", "compensation"), message
+    if acquire.references and [one.name for one in acquire.references] != [one.name for one in acquire.inputs]:
+        yield (*inside, "references"), "must be those of the inputs, with their names, in their order"
+
+
 def _is_torque(channel: InputChannel) -> bool:
     return MOTOR_TORQUE.accepts([channel.channel])
 
 
-def check_channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Found:
+def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot: RobotFile) -> _Found:
     """Finds channels that are not those of the robot, and what a match with its excitation lacks."""
     inside = (*field, "source", "acquire")
     joints = [joint.name for joint in robot.joints]
@@ -95,7 +117,7 @@ def check_channels(field: FieldPath, acquire: Acquire, robot: RobotFile) -> _Fou
     for index, output in enumerate(acquire.outputs):
         for key, problem in _output(output, joints, sliding):
             yield (*inside, "outputs", index, key), problem
-    if not acquire.references or acquire.one_shot:
+    if not acquire.references or acquire.one_shot or campaign.is_arbitrary:
         return
     if robot.controller is None:
         yield (*inside, "references"), "the excitation is designed for the robot file's `controller`, which is missing"

@@ -31,7 +31,7 @@ def _campaign(campaign: Campaign) -> _Found:
     if acquire is None:
         what = "an excitation" if campaign.source is None else "a simulation"
         yield ("source",), f"{what} needs `robot`: without one, a campaign is imported from logs (`acquire`)"
-    elif acquire.references and not acquire.one_shot:
+    elif acquire.references and not (acquire.one_shot or campaign.is_arbitrary):
         message = "a match with an excitation that is designed here needs `robot`: name what drives it under `inputs`"
         yield ("source", "acquire", "references"), message
     if campaign.configurations is not None:

@@ -40,9 +40,10 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
 
 
 def played_by_others(campaign: Campaign) -> Acquire | None:
-    """Returns the logs of a campaign whose excitation is not designed here: those without references."""
+    """Returns the logs of a campaign whose excitation is not designed here: arbitrary, or without references."""
     acquire = None if campaign.source is None else campaign.source.acquire
-    return None if acquire is None or acquire.references else acquire
+    designed = acquire is None or (acquire.references and not campaign.is_arbitrary)
+    return None if designed else acquire
 
 
 def transient_periods(campaign: Campaign) -> dict[str, int]:

@@ -28,8 +28,14 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings |= payloads(loaded, fit)
     settings |= {f"campaigns.{campaign}.payload_kg": loaded.experiment.campaigns[campaign].payload_kg}
     inputs = {"model": f"fits/{owner}/model.h5", **data_inputs(family.reads, (campaign,)), **truth_input(loaded, fit)}
-    inputs |= taken_inputs(fit)
+    inputs |= taken_inputs(fit) | record_inputs(fit)
     return Plan((f"fits/{owner}/validation.h5",), settings, inputs)
+
+
+def record_inputs(fit: FitSettings) -> dict[str, str]:
+    """Returns where the records lie in which samples of the fit are looked for, whatever the family reads."""
+    seen = {f"seen_{name}": f"{name}/record.h5" for name in fit.campaigns}
+    return {**seen, "new_record": f"{fit.validate_on or fit.campaign}/record.h5"}
 
 
 def truth_input(loaded: LoadedExperiment, fit: FitSettings) -> dict[str, str]:

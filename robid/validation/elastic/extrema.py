@@ -66,7 +66,10 @@ class Elements:
         hold = sampled.hold[:, None, None]
         aliases = sampled.sampled - hold * self._continuous
         self._measured = (fitted.measured - aliases) / hold
-        self._variance = frf.element_variance() / np.abs(hold) ** 2
+        variance = frf.element_variance()
+        # What is interpolated is as unsure as it is large.
+        variance = np.where(np.isfinite(variance), variance, np.abs(fitted.measured) ** 2)
+        self._variance = variance / np.abs(hold) ** 2
         self._dense_hz = np.geomspace(frf.frequency_hz[0], frf.frequency_hz[-1], _GRID)
         self._dense = np.abs(response(model, plain, self._dense_hz, None).sampled)
 

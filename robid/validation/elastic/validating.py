@@ -95,7 +95,7 @@ def validate_elastic(
     doubts: Sequence[Doubt] = (),
     campaign: str = "validation",
 ) -> Validation:
-    """Validates a fitted elastic model in configurations that the fit did not see.
+    """Validates a fitted elastic model on responses that the fit did not see.
 
     The limits are absolute: however badly a model was fitted, it is held to the same. In the worst configuration the
     mean squared error may be 1.5 times what the response's noise and an assumed model error allow (the one that the
@@ -105,7 +105,7 @@ def validate_elastic(
     Args:
         robot: The robot file that the fit started from.
         solution: What the fit found.
-        frf: Frequency responses in other configurations.
+        frf: Frequency responses of other records; where all configurations are the fit's own, the grade says so.
         options: Options of the fit.
         delay_s: Nominal delay of the fit, hold excluded [s].
         truth: True values by parameter name, of a simulated robot.
@@ -113,22 +113,23 @@ def validate_elastic(
         campaign: Name of the campaign that these data come from.
 
     Raises:
-        DataError: If a configuration was used by the fit, or the data and the model do not belong together.
+        DataError: If the data and the model do not belong together.
 
     Source:
         Zimmermann et al. (2023), sec. V-C and Table II; METHODS sec. 10.
     """
-    _refuse_seen(solution, frf)
     fitted = fitted_model(robot, solution, frf, options, delay_s)
     costs = weighted_costs(robot, fitted)
     per_element = costs.cost / costs.elements
     own = own_errors(fitted, costs.modelled)
     measures = measure(fitted, costs.modelled, options.weights.model_error)
     failures = measures.failures()
+    seen = _seen_already(solution, frf)
+    every = (*validation_doubts(doubts, robot, frf, campaign, delay_s), *seen)
     outcome = Outcome(
         ok=not failures,
-        verdict=_verdict(measures, failures),
-        grade=grade_validation(solution, validation_doubts(doubts, robot, frf, campaign, delay_s), failures),
+        verdict=_verdict(measures, failures, seen=bool(seen)),
+        grade=grade_validation(solution, every, failures),
         recovery=recover(solution.estimate, truth or {}),
     )
     return Validation(
@@ -193,14 +194,14 @@ def median_spring_half_width(estimate: Estimate) -> float | None:
     return float(np.median(0.5 * (estimate.upper - estimate.lower)[springs] / estimate.value[springs]))
 
 
-def _refuse_seen(solution: ElasticSolution, frf: Frf) -> None:
-    distance = np.abs(frf.configurations[:, None] - solution.responses.configurations[None]).max(axis=2).min(axis=1)
-    seen = np.flatnonzero(distance < _SAME_CONFIGURATION_RAD)
-    if seen.size:
-        shown = ", ".join(str(index + 1) for index in seen)
-        message = f"the fit has already used validation configuration {shown}"
-        remedy = "validate on a campaign with other configurations, such as `random` with another seed"
-        raise DataError(message, where="validation", remedy=remedy)
+def _seen_already(solution: ElasticSolution, frf: Frf) -> tuple[Doubt, ...]:
+    """A doubt where nothing was measured elsewhere than the fit's data, which tells nothing of other configurations."""
+    mine, theirs = frf.configurations, solution.responses.configurations
+    near = np.abs(mine[:, None] - theirs[None]).max(axis=2, initial=0.0) < _SAME_CONFIGURATION_RAD
+    if not near.any(axis=1).all():
+        return ()
+    told = "the validation repeats configurations of the fit: nothing was tested in others"
+    return (Doubt("same_configuration", told, decisive=False, strength=2.0),)
 
 
 def _refuse_empty(robot: Robot, elements: IntArray) -> None:
@@ -211,16 +212,18 @@ def _refuse_empty(robot: Robot, elements: IntArray) -> None:
         raise DataError(message, where=robot.name, remedy="excite more, or measure more realizations")
 
 
-def _verdict(measures: Measures, failures: tuple[str, ...]) -> str:
+def _verdict(measures: Measures, failures: tuple[str, ...], *, seen: bool) -> str:
     count = len(measures.error_ratio)
-    where = f"{count} new configurations" if count > 1 else "a new configuration"
+    where = f"in {count} new configurations" if count > 1 else "in a new configuration"
+    if seen:
+        where = f"on new data of {'configurations' if count > 1 else 'the configuration'} of the fit"
     if failures:
-        return f"does not hold in {where}: {'; '.join(failures)}"
+        return f"does not hold {where}: {'; '.join(failures)}"
     worst = float(measures.error_ratio.max())
     place = f" (configuration {int(np.argmax(measures.error_ratio)) + 1})" if count > 1 else ""
     shift = "" if measures.resonance_shift is None else f", resonances by {100 * measures.resonance_shift:.2g} %"
     return (
-        f"holds in {where}: worst error {worst:.2g} of what noise and the assumed model error allow{place}, limit "
+        f"holds {where}: worst error {worst:.2g} of what noise and the assumed model error allow{place}, limit "
         f"{COST_RATIO_LIMIT:g}; the worst motor's own response is off by {measures.motor_error_db:.2g} dB and "
         f"{measures.motor_error_deg:.2g} degrees in the median{shift}"
     )

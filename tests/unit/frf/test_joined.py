@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from exact_systems import friction_frf, two_joint_robot
+from exact_systems import exact_frf, friction_frf, two_joint_robot, with_spring_factors
+from robid.errors import DataError
 from robid.frf.joined import join
 from tolerances import IDENTITY
 
@@ -25,3 +27,74 @@ def test_friction_moves_to_where_the_first_campaign_subtracted_it_exactly():
     np.testing.assert_allclose(joined.sensitivity[2:], first.sensitivity, rtol=IDENTITY, atol=IDENTITY * size)
     np.testing.assert_array_equal(joined.response[:2], first.response)
     np.testing.assert_array_equal(joined.configurations, np.concatenate([CONFIGURATIONS, CONFIGURATIONS]))
+
+
+def on_grid(lines, period_s, configurations=CONFIGURATIONS, std=0.01):
+    """Exact responses at the lines of a period, each with a standard deviation of one in a hundred."""
+    frf = exact_frf(two_joint_robot(), configurations, np.asarray(lines) / period_s)
+    n_out, n_in = frf.response.shape[2:]
+    size = np.abs(frf.response).mean(axis=(2, 3))
+    return replace(
+        frf,
+        lines=np.asarray(lines),
+        input_factor=np.broadcast_to(np.eye(n_in) + 0j, (*frf.response.shape[:2], n_in, n_in)),
+        total_covariance=(std * size[..., None, None]) ** 2 * np.eye(n_out) + 0j,
+        total_degrees_of_freedom=20.0,
+    )
+
+
+def test_campaigns_of_different_lines_have_the_lines_of_both():
+    low, high = on_grid(np.arange(4, 40), 2.0), on_grid(np.arange(30, 200, 5), 3.0)
+    joined = join([low, high], ["low", "high"])
+    wanted = np.unique(np.round(np.concatenate([low.frequency_hz, high.frequency_hz]), 9))
+    np.testing.assert_allclose(joined.frequency_hz, wanted, rtol=IDENTITY)
+    np.testing.assert_allclose(joined.lines / 6.0, joined.frequency_hz, rtol=IDENTITY)
+    variance = joined.element_variance()
+    for rows, own in ((slice(0, 2), low), (slice(2, 4), high)):
+        at = np.searchsorted(joined.frequency_hz, own.frequency_hz - 1e-9)
+        np.testing.assert_array_equal(joined.response[rows][:, at], own.response)
+        np.testing.assert_array_equal(variance[rows][:, at], own.element_variance())
+        assert np.isinf(np.delete(variance[rows], at, axis=1)).all()
+        assert np.isfinite(joined.response[rows]).all()
+    assert "low 36 from 2 to 19.5 Hz, high 34 from 10 to 65 Hz" in joined.notes[-1]
+
+
+def test_campaigns_of_the_same_lines_drop_none():
+    one = on_grid(np.arange(4, 40), 2.0)
+    assert join([one, one], ["a", "b"]).dropped is None
+
+
+def test_lines_that_were_dropped_before_stay_dropped():
+    low, high = on_grid(np.arange(4, 40), 2.0), on_grid(np.arange(30, 200, 5), 3.0)
+    dropped = np.zeros((2, 36, 2), bool)
+    dropped[1, 7, 0] = True
+    joined = join([replace(low, dropped=dropped), high], ["low", "high"])
+    at = np.searchsorted(joined.frequency_hz, low.frequency_hz[7] - 1e-9)
+    assert joined.dropped[1, at].tolist() == [True, False]
+    same = join([replace(low, dropped=dropped), low], ["a", "b"])
+    assert same.dropped.sum() == 1
+
+
+def test_lines_without_a_common_grid_are_refused():
+    with pytest.raises(DataError, match=r"no common grid: `a` 2 s, `b` 2\.0371 s") as caught:
+        join([on_grid(np.arange(4, 40), 2.0), on_grid(np.arange(4, 40), 2.0371)], ["a", "b"])
+    assert "period_s" in caught.value.remedy
+
+
+def test_a_fit_takes_of_each_campaign_the_lines_that_it_has():
+    from robid.fit.elastic.fitting import fit_elastic
+    from robid.fit.elastic.options import ElasticOptions
+
+    nominal = with_spring_factors(two_joint_robot(), 1.3)
+    low, high = on_grid(np.arange(4, 60), 2.0), on_grid(np.arange(40, 400, 5), 3.0, CONFIGURATIONS + 0.2)
+    joined = join([low, high], ["low", "high"])
+    spoiled = joined.response.copy()
+    spoiled[np.isinf(joined.element_variance())] *= -5.0  # what was never measured must not matter
+    options = ElasticOptions(free=("stiffness", "damping"), starts=1)
+    fits = [fit_elastic(nominal, replace(joined, response=each), options, 0.0) for each in (joined.response, spoiled)]
+    for fit in fits:
+        true = {spring.name: spring.stiffness for spring in two_joint_robot().springs}
+        found = dict(zip(fit.estimate.names, fit.estimate.value, strict=True))
+        for name, value in true.items():
+            assert found[f"{name}.stiffness"] == pytest.approx(value, rel=1e-3)
+    np.testing.assert_allclose(fits[0].estimate.value, fits[1].estimate.value, rtol=1e-6)

@@ -71,7 +71,7 @@ def test_instants_that_jitter_are_evened(tmp_path):
     generator = np.random.default_rng(2)
     time_s = STEP * np.arange(PERIODS * PERIOD) + 0.15 * STEP * generator.uniform(-1, 1, PERIODS * PERIOD)
     time_s[0] = 0.0
-    with pytest.raises(DataError, match="deviate from 0.001 s by up to") as caught:
+    with pytest.raises(DataError, match=r"deviate from 0\.001 s by up to") as caught:
         import_waves(tmp_path, time_s)
     assert "Set resample to time" in caught.value.remedy
     assert wrong_by(import_waves(tmp_path, time_s, resample="time")) < 1e-5

@@ -12,6 +12,7 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.validation.elastic.fitted import fitted_model
 from robid.validation.elastic.measures import Measures
 from robid.validation.elastic.validating import median_spring_half_width, validate_elastic
+from robid.validation.grade import PREDICTS
 from robid.validation.recovery import Recovery, recover, recovery_sentence
 from solutions import with_estimate
 
@@ -164,10 +165,19 @@ def test_truth_is_told_in_a_sentence():
     )
 
 
-def test_seen_configurations_are_refused(nominal, solution, fresh):
-    mixed = replace(fresh, configurations=np.array([NEW[0], SEEN[2] + 1e-5]))
-    with pytest.raises(DataError, match="already used validation configuration 2"):
-        validate_elastic(nominal, solution, mixed, OPTIONS, DELAY_S, None)
+def test_where_all_configurations_were_seen_nothing_is_said_of_others(nominal, solution, fresh):
+    def validated(*places):
+        moved = replace(fresh, configurations=np.array(places))
+        return validate_elastic(nominal, solution, moved, OPTIONS, DELAY_S, None).outcome
+
+    seen, mixed = validated(SEEN[1], SEEN[2] + 1e-5), validated(NEW[0], SEEN[2])
+    told = "the validation repeats configurations of the fit: nothing was tested in others"
+    assert told in seen.grade.messages
+    assert "same_configuration" in seen.grade.causes
+    assert seen.grade.value <= PREDICTS
+    assert "of the fit" in seen.verdict
+    assert told not in mixed.grade.messages
+    assert "new configurations" in mixed.verdict
 
 
 @pytest.mark.parametrize("change", ["robot", "options", "delay"])

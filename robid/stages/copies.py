@@ -1,0 +1,83 @@
+"""Refuses to validate a fit on samples that it has seen, whatever its family."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.store import read_artifact, read_outline
+from robid.errors import DataError
+from robid.settings.fits import FitSettings
+from robid.signals.record import Record
+from robid.validation.copies import Copy, find_copy
+
+_SAME_PLACE = 1e-3  # rad, or m
+_SAMPLES = ("inputs", "outputs", "reference")
+
+
+def refuse_copies(fit: FitSettings, seen: Mapping[str, Path], new: Path) -> None:
+    """Compares the records of a fit with a new one in every configuration that both have.
+
+    Args:
+        fit: The fit.
+        seen: Record of each of its campaigns, by name.
+        new: The record that it is to be validated on.
+
+    Raises:
+        DataError: If samples of the fit come back in the new record.
+    """
+    mine = _places(new)
+    theirs = list(_of_fit(fit, seen))
+    for (row, place), (campaign, old_row, old_place) in product(enumerate(mine), theirs):
+        if place is not None and old_place is not None and not _alike(place, old_place):
+            continue
+        found = find_copy(_read(seen[campaign], old_row), _read(new, row))
+        if found is not None:
+            raise _refusal(found, campaign, row, _read(new, row))
+
+
+def _of_fit(fit: FitSettings, seen: Mapping[str, Path]) -> Iterator[tuple[str, int, FloatArray | None]]:
+    """Campaign, row and place of each configuration that the fit has used."""
+    counted = 0
+    for campaign, path in seen.items():
+        places = _places(path)
+        for row, place in enumerate(places):
+            if fit.configurations is None or counted + row in fit.configurations:
+                yield campaign, row, place
+        counted += len(places)
+
+
+def _places(path: Path) -> list[FloatArray | None]:
+    """Where a record's configurations are; None where it does not say."""
+    rows = read_outline(path, RECORD).n_rows
+    datasets = read_artifact(path, RECORD, leave_out=_SAMPLES).datasets
+    return [
+        np.asarray(datasets["configurations"].values[row]) if "configurations" in datasets else None
+        for row in range(rows)
+    ]
+
+
+def _alike(place: FloatArray, other: FloatArray) -> bool:
+    return place.shape == other.shape and bool(np.all(np.abs(place - other) < _SAME_PLACE))
+
+
+def _read(path: Path, row: int) -> Record:
+    return record_from_artifact(read_artifact(path, RECORD, row=row))
+
+
+def _refusal(found: Copy, campaign: str, row: int, new: Record) -> DataError:
+    place = f"configuration {row + 1}, realization {found.realization + 1}, experiment {found.experiment + 1}"
+    old = f"`{campaign}`, realization {found.old_realization + 1}, experiment {found.old_experiment + 1}"
+    what = (
+        f"{place} of the validation holds samples of the fit: {found.count} from sample {found.first + 1} on are those"
+        f" of {old}, from sample {found.old_first + 1} on"
+    )
+    remedy = "validate on another recording"
+    if not new.is_one_shot:
+        remedy += ", or on periods that the fit does not use (`drop_periods`, `periods`, `take`)"
+    return DataError(what, where="validation", remedy=remedy)

@@ -1,0 +1,146 @@
+"""Logs of signals of which nothing but a band is known, through the CLI: what comes out, what is refused and why."""
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from arbitrary_logs import SIGNALS, play, truth, write_logs
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.store import read_artifact
+from robid.families.files import load_experiment
+from robid.simulate.options import Imperfections
+
+CONFIGURATION_DEG = (20.0, 30.0)
+FILE = """schema_version: 1
+name: noise
+robot: arm.yaml
+campaigns:
+  log:
+    configurations: {list_deg: [[20, 30]]}
+    excitation: {signal: arbitrary, low_hz: 3, high_hz: 60, resolution_hz: 0.5}
+    experiments: 2
+    source:
+      acquire:
+        file: "logs/log{experiment}.mat"
+        format: mat
+        sampling_period_s: 1.0e-3
+        inputs: [{name: turn, variable: "torque(:,1)"}, {name: lift, variable: "torque(:,2)"}]
+        outputs: [{name: turn, variable: "angle(:,1)"}, {name: lift, variable: "angle(:,2)"}]
+        # references
+    estimate: {compensation: none}
+execution: {backend: serial}
+"""
+REFERENCES = (
+    'references: [{name: turn, variable: "reference(:,1)", unit: rad/s},'
+    ' {name: lift, variable: "reference(:,2)", unit: rad/s}]'
+)
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory, workshop):
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        shop = workshop(tmp_path_factory.mktemp("arm"), monkeypatch)
+        return load_experiment(shop.folder / "small.yaml").robot.to_robot()
+
+
+@pytest.fixture(scope="module")
+def played(arm):
+    """Records of 12 s of each signal, linear robot with noise of its sensors."""
+    flaws = Imperfections(encoder_noise_rad=1e-5, torque_noise_nm=0.02)
+    where = np.deg2rad(CONFIGURATION_DEG)
+
+    def record(name):
+        reference = np.stack([SIGNALS[name](12_000, 2, seed) for seed in (11, 12)])
+        return play(arm, reference, where, flaws)
+
+    return {name: record(name) for name in SIGNALS}
+
+
+@pytest.fixture
+def logs(shop, played):
+    """A folder with two logs of noise and the experiment that reads them."""
+    write_logs(played["noise"], shop.folder / "logs")
+    (shop.folder / "noise.yaml").write_text(FILE)
+    shop.experiment, shop.runs = "noise.yaml", shop.folder / "runs" / "noise"
+    return shop
+
+
+def found(shop, campaign="log"):
+    return frf_from_artifact(read_artifact(shop.runs / campaign / "frf.h5", FRF))
+
+
+def run(shop):
+    answers = [
+        shop.robid(stage, "noise.yaml", "--force")
+        for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf")
+    ]
+    assert all(answer.code == 0 for answer in answers), answers
+    return " ".join(answer.out + answer.err for answer in answers)
+
+
+@pytest.mark.parametrize(("name", "reference"), [("noise", False), ("sweep", True), ("moves", False)])
+def test_a_signal_nobody_designed_gives_the_response_of_the_linear_robot(logs, played, arm, name, reference):
+    write_logs(played[name], logs.folder / "logs")
+    if reference:
+        logs.change("# references", REFERENCES, "noise.yaml")
+    answer = run(logs)
+    assert "2 arbitrary signals of 12 s, 6 segments of 2 s" in answer
+    frf = found(logs)
+    assert len(frf.lines) == 115
+    error = np.abs(frf.response[0] - truth(arm, np.deg2rad(CONFIGURATION_DEG), frf.frequency_hz))
+    radius = frf.error_radius(0.95)[0]
+    assert np.mean(error <= radius) >= 0.90
+    own = np.arange(2)
+    assert np.median((radius / np.abs(frf.response[0]))[:, own, own]) < 0.05  # and it says something
+    record = record_from_artifact(read_artifact(logs.runs / "log" / "record.h5", RECORD))
+    assert record.is_arbitrary
+    assert record.is_one_shot
+    assert (record.reference is not None) == reference
+
+
+def test_several_configurations_have_one_grid_whatever_their_logs_last(logs, played):
+    logs.change("[[20, 30]]", "[[20, 30], [0, 0]]", "noise.yaml")
+    logs.change("log{experiment}", "log{configuration}{experiment}", "noise.yaml")
+    for configuration, length in ((1, 12_000), (2, 9_000)):
+        for experiment in (1, 2):
+            part = (0, 0, experiment - 1, 0, slice(length))
+            columns = {"torque": played["noise"].inputs[part], "angle": played["noise"].outputs[part]}
+            savemat(logs.folder / "logs" / f"log{configuration}{experiment}.mat", columns)
+    answer = run(logs)
+    assert "4 arbitrary signals of 8 s, 4 segments of 2 s" in answer
+    frf = found(logs)
+    assert frf.response.shape == (2, 115, 2, 2)
+    np.testing.assert_allclose(frf.response[0], frf.response[1], rtol=1e-5)
+
+
+REFUSED = [
+    # what is changed, exit code, what is said, and what then helps
+    ("resolution_hz: 0.5", "resolution_hz: 0.05", 4, "resolution_hz to 0.08334 or more", ("0.05", "0.08334")),
+    ("resolution_hz: 0.5", "resolution_hz: 30", 2, "lower resolution_hz to 14.2", ("z: 30", "z: 14.2")),
+    ("high_hz: 60", "high_hz: 500", 2, "lower high_hz", ("500", "60")),
+    ("        # ref", "        drop_periods: 1\n        # ref", 2, "has no periods", ("drop_periods: 1", "")),
+    ("        # ref", "        one_shot: true\n        # ref", 2, "leave one of them out", ("one_shot: true", "")),
+    ("compensation: none", "estimator: joint", 2, "read by `local`", ("estimator: joint", "")),
+    ("on: none", "on: silent_lines", 2, "use `compensation: nominal` or `none`", ("silent_lines", "none")),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "code", "said", "help_"), REFUSED)
+def test_what_cannot_be_is_refused_and_the_remedy_works(logs, old, new, code, said, help_):
+    logs.change(old, new, "noise.yaml")
+    answer = logs.robid("run", "noise.yaml")
+    assert answer.code == code, answer.err
+    assert said in answer.flat
+    logs.change(*help_, "noise.yaml")
+    run(logs)
+
+
+def test_a_signal_that_cannot_be_played_is_not_simulated(shop):
+    shop.change("excitation: *excitation", "excitation: {signal: arbitrary, low_hz: 2, high_hz: 9, resolution_hz: 1}")
+    shop.refuse(2, "`arbitrary` says what logs hold: add `source: {acquire: ...}`")
+
+
+def test_lines_are_found_in_logs_only(shop):
+    shop.change("count: 14", "lines: found")
+    shop.refuse(2, "lines are `found` in logs")

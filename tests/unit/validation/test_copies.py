@@ -1,0 +1,109 @@
+"""Data that a fit has seen come back as a copy: found whatever was done to it; repeated measurements are none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robid.signals.quantities import Channel
+from robid.signals.record import Record
+from robid.validation.copies import find_copy
+
+N, P = 300, 6
+INPUTS, OUTPUTS = (
+    (Channel("drive", "torque", "N m", "motor"),),
+    (
+        Channel("drive", "angle", "rad", "motor"),
+        Channel("drive.arm", "angle", "rad", "arm"),
+    ),
+)
+
+
+def record_of(seed, noise=0.01, n_real=2, period=N, one_shot=False):
+    """The same motion, measured once more."""
+    motion = np.random.default_rng(1)
+    wave = np.fft.irfft(np.fft.rfft(motion.normal(size=(3, N)), axis=1) * (np.arange(N // 2 + 1) < 30), axis=1)
+    generator = np.random.default_rng(seed)
+    samples = np.tile(wave, (n_real, 1, 1, P)).reshape(n_real, 1, 3, -1)
+    samples = samples + noise * wave.std() * generator.normal(size=samples.shape)
+    samples = np.moveaxis(samples, 2, -1)
+    return cut(samples, one_shot=one_shot, period=period)
+
+
+def cut(samples, period=N, one_shot=False):
+    """Samples (n_real, n_exp, n_time, n_channel) as a record."""
+    periods = 1 if one_shot else samples.shape[2] // period
+    length = samples.shape[2] if one_shot else period
+    shaped = samples[:, :, : periods * length].reshape(1, *samples.shape[:2], periods, length, 3)
+    return Record(
+        sampling_period_s=1e-3,
+        inputs=shaped[..., :1],
+        outputs=shaped[..., 1:],
+        output_offset=np.zeros((1, 2)),
+        input_channels=INPUTS,
+        output_channels=OUTPUTS,
+        configurations=None if one_shot else np.zeros((1, 1)),
+        excited_lines=np.zeros(0, int) if one_shot else np.arange(1, 30),
+    )
+
+
+def samples_of(record):
+    both = np.concatenate([record.inputs[0], record.outputs[0]], axis=-1)
+    return both.reshape(*both.shape[:2], -1, 3)
+
+
+@pytest.mark.parametrize("noise", [1e-3, 0.01, 0.3])
+@pytest.mark.parametrize("one_shot", [False, True])
+def test_a_repeated_measurement_is_no_copy(noise, one_shot):
+    assert find_copy(record_of(1, noise, one_shot=one_shot), record_of(2, noise, one_shot=one_shot)) is None
+
+
+CHANGES = {
+    "the same": lambda x: x,
+    "scaled and turned": lambda x: x * [2.0, -0.3, 57.3],
+    "begun elsewhere": lambda x: x[:, :, 137:],
+    "cut": lambda x: x[:1, :, 2 * N : 5 * N],
+    "rounded": lambda x: np.round(x, 5),
+    "shifted by an offset": lambda x: x + np.array([0.1, 3.0, -1.0]),
+    "in single precision": lambda x: x.astype(np.float32).astype(float),
+    "another order": lambda x: x[::-1],
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_copy_is_found_whatever_was_done_to_it(change):
+    old = record_of(1)
+    found = find_copy(old, cut(CHANGES[change](samples_of(old))))
+    assert found is not None
+    if change == "begun elsewhere":
+        assert (found.first, found.old_first) == (0, 137)
+
+
+def test_one_copied_period_among_new_ones_is_found():
+    old, fresh = record_of(1, n_real=1), samples_of(record_of(2, n_real=1))
+    fresh[:, :, 3 * N : 4 * N] = samples_of(old)[:, :, N : 2 * N]
+    found = find_copy(old, cut(fresh))
+    assert found is not None
+    assert (found.first, found.old_first, found.count) == (3 * N, N, N)
+
+
+def test_other_periods_of_one_recording_are_no_copy():
+    whole = samples_of(record_of(1))
+    assert find_copy(cut(whole[:, :, : 3 * N]), cut(whole[:, :, 3 * N :])) is None
+
+
+def test_a_cut_shot_is_a_copy():
+    old = record_of(1, one_shot=True)
+    assert find_copy(old, cut(3 * samples_of(old)[:, :, 211:1500], one_shot=True)) is not None
+
+
+def test_a_channel_that_differs_makes_it_another_measurement():
+    old = record_of(1)
+    other = samples_of(old)
+    other[..., 2] = samples_of(record_of(2))[..., 2]
+    assert find_copy(old, cut(other)) is None
+
+
+def test_records_of_other_channels_have_nothing_in_common():
+    old = record_of(1)
+    assert find_copy(old, replace(old, input_channels=(Channel("other", "torque", "N m", "motor"),))) is None
