@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
 
 from robid.artifacts.atomic import replacing
 from robid.commands.inspect import LogInspection
@@ -18,10 +22,11 @@ from robid.logs.inspection.text import write_experiment
 from robid.logs.inspection.words import describe_period, describe_sampling, remarks, role_text
 from robid.logs.lines import format_lines
 from robid.report.numbers import significant
-from robid.stages.terminal import Shell, make_console, section_table
+from robid.stages.terminal import Shell, make_console
 
 _MARK = "<!-- page of robid inspect -->"
 _COLUMNS = ("variable", "taken for", "unit", "from", "to", "step", "remarks")
+_NUMBERS = ("from", "to", "step")
 _SHOWN = 20
 
 
@@ -92,34 +97,46 @@ def _write_new(path: Path, text: str) -> None:
 
 def _print(shell: Shell, found: Findings, text: str, options: LogInspection) -> None:
     contents = found.contents
-    shell.say(f"{contents.file}: {FORMATS[contents.format].title}, {len(contents.columns)} signals")
+    shell.say(f"{contents.file}: {FORMATS[contents.format].title}")
     for line in (describe_sampling(found), describe_period(found), *contents.notes):
         shell.say(f"  {line}")
-    shell.out.print(section_table("", _COLUMNS, [_row(found, one) for one in found.signals]))
-    if found.others:
-        others = ", ".join(f"{one.key} ({len(one.values)})" for one in found.others[:_SHOWN])
-        more = f" and {len(found.others) - _SHOWN} more" if len(found.others) > _SHOWN else ""
-        shell.say(f"of another length or topic: {others}{more}")
-    if contents.scalars:
-        shown = [f"{name} = {value:.6g}" for name, value in list(contents.scalars.items())[:_SHOWN]]
-        shell.say(f"single numbers: {', '.join(shown)}")
-    for name, why in list(contents.unreadable.items())[:_SHOWN]:
-        shell.say(f"not read: {name}: {why}")
+    shell.out.print(_table(found))
+    others = [f"{one.key} ({len(one.values)} samples)" for one in found.others]
+    numbers = [f"{name} = {value:.6g}" for name, value in contents.scalars.items()]
+    reasons = [f"{name}: {why}" for name, why in contents.unreadable.items()]
+    _say_some(shell, "of another length or topic", others)
+    _say_some(shell, "further times", list(found.sampling.others))
+    _say_some(shell, "single numbers", numbers)
+    _say_some(shell, "texts", list(contents.texts))
+    _say_some(shell, "not read", reasons)
     if options.experiment is not None:
-        shell.say(f"\nproposal  {options.experiment}: check what it marks, then `robid run {options.experiment}`")
+        shell.say(f"proposal: {options.experiment}; check what it marks, then `robid run {options.experiment}`")
     else:
         shell.say("\nproposal, to paste into an experiment file (`--propose FILE.yaml` writes it):\n")
         shell.say(text)
     if options.page is not None:
-        shell.say(f"page  {options.page}")
+        shell.say(f"page: {options.page}")
 
 
-def _row(found: Findings, signal: Signal) -> tuple[str, ...]:
-    quality = signal.quality
-    step = "" if quality.resolution is None else f"{quality.resolution:.4g}"
-    said = "; ".join(remarks(found, signal))
-    unit = signal.column.unit or signal.hint.unit
-    return (signal.name, role_text(signal), unit, significant(quality.lowest), significant(quality.highest), step, said)
+def _say_some(shell: Shell, what: str, items: list[str]) -> None:
+    """Lists the first items, and how many more there are."""
+    if items:
+        more = f" and {len(items) - _SHOWN} more" if len(items) > _SHOWN else ""
+        shell.say(f"{what}: {', '.join(items[:_SHOWN])}{more}")
+
+
+def _table(found: Findings) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for name in _COLUMNS:
+        table.add_column(name, justify="right" if name in _NUMBERS else "left", overflow="fold")
+    for signal in found.signals:
+        quality = signal.quality
+        ends = significant(quality.lowest), significant(quality.highest)
+        step = "" if quality.resolution is None else f"{quality.resolution:.4g}"
+        unit = signal.column.unit or signal.hint.unit
+        cells = (signal.name, role_text(signal), unit, *ends, step, "; ".join(remarks(found, signal)))
+        table.add_row(*map(escape, cells))
+    return table
 
 
 def as_plain(found: Findings) -> dict[str, Any]:
@@ -134,6 +151,7 @@ def as_plain(found: Findings) -> dict[str, Any]:
         "signals": [_plain_signal(found, one) for one in found.signals],
         "others": {one.key: len(one.values) for one in found.others},
         "scalars": dict(found.contents.scalars),
+        "texts": list(found.contents.texts),
         "unreadable": dict(found.contents.unreadable),
         "period": None
         if shared is None
@@ -162,6 +180,8 @@ def _plain_signal(found: Findings, signal: Signal) -> dict[str, Any]:
         "reasons": list(signal.reasons),
         "same_as": signal.twin or None,
         "period_samples": None if measured is None else measured.samples,
-        **vars(signal.quality),
+        **{
+            key: value if value is None or math.isfinite(value) else None for key, value in vars(signal.quality).items()
+        },
         "remarks": remarks(found, signal),
     }

@@ -13,12 +13,12 @@ from robid.logs.inspection.words import describe_period, describe_sampling, rema
 from robid.report.content import Headline, KeyNumber, ReportContent, Verdict
 from robid.report.numbers import engineering, pretty_unit, significant
 from robid.report.page import render
-from robid.report.section import Beside, Cell, Curve, Figure, Notes, Row, Section, Table
+from robid.report.section import Beside, Cell, ColumnStyle, Curve, Figure, Notes, Row, Section, Table
 
 _DRAWN = 24
 """Signals that are drawn at most."""
 
-_STYLES = ("name", "text", "text", "number", "number", "number", "prose")
+_STYLES: tuple[ColumnStyle, ...] = ("name", "text", "text", "number", "number", "number", "prose")
 
 
 def draw_log(found: Findings, proposal: str) -> str:

@@ -33,6 +33,7 @@ _FEWEST = 8
 _COLUMNS = 64
 """Columns of a matrix that are looked at."""
 
+_TEXT = "It holds text, not numbers."
 _STREAMS = ("mcap", "rosbag")
 
 
@@ -73,7 +74,8 @@ class Contents:
         format: Its format.
         columns: Its signals.
         scalars: Its single numbers.
-        unreadable: What cannot be read, with the reason.
+        texts: Names of its texts.
+        unreadable: What else cannot be read, with the reason.
         notes: What was not looked at, and damage.
     """
 
@@ -81,6 +83,7 @@ class Contents:
     format: str
     columns: tuple[Column, ...]
     scalars: Mapping[str, float]
+    texts: tuple[str, ...]
     unreadable: Mapping[str, str]
     notes: tuple[str, ...]
 
@@ -105,24 +108,27 @@ def read_contents(file: Path, format_: str | None = None, dialect: Dialect | Non
     if not columns:
         remedy = "Check that it is the right file; state `--format` where it is told wrongly."
         raise DataError("The log holds no signals.", where=str(file), remedy=remedy)
-    unreadable = {name: reason.what for name, reason in variables.unreadable.items()}
+    unreadable = {name: one.what for name, one in variables.unreadable.items() if name not in variables.texts}
+    texts = [name for name, one in variables.unreadable.items() if name in variables.texts or one.what == _TEXT]
+    unreadable = {name: what for name, what in unreadable.items() if what != _TEXT}
     damage = variables.found.damage
     notes += [] if damage is None else [f"{damage.what} {damage.remedy}"]
     columns = [replace(one, source=file.name.partition(".")[0]) for one in columns]
-    return Contents(file, told, tuple(columns), scalars, {**unreadable, **odd}, tuple(notes))
+    return Contents(file, told, tuple(columns), scalars, tuple(texts), {**unreadable, **odd}, tuple(notes))
 
 
 def join_contents(read: Sequence[Contents]) -> Contents:
     """Joins what was read of several logs of one recording."""
     first, *others = read
-    columns = [*first.columns]
+    columns, texts = [*first.columns], [*first.texts]
     unreadable, notes = dict(first.unreadable), list(first.notes)
     for one in others:
         columns += [replace(column, file=one.file) for column in one.columns]
+        texts += [f"{name} of {one.file.name}" for name in one.texts]
         unreadable |= {f"{name} of {one.file.name}": reason for name, reason in one.unreadable.items()}
         notes += [f"{one.file.name}: {note}" for note in one.notes]
     scalars = {name: value for one in reversed(read) for name, value in one.scalars.items()}
-    return Contents(first.file, first.format, tuple(columns), scalars, unreadable, tuple(notes))
+    return Contents(first.file, first.format, tuple(columns), scalars, tuple(texts), unreadable, tuple(notes))
 
 
 def _read(file: Path, format_: str | None, dialect: Dialect) -> tuple[Variables, list[str]]:

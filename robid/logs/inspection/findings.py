@@ -9,18 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
+from robid.logs.inspection.channels import Chosen, choose, propose_inputs, propose_outputs, propose_references
 from robid.logs.inspection.contents import Column, Contents, join_contents, read_contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_names
-from robid.logs.inspection.proposal import (
-    Chosen,
-    Excitation,
-    Proposal,
-    choose,
-    is_broad,
-    propose_band,
-    propose_channels,
-    propose_lines,
-)
+from robid.logs.inspection.proposal import Proposal, is_broad, propose_band, propose_lines
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.repetition import (
     Shared,
@@ -109,7 +101,7 @@ def inspect_log(
     group = _main_group(contents.columns)
     others = tuple(one for one in contents.columns if one not in group)
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
-    columns = [one for one in group if one.name != sampling.variable]
+    columns = [one for one in group if one.name != sampling.variable and one.key not in sampling.others]
     tell("comparing signals")
     comparison = Comparison(sampling.step_s or _UNKNOWN_STEP_S)
     signals = find_roles(columns, [judge(one.values) for one in columns], comparison)
@@ -178,8 +170,14 @@ def from_end(shared: Shared) -> bool:
 def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposal:
     """Proposes the mapping with what was played."""
     band = _band(found, chosen)
-    made = propose_channels(chosen, comparison, band)
-    made = replace(made, resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "")
+    made = Proposal(
+        propose_inputs(chosen, comparison, band),
+        propose_outputs(chosen, comparison, band),
+        propose_references(chosen),
+        None,
+        resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "",
+        checks=tuple(f"`{one.name}` ({one.role}) was left out: values are missing" for one in chosen.damaged),
+    )
     if found.shared is None or not len(found.lines):
         if len(chosen.inputs) == 1 and is_broad(band, found.step_s, found.duration_s):
             return replace(made, excitation=propose_band(band, found.duration_s))
@@ -187,12 +185,11 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
     shared = found.shared
     count = int(shared.held + 1e-3)
     drop = 1 if shared.transient and not from_end(shared) and count > 2 else 0
-    excitation: Excitation = propose_lines(shared, found.lines, found.step_s)
     repetition = Repetition(shared.samples, shared.std_samples, reachable=True)
     drifts = repetition.drifts(count - drop, shared.whole, found.lines)
     return replace(
         made,
-        excitation=excitation,
+        excitation=propose_lines(shared, found.lines, found.step_s),
         periods=count - drop,
         drop_periods=drop,
         take_last=from_end(shared),

@@ -15,46 +15,47 @@ Role: TypeAlias = Literal[
 ]
 """What a signal is; `other` is none of a drive's, an empty one is unknown."""
 
+By: TypeAlias = Literal["unit", "name", "short", "file", ""]
+"""What says so: its unit, its name, single letters of it, the log's name, or nothing."""
+
 DRIVING: tuple[Role, ...] = ("torque", "current", "force", "voltage")
 MOVING: tuple[Role, ...] = ("angle", "position", "speed", "acceleration")
 
 _WORDS: dict[Role, str] = {
-    "torque": "torque torques tau trq tq tor moment mom moments drehmoment effort efforts mdrive",
+    "torque": "torque torques tau trq tq tor moment mom moments drehmoment effort efforts",
     "current": "current currents cur curr iq isq amp amps ampere strom",
     "force": "force forces thrust kraft",
     "voltage": "voltage volt volts uq ud vq vd spannung",
     "angle": "angle angles ang theta phi rotation winkel",
-    "position": "position positions pos posn enc encoder lage displacement disp travel slide axis qpos",
-    "speed": "speed speeds vel velocity velocities omega omegam qd dq qdot dqdt rpm drehzahl geschwindigkeit qvel rate",
-    "acceleration": "acceleration accelerations acc accel qdd ddq qddot alpha beschleunigung gyro imu qacc",
-    "other": "temperature temp status state flag mode counter count index seq error err warning vdc bus dclink id secs nanosecs"
-    " sec nanosec digital din dout msr mask valid quality humidity frame",
+    "position": "position positions pos posn enc encoder lage displacement disp travel slide qpos",
+    "speed": "speed speeds vel velocity velocities omega qd dq qdot dqdt rpm drehzahl geschwindigkeit qvel",
+    "acceleration": "acceleration accelerations acc accel qdd ddq qddot beschleunigung qacc",
+    "other": "temperature temp status state flag mode counter count index seq error err warning vdc bus dclink id sec"
+    " secs nanosec nanosecs digital din dout msr mask valid quality humidity frame",
 }
 _ROLE = {word: role for role, words in _WORDS.items() for word in words.split()}
 _WEAK: dict[str, Role] = {
-    "q": "angle",
-    "i": "current",
-    "m": "torque",
-    "v": "speed",
-    "w": "speed",
-    "n": "speed",
-    "u": "voltage",
+    **{"q": "angle", "x": "position", "y": "position", "z": "position", "v": "speed", "w": "speed", "n": "speed"},
+    **{"a": "acceleration", "m": "torque", "f": "force", "i": "current", "c": "current", "u": "voltage"},
 }
-_WEAK |= {"f": "force", "a": "acceleration", "x": "position", "y": "position", "z": "position", "c": "current"}
-_COMMANDED = set(
-    "ref reference refs cmd command commanded comm set setpoint sp soll sollwert des desired target tgt demand dem dmd"
-    " input told goal plan planned".split()
+_COMMANDED = frozenset(
+    (
+        *("ref", "reference", "refs", "cmd", "command", "commanded", "set", "setpoint", "sp", "soll", "sollwert"),
+        *("des", "desired", "target", "tgt", "demand", "dem", "dmd", "input", "goal", "planned"),
+    )
 )
-_MEASURED = set("act actual meas measured ist istwert fb feedback ad adx sensor sensed real read".split())
-_SIDES: dict[str, Literal["motor", "arm", "tool"]] = {
-    **dict.fromkeys("motor mot mtr rotor servo".split(), "motor"),
-    **dict.fromkeys("load link arm output joint secondary second table last sek abtrieb".split(), "arm"),
-    **dict.fromkeys("tcp tool flange tip tracker ee".split(), "tool"),
+_MEASURED = frozenset(("act", "actual", "meas", "measured", "ist", "istwert", "fb", "feedback", "ad", "adx", "sensor"))
+Side: TypeAlias = Literal["motor", "arm", "tool", ""]
+_SIDES: dict[str, Side] = {
+    **dict.fromkeys(("motor", "mot", "mtr", "rotor", "servo"), "motor"),
+    **dict.fromkeys(("load", "link", "arm", "output", "secondary", "second", "table", "last", "abtrieb"), "arm"),
+    **dict.fromkeys(("tcp", "tool", "flange", "tip", "tracker", "ee"), "tool"),
 }
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
 _LABEL = re.compile(r"\[([A-Za-z][\w-]*)\]")
 _COLUMN = re.compile(r"\(:,\s*(\d+)\)$")
 _AXES = re.compile(r"(^|\.)[XY](\(\d+\))?\.Data$")
+_SHORT = re.compile("[qi][a-z]")
 _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _SPELLINGS = {
     **{name.replace(" ", "").lower(): name for name in UNITS},
@@ -88,7 +89,7 @@ class Hint:
 
     Attributes:
         role: What it is.
-        by: What says so: `unit`, `name`, `short` for single letters, `file` for the log's name, or nothing.
+        by: What says so.
         commanded: Whether it was commanded; None where nothing says so.
         side: Its side, where the name says so.
         joint: What tells its joint from others, as a number or a label.
@@ -96,9 +97,9 @@ class Hint:
     """
 
     role: Role
-    by: Literal["unit", "name", "short", "file", ""]
+    by: By
     commanded: bool | None
-    side: Literal["motor", "arm", "tool", ""]
+    side: Side
     joint: str
     unit: str
 
@@ -149,7 +150,7 @@ def read_name(column: Column) -> Hint:
     own = tokens(_plain(_LABEL.sub("", text)))
     words = own + tokens(column.title)
     role, by = _role(unit, words, own)
-    side = next((_SIDES[word] for word in words if word in _SIDES), "")
+    side: Side = next((_SIDES[word] for word in words if word in _SIDES), "")
     joint = label[1] if label else _joint(column.name)
     return Hint(role, by, _commanded(words), side, joint, unit)
 
@@ -160,22 +161,22 @@ def _plain(name: str) -> str:
     return name.rpartition(".")[2] if name.startswith("/") else name
 
 
-def _role(
-    unit: str, words: tuple[str, ...], own: tuple[str, ...] = ()
-) -> tuple[Role, Literal["unit", "name", "short", ""]]:
+def _role(unit: str, words: tuple[str, ...], own: tuple[str, ...] = ()) -> tuple[Role, By]:
+    """What a unit says, else words, else single letters of the signal's own name."""
     if unit in UNITS:
         return _QUANTITIES[UNITS[unit].si], "unit"
     if unit in ("V", "degC"):
-        return ("voltage", "unit") if unit == "V" else ("other", "unit")
+        return ("voltage" if unit == "V" else "other"), "unit"
     found = [_ROLE[word] for word in words if word in _ROLE]
-    # `motor speed of axis 2`: what is most special says what it is.
-    strong = [role for role in found if role != "position"] or found
-    if strong:
-        return strong[-1] if strong[0] != "other" else "other", "name"
-    short = next((_WEAK[word] for word in own if word in _WEAK), "")
-    if not short:
-        short = next((_WEAK[word[0]] for word in own if len(word) == 2 and word[0] in "qi"), "")
-    return (short, "short") if short else ("", "")
+    if "other" in found:
+        return "other", "name"
+    # In `position controller torque` what is more special says what it is.
+    for role in [one for one in found if one != "position"][-1:] or found[-1:]:
+        return role, "name"
+    letters = [word if len(word) == 1 else word[:1] for word in own if len(word) == 1 or _SHORT.fullmatch(word)]
+    for role in [_WEAK[one] for one in letters if one in _WEAK][:1]:
+        return role, "short"
+    return "", ""
 
 
 def _commanded(words: tuple[str, ...]) -> bool | None:

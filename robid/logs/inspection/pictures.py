@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.fft import rfft
@@ -65,5 +66,4 @@ def _highest(amplitude: FloatArray) -> IntArray:
     if len(amplitude) <= 2 * _POINTS:
         return np.arange(len(amplitude))
     edges = np.unique(np.geomspace(1, len(amplitude), _POINTS + 1).astype(int))
-    pairs = zip(edges[:-1], edges[1:], strict=True)
-    return np.array([start - 1 + int(np.argmax(amplitude[start - 1 : stop - 1])) for start, stop in pairs])
+    return np.array([start - 1 + int(np.argmax(amplitude[start - 1 : stop - 1])) for start, stop in pairwise(edges)])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 
 _LOOKED = 1 << 18
 """Samples by which the resolution is told."""
@@ -104,7 +104,7 @@ def longest_run(marked: BoolArray) -> int:
     return int((stops - starts).max(initial=0))
 
 
-def _runs(marked: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _runs(marked: BoolArray) -> tuple[IntArray, IntArray]:
     """First samples of the runs of marked ones, and those after them."""
     edges = np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8))
     return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

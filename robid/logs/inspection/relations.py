@@ -1,4 +1,4 @@
-"""How signals follow from each other: a speed is an angle's derivative, a reference comes first, a torque leads the acceleration."""
+"""How signals follow from each other: a speed is a derivative, a command comes first, a torque accelerates."""
 
 from __future__ import annotations
 

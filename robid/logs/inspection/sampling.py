@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,8 @@ _GAP = 1.5
 _REGULAR = 0.5
 """Share of usual steps from which a variable can be a time."""
 _AGREES = 0.01
+_SURELY = 3
+"""Score from which a variable is a time, whatever else is."""
 _USUAL_HZ = (10.0, 50e3)
 
 
@@ -46,6 +48,7 @@ class Sampling:
         first_gap: Sample before the first of them.
         backward: Steps at which time stands still or goes back.
         told_by: What else says so, as a number of the log.
+        others: Further times, as of the moment of writing.
     """
 
     variable: str
@@ -58,6 +61,7 @@ class Sampling:
     first_gap: int = 0
     backward: int = 0
     told_by: str = ""
+    others: tuple[str, ...] = ()
 
 
 def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], stated_s: float | None = None) -> Sampling:
@@ -78,10 +82,10 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     usual = float(np.median(steps))
     unit, is_stated = _unit(column, usual, known)
     found = _measure(column.name, steps, usual, _PER_SECOND[unit])
+    others = tuple(columns[-place].key for score, place in rated if score >= _SURELY and columns[-place] is not column)
     agrees = known is not None and found.step_s is not None and abs(found.step_s / known - 1) < _AGREES
-    return Sampling(
-        **{**found.__dict__, "unit": unit, "is_stated": is_stated or agrees, "told_by": told_by if agrees else ""}
-    )
+    told_by = told_by if agrees else ""
+    return replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
 
 
 def _rate(column: Column, known_s: float | None) -> int:

@@ -8,13 +8,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from robid.logs.inspection.channels import Entry
 from robid.logs.inspection.findings import Findings
-from robid.logs.inspection.proposal import Entry
 from robid.logs.inspection.sampling import Sampling
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z]+)?")
 _WORDS = ("true", "false", "yes", "no", "on", "off", "null", "y", "n")
 _UNITS = ("s", "ms", "us")
+_NOTHING = "state it by its name; nothing looks like"
+_REFERENCES = "references are matched to an excitation that robid has designed; leave them out where others have"
+_ROBOT = "my_robot.yaml # for fits that need to know the robot: its joints' names are then those of the channels"
 
 
 def write_experiment(found: Findings, name: str, path: Callable[[Path], str] = str, format_: str | None = None) -> str:
@@ -28,9 +31,7 @@ def write_experiment(found: Findings, name: str, path: Callable[[Path], str] = s
     """
     made, inside = found.proposal, " " * 8
     lines = ["schema_version: 1", f"name: {_name(name)}"]
-    lines += [
-        "# robot: my_robot.yaml # for fits that need to know the robot; the channels then carry its joints' names"
-    ]
+    lines += [f"# robot: {_ROBOT}"]
     lines += ["campaigns:", "  log:"]
     lines += _campaign(found)
     lines += ["    source:", "      acquire:", f"{inside}file: {_text(_braced(path(found.contents.file)))}"]
@@ -43,18 +44,13 @@ def write_experiment(found: Findings, name: str, path: Callable[[Path], str] = s
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
         lines += [f"{inside}take: last # the log holds {found.shared.held if found.shared else 0:.4g} periods"]
-    lines += _entries(
-        "inputs", made.inputs, inside, "nothing looks like a torque, a current or a command: name it here", path
-    )
-    lines += _entries("outputs", made.outputs, inside, "nothing looks like an angle or a speed: name it here", path)
+    lines += [f"{inside}# check: {one}" for one in made.checks]
+    lines += _entries("inputs", made.inputs, inside, f"{_NOTHING} a torque, a current or a command", path)
+    lines += _entries("outputs", made.outputs, inside, f"{_NOTHING} an angle or a speed", path)
     if made.references:
-        shown = made.one_shot or (made.excitation is not None and "signal" in made.excitation.settings)
-        mark = "" if shown and made.one_shot else "# "
+        mark = "" if made.one_shot else "# "
         lines += _entries("references", made.references, inside + mark, "", path)
-        if mark:
-            lines += [
-                f"{inside}# (references are matched to an excitation that robid has designed; else leave them out)"
-            ]
+        lines += [] if made.one_shot else [f"{inside}# ({_REFERENCES})"]
     if len(made.inputs) > 1 and not made.one_shot:
         lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
     lines += _estimate(found)
@@ -65,7 +61,7 @@ def _estimate(found: Findings) -> list[str]:
     made = found.proposal
     if made.one_shot:
         return []
-    arbitrary = made.excitation is not None and made.excitation.settings.get("signal") == "arbitrary"
+    arbitrary = made.excitation is not None and made.excitation.is_arbitrary
     local = ", estimator: local_periodic" if len(made.inputs) > 1 and not arbitrary else ""
     return [f"    estimate: {{compensation: none{local}}}"]
 

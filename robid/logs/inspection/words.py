@@ -6,6 +6,9 @@ from robid.logs.inspection.findings import Findings
 from robid.logs.inspection.roles import Signal
 from robid.logs.lines import format_lines
 
+_EVEN = 1e-5
+"""Deviation of time steps that is not worth a word."""
+
 _BY = {
     "unit": "by its unit",
     "name": "by its name",
@@ -17,6 +20,8 @@ _BY = {
 
 def role_text(signal: Signal) -> str:
     """Says what a signal was taken for, and how sure that is."""
+    if signal.twin:
+        return "a copy"
     if signal.role in ("", "other"):
         return "unknown" if not signal.role else "nothing of a drive"
     command = " command" if signal.commanded else ""
@@ -32,7 +37,8 @@ def describe_sampling(found: Findings) -> str:
     if sampling.variable:
         unit = f"in {sampling.unit}" if sampling.is_stated else f"taken for {sampling.unit}: not stated"
         told.append(f"time `{sampling.variable}` {unit}")
-        told.append(f"steps deviate by up to {100 * sampling.jitter:.2g} %")
+        even = sampling.jitter < _EVEN
+        told.append("equal steps" if even else f"steps deviate by up to {100 * sampling.jitter:.1g} %")
     if sampling.told_by:
         told.append(f"as {sampling.told_by} says")
     if sampling.gaps:
@@ -56,6 +62,8 @@ def describe_period(found: Findings) -> str:
 def remarks(found: Findings, signal: Signal) -> list[str]:
     """Says what is to be noted about a signal."""
     quality, told = signal.quality, list(signal.reasons)
+    if signal.column.title:
+        told.insert(0, f"called {signal.column.title}")
     if signal.twin:
         told.append(f"the same as `{signal.twin}`")
     if quality.is_dead:
