@@ -139,7 +139,8 @@ def propose_outputs(chosen: Chosen, comparison: Comparison, band: tuple[float, f
         pairs = zip(chosen.outputs, names, strict=True)
         return tuple(_with(_plain_entry(one, name), side="tool") for one, name in pairs)
     if chosen.is_single:
-        return tuple(_of_axis("drive", chosen.inputs[0], chosen.outputs, comparison, band))
+        name = joint_name(chosen.inputs[0].hint.joint, single=True)
+        return tuple(_of_axis(name, chosen.inputs[0], chosen.outputs, comparison, band))
     drives = {one.hint.joint: one for one in chosen.inputs}
     entries: list[Entry] = []
     for joint in dict.fromkeys(one.hint.joint for one in chosen.outputs):
@@ -156,9 +157,9 @@ def propose_references(chosen: Chosen) -> tuple[Entry, ...]:
 
 def joint_name(joint: str, *, single: bool) -> str:
     """Returns a name for a channel by what tells its joint from others."""
-    if single:
-        return "drive"
-    return f"joint_{joint}" if joint.isdigit() or not joint else re.sub(r"[^A-Za-z0-9_-]", "_", joint)
+    if joint and not joint.isdigit():
+        return re.sub(r"[^A-Za-z0-9_-]", "_", joint)
+    return "drive" if single else f"joint_{joint}"
 
 
 def _input(signal: Signal, name: str) -> Entry:
