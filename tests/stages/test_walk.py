@@ -37,7 +37,7 @@ class Reader:
                 name = re.match(r"# (\w+\.yaml)\n", text)[1]
                 (self.shop.folder / name).write_text(text, encoding="utf-8")
             elif language == "python":
-                exec(compile(text, str(PAGE), "exec"), self.names)  # noqa: S102 the page's own code
+                exec(compile(text, str(PAGE), "exec"), self.names)  # the page's own code
             else:
                 for line in text.splitlines():
                     _, *arguments = shlex.split(line)
@@ -54,7 +54,8 @@ def walked(tmp_path_factory, workshop):
         yield reader
 
 
-def test_the_table_is_drawn_and_its_responses_are_reported(walked):
+@pytest.mark.usefixtures("walked")
+def test_the_table_is_drawn_and_its_responses_are_reported():
     page = Path("bench.html").read_text(encoding="utf-8")
     assert "load_angle [deg]" in page
     assert "check: sign by" in page

@@ -20,6 +20,12 @@ _SENSED = 0.3
 _COUNT = 0.25
 """Resolution from which an angle without a unit is in counts."""
 
+_NEARLY = 0.05
+"""Distance of a range from a turn in degrees, relative."""
+
+_SLOW = 0.1
+"""Share of the sampling rate up to which delays leave the signs as they are."""
+
 _PLACEHOLDER_COUNTS = 4096
 
 _UNIT: dict[Role, str] = {
@@ -58,13 +64,11 @@ class Chosen:
         inputs: What drives, a signal for each joint.
         outputs: What was measured.
         references: What was commanded besides.
-        damaged: What would be among these if no value were missing.
     """
 
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
     references: tuple[Signal, ...]
-    damaged: tuple[Signal, ...]
 
     @property
     def by_torque(self) -> bool:
@@ -80,8 +84,7 @@ class Chosen:
 def choose(signals: Sequence[Signal]) -> Chosen:
     """Chooses the signals of a mapping: measured torques or currents, else commands, and what moves."""
     moving = [one for one in signals if not (one.twin or one.quality.is_dead or one.quality.is_still)]
-    known = [one for one in moving if one.role in (*DRIVING, *MOVING)]
-    usable = [one for one in known if not one.quality.missing]
+    usable = [one for one in moving if one.role in (*DRIVING, *MOVING)]
     drives = [one for one in usable if one.role in DRIVING]
     commands = [one for one in usable if one.role in MOVING and one.commanded]
     motions = [one for one in usable if one.role in MOVING and not one.commanded]
@@ -94,8 +97,7 @@ def choose(signals: Sequence[Signal]) -> Chosen:
     if len(inputs) == 1 and any(one.hint.joint == inputs[0].hint.joint for one in outputs):
         outputs = [one for one in outputs if one.hint.joint in ("", inputs[0].hint.joint)]
     references = [one for one in usable if one.commanded and one not in inputs]
-    damaged = [one for one in known if one.quality.missing]
-    return Chosen(tuple(inputs), tuple(outputs), tuple(references), tuple(damaged))
+    return Chosen(tuple(inputs), tuple(outputs), tuple(references))
 
 
 def _one_kind(signals: list[Signal]) -> list[Signal]:
@@ -181,6 +183,8 @@ def _plain_entry(signal: Signal, name: str) -> Entry:
         reason = "; ".join(signal.reasons) or _BY.get(signal.by, "")
         article = "an" if signal.role[0] in "aeiou" else "a"
         checks.insert(0, f"taken for {article} {signal.role}: {reason}")
+    if signal.quality.missing:
+        checks.append(f"{signal.quality.missing} values are missing: the import refuses it until they are cut out")
     return Entry(signal, name, settings, tuple(checks))
 
 
@@ -193,6 +197,10 @@ def _unit_of(signal: Signal) -> tuple[Settings, list[str]]:
         told = "" if unit == "counts" else "unit not stated, its steps look like counts; "
         check = f"{told}counts_per_turn is a placeholder (`resolution_m` for a slide)"
         return {"unit": "counts", "counts_per_turn": _PLACEHOLDER_COUNTS}, [check]
+    if signal.role in ("angle", "position") and quality.turns and not unit:
+        turned = abs((quality.highest - quality.lowest) / 360 - 1) < _NEARLY
+        told = "unit not stated; it jumps by a turn, which is taken out"
+        return {"unit": "deg" if turned else "rad", "unwrap": True}, [told]
     usual = _UNIT[signal.role]
     if signal.role == "voltage":
         return {"unit": usual}, ["a voltage is no torque: put torque per volt into `scale`"]
@@ -205,7 +213,7 @@ def _of_axis(
     name: str, drive: Signal, own: tuple[Signal, ...], comparison: Comparison, band: tuple[float, float]
 ) -> list[Entry]:
     """Outputs of an axis: the motor's, its sign by its acceleration, then those behind it, their signs by the motor."""
-    low, high = (2 * np.pi * one for one in band)
+    low, high = 2 * np.pi * band[0], 2 * np.pi * min(band[1], max(_SLOW / comparison.step_s, 2 * band[0]))
     middle = float(np.sqrt(low * high))
     torque = comparison.spectrum(drive)
 

@@ -105,13 +105,15 @@ def read_contents(file: Path, format_: str | None = None, dialect: Dialect | Non
     told = format_ or tell_format(file)
     if told in _STREAMS:
         columns = list(_labelled(columns))
+    damage = variables.found.damage
+    if not columns and damage is not None:
+        raise DataError(damage.what, where=str(file), remedy=damage.remedy)
     if not columns:
         remedy = "Check that it is the right file; state `--format` where it is told wrongly."
         raise DataError("The log holds no signals.", where=str(file), remedy=remedy)
     unreadable = {name: one.what for name, one in variables.unreadable.items() if name not in variables.texts}
     texts = [name for name, one in variables.unreadable.items() if name in variables.texts or one.what == _TEXT]
     unreadable = {name: what for name, what in unreadable.items() if what != _TEXT}
-    damage = variables.found.damage
     notes += [] if damage is None else [f"{damage.what} {damage.remedy}"]
     columns = [replace(one, source=file.name.partition(".")[0]) for one in columns]
     return Contents(file, told, tuple(columns), scalars, tuple(texts), {**unreadable, **odd}, tuple(notes))

@@ -176,7 +176,6 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         propose_references(chosen),
         None,
         resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "",
-        checks=tuple(f"`{one.name}` ({one.role}) was left out: values are missing" for one in chosen.damaged),
     )
     if found.shared is None or not len(found.lines):
         if len(chosen.inputs) == 1 and is_broad(band, found.step_s, found.duration_s):

@@ -146,7 +146,7 @@ def read_name(column: Column) -> Hint:
     """Reads what name, title and unit of a signal say."""
     unit = unit_of_name(column)
     text = f"{_BRACKET.sub('', column.name) if column.unit or unit else column.name}"
-    label = _LABEL.search(column.name)
+    label = _LABEL.search(text)
     own = tokens(_plain(_LABEL.sub("", text)))
     words = own + tokens(column.title)
     role, by = _role(unit, words, own)
@@ -190,5 +190,8 @@ def _joint(name: str) -> str:
     column = _COLUMN.search(name)
     if column:
         return column[1]
+    index = _BRACKET.search(name)
+    if index and index[1].isdigit():
+        return index[1]
     numbers = [word for word in tokens(_plain(_BRACKET.sub("", name))) if word.isdigit()]
     return numbers[-1] if numbers else ""

@@ -57,7 +57,6 @@ class Proposal:
         take_last: Whether periods are counted from the end.
         resample: Clock to resample to; empty for none.
         one_shot: Whether the log is a record without a response.
-        checks: What to check beyond single channels.
     """
 
     inputs: tuple[Entry, ...]
@@ -69,7 +68,6 @@ class Proposal:
     take_last: bool = False
     resample: str = ""
     one_shot: bool = False
-    checks: tuple[str, ...] = ()
 
 
 def propose_lines(shared: Shared, lines: IntArray, step_s: float) -> Excitation:
@@ -83,6 +81,9 @@ def propose_lines(shared: Shared, lines: IntArray, step_s: float) -> Excitation:
     period_s, dense = float(f"{shared.whole * step_s:.9g}"), _dense_part(lines)
     told = (f"lines with energy: {format_lines(lines)}; the period was measured to {shared.samples:.6g} samples",)
     low, high = int(dense[0]), int(dense[-1])
+    if len(lines) == 1:
+        band = {"low_hz": float(f"{0.5 * low / period_s:.6g}"), "high_hz": float(f"{1.5 * low / period_s:.6g}")}
+        return Excitation({"period_s": period_s, **band, "grid": "full", "lines": [low]}, told)
     grids = {"odd": np.arange(low, high + 1, 2) if low % 2 else dense[:0], "full": np.arange(low, high + 1)}
     for grid, meant in grids.items():
         if len(np.intersect1d(meant, lines)) >= _DENSE * max(len(meant), len(lines)):

@@ -23,6 +23,9 @@ _SHORTEST_TOP = 3
 _STEEP = 0.25
 """How steeply a flat top is reached, relative to a usual step of the signal: slow turning points look flat, too."""
 
+_COARSE = 0.05
+"""Share of unchanged samples from which a signal is coarse."""
+
 _WHOLE = 0.1
 """Distance of a step from whole resolutions that rounding leaves."""
 
@@ -115,7 +118,7 @@ def _flat_share(values: FloatArray) -> float:
     steps = np.abs(np.diff(values))
     usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     span = float(np.ptp(values))
-    share = 0
+    share, coarse = 0, _is_coarse(values)
     for extreme in (values.max(), values.min()):
         starts, stops = _runs(np.abs(values - extreme) <= 1e-9 * span)
         long = stops - starts >= _SHORTEST_TOP
@@ -124,14 +127,16 @@ def _flat_share(values: FloatArray) -> float:
         enough = inner & steep
         # A coarse signal reaches every turning point by one whole step.
         one_step = np.median(steps[starts[enough] - 1]) <= 1.5 * usual if enough.any() else True
-        if enough.any() and not (one_step and _is_coarse(values)):
-            share += int((stops - starts)[enough].sum())
+        if enough.any() and not (one_step and coarse):
+            share += int((stops - starts).sum())
     return share / len(values) if share / len(values) > _SATURATED else 0.0
 
 
 def _is_coarse(values: FloatArray) -> bool:
-    """Whether a signal often keeps its value from sample to sample."""
-    return bool(np.mean(np.diff(values) == 0) > 0.05)
+    """Whether a signal often keeps its value from sample to sample, its extremes left out."""
+    inner = (values > values.min()) & (values < values.max())
+    pairs = inner[1:] & inner[:-1]
+    return bool(pairs.any() and np.mean(np.diff(values)[pairs] == 0) > _COARSE)
 
 
 def resolution(different: FloatArray, values: FloatArray) -> float | None:

@@ -44,7 +44,6 @@ def write_experiment(found: Findings, name: str, path: Callable[[Path], str] = s
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
         lines += [f"{inside}take: last # the log holds {found.shared.held if found.shared else 0:.4g} periods"]
-    lines += [f"{inside}# check: {one}" for one in made.checks]
     lines += _entries("inputs", made.inputs, inside, f"{_NOTHING} a torque, a current or a command", path)
     lines += _entries("outputs", made.outputs, inside, f"{_NOTHING} an angle or a speed", path)
     if made.references:
@@ -84,7 +83,11 @@ def _sampling(sampling: Sampling, step_s: float) -> list[str]:
         checks = (f"measured on `{sampling.variable}`, in {sampling.unit}, which a mapping cannot read",)
     lines = [f"sampling_period_s: {_value(step_s)}{_comment(checks)}"]
     if sampling.variable and sampling.unit in _UNITS:
-        told = () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
+        told: tuple[str, ...] = () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
+        if sampling.gaps:
+            told += (f"samples are missing at {sampling.gaps} places, the first after sample {sampling.first_gap}: none may be in what is used",)
+        if sampling.backward:
+            told += (f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out",)
         lines.append(f"time: {{variable: {_text(sampling.variable)}, unit: {sampling.unit}}}{_comment(told)}")
     return lines
 
