@@ -9,6 +9,7 @@ from scipy.io import savemat
 
 from log_files import WRITERS
 from robid.families.files import load_experiment
+from settings_tables import ROOT
 
 STEP, PERIOD = 1e-3, 500
 
@@ -30,7 +31,7 @@ def real(shop, monkeypatch, data_folder):
 
 def test_the_proposal_for_the_motor_bench_is_its_example(real):
     _, found = real("motor_bench/MultisineTypeA.mat")
-    example = load_experiment("configs/motor_bench.yaml").experiment.campaigns["estimation"]
+    example = load_experiment(ROOT / "configs/motor_bench.yaml").experiment.campaigns["estimation"]
     mine, theirs = found.source.acquire, example.source.acquire
     for key in ("sampling_period_s", "drop_periods", "time", "inputs", "outputs"):
         assert getattr(mine, key) == getattr(theirs, key), key
@@ -103,21 +104,24 @@ def test_the_proposal_imports_a_log_of_every_format(shop, kind):
     write, name = WRITERS[kind]
     columns = make_columns()
     time = STEP * np.arange(len(columns["tau"]))
-    path, names = write(shop.folder / name, {"time": time, **columns} if "ros" not in kind and kind != "mcap" else columns)
+    if kind in ("mcap", "rosbag"):  # two joints' positions, speeds and efforts, of which one rests
+        still = np.zeros(len(time))
+        moving = [columns[key] for key in ("theta_motor", "omega_motor", "tau")]
+        columns = {f"{index}{joint}": x for index, one in enumerate(moving) for joint, x in (("a", one), ("b", still))}
+    else:
+        columns = {"time": time, **columns}
+    path, names = write(shop.folder / name, columns)
     answer = shop.robid("inspect", str(path), "--propose", "proposed.yaml", "--json")
     assert answer.code == 0, answer.err
     found = load_experiment(shop.folder / "proposed.yaml").experiment.campaigns["log"]
     acquire = found.source.acquire
     assert acquire.sampling_period_s == pytest.approx(STEP, rel=1e-9)
     assert found.excitation.period_s == pytest.approx(PERIOD * STEP)
-    assert names["tau"] or answer.json["period"]["lines_text"] == "5-99"
-    done = shop.robid("simulate-or-acquire", "proposed.yaml") if made(shop) else None
-    assert done is not None
-    assert done.code == 0, done.err
-
-
-def made(shop):
-    return shop.robid("design-excitation", "proposed.yaml").code == 0
+    assert answer.json["period"]["lines_text"] == "5-99"
+    assert {acquire.inputs[0].variable} < set(names.values())
+    for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf"):
+        done = shop.robid(stage, "proposed.yaml")
+        assert done.code == 0, done.err
 
 
 def test_sides_and_signs_come_from_the_data(shop):

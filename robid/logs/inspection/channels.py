@@ -202,8 +202,8 @@ def _unit_of(signal: Signal) -> tuple[Settings, list[str]]:
         told = "unit not stated; it jumps by a turn, which is taken out"
         return {"unit": "deg" if turned else "rad", "unwrap": True}, [told]
     usual = _UNIT[signal.role]
-    if signal.role == "voltage":
-        return {"unit": usual}, ["a voltage is no torque: put torque per volt into `scale`"]
+    if signal.role == "voltage" or unit == "V":
+        return {"unit": usual}, [f"the log has volts: put {usual} per volt into `scale`"]
     stated = signal.column.unit or unit
     told = f"unit `{stated}` not known" if stated else "unit not stated"
     return {"unit": usual}, [f"{told}, {usual} assumed"]

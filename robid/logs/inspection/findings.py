@@ -143,12 +143,12 @@ def _with_periods(found: Findings, chosen: Chosen) -> Findings:
     looked = list(dict.fromkeys([*leading, *(one.name for one in chosen.outputs)]))
     looked += [one.name for one in found.signals if one.name not in looked and _is_of_interest(one)]
     by_name = {one.name: one for one in found.signals}
-    periods = {name: measure_period(by_name[name].column.values) for name in looked[:_MEASURED]}
+    periods = {name: measure_period(_filled(by_name[name].column.values)) for name in looked[:_MEASURED]}
     shared = share_period(periods, [name for name in leading if name in periods], found.n_sample)
     if shared is None or shared.held < 2 or not chosen.inputs:
         return replace(found, periods=periods)
     blocks = {
-        one.name: cut_periods(one.column.values, shared.whole, last=from_end(shared))
+        one.name: cut_periods(_filled(one.column.values), shared.whole, last=from_end(shared))
         for one in (*chosen.inputs, *chosen.outputs)
     }
     transient = tuple(name for name, block in blocks.items() if is_unsettled(block))

@@ -165,9 +165,11 @@ def _role(unit: str, words: tuple[str, ...], own: tuple[str, ...] = ()) -> tuple
     """What a unit says, else words, else single letters of the signal's own name."""
     if unit in UNITS:
         return _QUANTITIES[UNITS[unit].si], "unit"
-    if unit in ("V", "degC"):
-        return ("voltage" if unit == "V" else "other"), "unit"
+    if unit == "degC":
+        return "other", "unit"
     found = [_ROLE[word] for word in words if word in _ROLE]
+    if unit == "V" and not found:  # recorders state volts, whatever was measured
+        return "voltage", "unit"
     if "other" in found:
         return "other", "name"
     # In `position controller torque` what is more special says what it is.

@@ -83,9 +83,13 @@ def _sampling(sampling: Sampling, step_s: float) -> list[str]:
         checks = (f"measured on `{sampling.variable}`, in {sampling.unit}, which a mapping cannot read",)
     lines = [f"sampling_period_s: {_value(step_s)}{_comment(checks)}"]
     if sampling.variable and sampling.unit in _UNITS:
-        told: tuple[str, ...] = () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
+        told: tuple[str, ...] = (
+            () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
+        )
         if sampling.gaps:
-            told += (f"samples are missing at {sampling.gaps} places, the first after sample {sampling.first_gap}: none may be in what is used",)
+            told += (
+                f"samples are missing at {sampling.gaps} places, the first after sample {sampling.first_gap}: none may be in what is used",
+            )
         if sampling.backward:
             told += (f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out",)
         lines.append(f"time: {{variable: {_text(sampling.variable)}, unit: {sampling.unit}}}{_comment(told)}")

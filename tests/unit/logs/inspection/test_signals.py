@@ -128,6 +128,8 @@ def test_lines_with_energy_and_a_transient_are_found():
         ("motor_temperature", "°C", "other", "unit", None, "motor", "", "degC"),
         ("log.Y(3).Data", "", "", "", None, "", "", ""),
         ("Model/Drive/axis_current_setpoint", "", "current", "name", True, "", "", ""),
+        ("theta", "V", "angle", "name", None, "", "", "V"),
+        ("ai0", "V", "voltage", "unit", None, "", "0", "V"),
         ("banana", "", "", "", None, "", "", ""),
     ],
 )
