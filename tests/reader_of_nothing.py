@@ -16,7 +16,7 @@ def read(file, wanted):
     if deed == "hang":
         time.sleep(60)
     if deed == "devour":
-        np.ones(1 << 34)
+        np.empty(3 << 30, np.uint8)
     if deed == "print":
         print("a library's chatter", flush=True)  # noqa: T201
     found = Found()

@@ -61,7 +61,8 @@ def _member(node: dict[str, Any]) -> str:
 
 def _meaning(field: dict[str, Any], schema: dict[str, Any]) -> str:
     section = schema["$defs"].get(field.get("$ref", "").rpartition("/")[2], {})
-    return str(field.get("description") or section["description"])
+    # A dataclass' docstring goes on with its attributes, which have a table of their own.
+    return " ".join(str(field.get("description") or section["description"]).split("\n\n")[0].split())
 
 
 def _values(field: dict[str, Any]) -> str:

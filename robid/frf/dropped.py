@@ -77,7 +77,9 @@ def require_lines(told: BoolArray, frequency_hz: FloatArray, limit: float, where
     raise DataError(what, where=where, remedy=remedy)
 
 
-def completed(frf: Frf, dropped: BoolArray, lines: IntArray, frequency_hz: FloatArray, amplitude: ComplexArray) -> Frf:
+def completed(
+    frf: Frf, dropped: BoolArray, lines: IntArray, frequency_hz: FloatArray, amplitude: ComplexArray, reach: int
+) -> Frf:
     """Returns the response of one configuration at all of its lines, of which some tell too little.
 
     Args:
@@ -86,6 +88,7 @@ def completed(frf: Frf, dropped: BoolArray, lines: IntArray, frequency_hz: Float
         lines (n_freq,): All lines.
         frequency_hz (n_freq,): Their frequencies [Hz].
         amplitude (n_freq, n_in, n_block): What the inputs are at all lines.
+        reach: Next lines whose error may be correlated with a line's, of all lines.
     """
     at = np.searchsorted(lines, frf.lines)
     nearest = np.abs(lines[:, None] - frf.lines).argmin(axis=1)
@@ -102,8 +105,8 @@ def completed(frf: Frf, dropped: BoolArray, lines: IntArray, frequency_hz: Float
         lines=lines,
         frequency_hz=frequency_hz,
         input_amplitude=amplitude[None],
-        line_correlation=_spread(frf.line_correlation, at, len(lines)),
-        dropped=dropped[None] if dropped.any() else None,
+        line_correlation=_spread(frf.line_correlation, at, len(lines), reach),
+        dropped=dropped[None],
     )
 
 
@@ -118,19 +121,15 @@ def _bridged(response: ComplexArray, dropped: BoolArray, lines: IntArray) -> Com
     return whole
 
 
-def _spread(correlation: FloatArray | None, at: IntArray, n_freq: int) -> FloatArray | None:
+def _spread(correlation: FloatArray | None, at: IntArray, n_freq: int, reach: int) -> FloatArray | None:
     """The correlation (1, n_freq, n_next) of lines with the next ones, among which are dropped ones."""
-    if correlation is None or len(at) == n_freq:
+    if not reach or len(at) == n_freq:
         return correlation
-    pairs = [
-        (here, at[index + ahead + 1] - here - 1, correlation[0, index, ahead])
-        for index, here in enumerate(at)
-        for ahead in range(min(correlation.shape[2], len(at) - index - 1))
-        if correlation[0, index, ahead]
-    ]
-    whole = np.zeros((1, n_freq, 1 + max((ahead for _, ahead, _ in pairs), default=-1)))
-    for here, ahead, value in pairs:
-        whole[0, here, ahead] = value
+    whole = np.zeros((1, n_freq, reach))
+    for ahead in range(0 if correlation is None else min(correlation.shape[2], len(at) - 1)):
+        here, there = at[: -ahead - 1], at[ahead + 1 :]
+        near = there - here <= reach
+        whole[0, here[near], (there - here - 1)[near]] = np.asarray(correlation)[0, : len(here), ahead][near]
     return whole
 
 

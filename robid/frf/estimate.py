@@ -17,7 +17,7 @@ from robid.frf.checks import Finding, check_record, fed_back, finding_notes, ref
 from robid.frf.coefficients import coefficients
 from robid.frf.compensation import Disturbance, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
-from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
+from robid.frf.distortion import explained_coherence, multiple_coherence, silent_levels, silent_lines
 from robid.frf.dropped import completed, lost_inputs, require_lines, weak_inputs
 from robid.frf.frf import Frf
 from robid.frf.local import LOCAL, local_fit
@@ -62,12 +62,18 @@ class _Spectra:
         index = np.flatnonzero(chosen)
         return replace(self, blocks=self.blocks.select(index), removed=self.removed.select(index))
 
-    def amplitude(self, segments: int) -> ComplexArray:
-        """Inputs at the lines (n_freq, n_in, n_block); of an arbitrary signal with the power of all bins around."""
-        inputs = self.at_lines.inputs
-        if segments and self.windows is not None:
-            power = (np.abs(self.blocks.inputs[:, self.windows.index]) ** 2).mean(axis=2)
-            inputs = np.exp(1j * np.angle(inputs)) * np.sqrt(segments * power)
+    def around(self, spectrum: ComplexArray, record: Record) -> ComplexArray:
+        """A spectrum (n_real, n_bin, n_channel, n_exp) at the lines; of an arbitrary signal its RMS in the windows."""
+        if self.windows is None:
+            return spectrum
+        if not record.is_arbitrary:
+            return spectrum[:, self.windows.lines]
+        power = (np.abs(spectrum[:, self.windows.index]) ** 2).mean(axis=2)
+        return np.asarray(np.exp(1j * np.angle(spectrum[:, self.windows.lines])) * np.sqrt(power))
+
+    def amplitude(self, record: Record) -> ComplexArray:
+        """Inputs at the lines (n_freq, n_in, n_block); of an arbitrary signal with the power of a whole resolution."""
+        inputs = self.around(self.blocks.inputs, record) * np.sqrt(max(record.segments, 1))
         return np.concatenate(list(inputs), axis=-1)
 
 
@@ -134,10 +140,12 @@ def estimate_frf(
     dropped = np.ones((len(solved), len(record.input_names)), bool)
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
     require_lines(~dropped, record.frequency_hz, options.weak_line_std, place_of(record))
+    frf = replace(frf, dropped=dropped[None])
     if dropped.any():
         frf = replace(frf, element_scale=found.scale(record, ~dropped[solved])[None])
-        amplitude = spectra.amplitude(record.segments)
-        frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude)
+        amplitude = spectra.amplitude(record)
+        reach = 0 if spectra.windows is None else spectra.windows.reach
+        frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude, reach)
         what = lost_inputs(dropped, record.frequency_hz, record.input_names)
         findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
     findings += fed_back(record, frf)
@@ -196,17 +204,24 @@ def _frf(
         measured_channels=record.output_channels,
         input_hold=record.input_hold,
         joint_units=record.joint_units,
-        notes=(*record.notes, *_notes(found.total, record)),
-        coherence=multiple_coherence(blocks.outputs, noise if found.total is None else found.total)[None],
+        notes=(*record.notes, *_notes(found.total, record, spectra.windows)),
+        coherence=_coherence(spectra, response, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
         silent_interpolation=levels.doubt[None],
-        input_amplitude=spectra.amplitude(record.segments)[None],
+        input_amplitude=spectra.amplitude(record)[None],
         compensation=_used(laws, options),
         freedom_share=np.array([found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],
     )
+
+
+def _coherence(spectra: _Spectra, response: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
+    """Multiple coherence (n_freq, n_out); of a local model without the transient."""
+    if spectra.windows is None or covariance is None:
+        return multiple_coherence(spectra.at_lines.outputs, covariance)
+    return explained_coherence(response, spectra.windows.rows(spectra.blocks.inputs), covariance)
 
 
 def _used(laws: tuple[TorqueLaw, ...] | None, options: EstimateOptions) -> str:
@@ -310,9 +325,15 @@ def _silent_lines(record: Record) -> IntArray:
     return np.zeros(0, int) if record.is_arbitrary else silent_lines(record.excited_lines)
 
 
-def _notes(total: ComplexArray | None, record: Record) -> tuple[str, ...]:
+def _notes(total: ComplexArray | None, record: Record, windows: Windows | None) -> tuple[str, ...]:
     """What the data cannot tell."""
     notes, excited = [], record.excited_lines
+    if record.is_arbitrary and windows is not None and windows.index.shape[1] > record.segments + 1:
+        width_hz = (windows.index.shape[1] - 1) / record.period_s
+        notes.append(
+            f"The log is short for its resolution of {record.segments / record.period_s:.3g} Hz: each frequency's"
+            f" response is that of {width_hz:.3g} Hz around it."
+        )
     if total is None:
         notes.append("One realization: the covariance holds noise only, no distortion by nonlinearities.")
     if not _silent_lines(record).size:

@@ -83,10 +83,17 @@ def _on_all_lines(frfs: Sequence[Frf], names: Sequence[str]) -> list[Frf]:
     period_s = _common_period(frfs, names)
     counted = [np.round(frf.frequency_hz * period_s).astype(int) for frf in frfs]
     lines = np.unique(np.concatenate(counted))
-    return [_at_lines(frf, own, lines, lines / period_s) for frf, own in zip(frfs, counted, strict=True)]
+    reach = max(_reach(frf, np.searchsorted(lines, own)) for frf, own in zip(frfs, counted, strict=True))
+    return [_at_lines(frf, own, lines, lines / period_s, reach) for frf, own in zip(frfs, counted, strict=True)]
 
 
-def _at_lines(frf: Frf, own: IntArray, lines: IntArray, frequency_hz: FloatArray) -> Frf:
+def _reach(frf: Frf, at: IntArray) -> int:
+    """Lines of all over which the errors of a response's own lines, at these places, are correlated."""
+    count = 0 if frf.line_correlation is None else min(frf.line_correlation.shape[2], len(at) - 1)
+    return int((at[count:] - at[:-count]).max()) if count else 0
+
+
+def _at_lines(frf: Frf, own: IntArray, lines: IntArray, frequency_hz: FloatArray, reach: int) -> Frf:
     """One response at further lines, dropped in all of its configurations."""
     at = np.searchsorted(lines, own)
     silent: dict[str, Any] = dict.fromkeys(_SILENT)
@@ -99,7 +106,7 @@ def _at_lines(frf: Frf, own: IntArray, lines: IntArray, frequency_hz: FloatArray
         amplitude = np.zeros((len(lines), *((*frf.response.shape[3:], 0) if held is None else held.shape[2:])), complex)
         if held is not None:
             amplitude[at] = held[0]
-        made = completed(part, dropped, lines, frequency_hz, amplitude)
+        made = completed(part, dropped, lines, frequency_hz, amplitude, reach)
         rows.append(made if held is not None else replace(made, input_amplitude=None))
     return join(rows, [""] * len(rows)) if len(rows) > 1 else rows[0]
 

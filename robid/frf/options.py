@@ -77,7 +77,7 @@ class EstimateOptions:
     )
 
     weak_line_std: float = field(
-        default=1.0,
+        default=0.5,
         metadata={
             "description": "Standard deviation of an input's best known response, over the response's usual size around"
             " the line, from which the line is left out for this input.",

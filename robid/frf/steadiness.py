@@ -214,7 +214,7 @@ def _unfollowed(moved_in: _Deviations, response: ComplexArray, residual: _Deviat
     """Share of the inputs' scatter that the outputs do not follow."""
     told = (np.abs(response @ moved_in / unit[:, None]) ** 2).sum(axis=(0, 1, 2, 4))
     left = (np.abs(residual) ** 2).sum(axis=(0, 1, 2, 4))
-    return float(np.minimum(left / np.maximum(told, np.finfo(float).tiny), 1.0).max())
+    return float(np.divide(np.minimum(left, told), told, out=np.zeros_like(told), where=told > 0).max())
 
 
 def _without_slope(

@@ -29,6 +29,12 @@ class Windows:
         """Returns the windows around some of the lines."""
         return Windows(self.index[chosen], self.offset[chosen], self.lines[chosen])
 
+    @property
+    def reach(self) -> int:
+        """Largest number of lines from one to another whose windows share a bin."""
+        first, width = self.index[:, 0], self.index.shape[1]
+        return int((np.searchsorted(first, first + width) - np.arange(len(first)) - 1).max(initial=0))
+
     def rows(self, spectra: ComplexArray) -> ComplexArray:
         """Reorders block spectra (n_real, n_bin, n_channel, n_exp) to (n_freq, n_real n_exp, width, n_channel)."""
         around = spectra[:, self.index].transpose(1, 0, 4, 2, 3)

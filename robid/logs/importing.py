@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import check_mapping, check_segment, check_shot, still_note
+from robid.logs.checks import check_mapping, check_shot, still_note
 from robid.logs.columns import check_lengths, check_motion, read_columns
 from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
@@ -21,7 +21,7 @@ from robid.logs.period import measure_repetition
 from robid.logs.period_checks import Stated, check_period
 from robid.logs.resample import resample_to_period, resample_to_time
 from robid.logs.samples import channel_values, sample_channels
-from robid.logs.timing import Clock, check_count, check_steps, clock_problems, read_clock
+from robid.logs.timing import Clock, check_count, check_segment, check_steps, clock_problems, read_clock
 from robid.signals.log_channels import LogChannel
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
@@ -59,9 +59,7 @@ def import_log(
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
-    stated = Stated(
-        mapping.sampling_period_s, samples_per_period, periods, mapping.drop_periods, excited_lines, find=find
-    )
+    stated = Stated(mapping.sampling_period_s, samples_per_period, periods, mapping.drop_periods, excited_lines, find)
     log, problems, notes = _read(mapping)
     problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
     if mapping.resample == "period" and not problems:
@@ -76,8 +74,8 @@ def import_log(
     found += [] if log.clock is None else check_steps(log.clock, used, samples_per_period)
     _raise(mapping.file, problems + found)
     if find:
-        excited_lines, said = _found_lines(mapping, columns, used, periods, excited_lines)
-        notes = [*notes, said]
+        excited_lines, line_note = _found_lines(mapping, columns, used, periods, excited_lines)
+        notes.append(line_note)
     record = sample_channels(mapping, columns, used, periods)
     return replace(
         record,
@@ -144,22 +142,20 @@ def import_arbitrary(
     """
     check_shot(mapping)
     log, problems, notes = _read(mapping)
-    columns, n_sample = log.columns, log.n_sample
-    problems += check_motion(mapping, columns) if mapping.takes_turns else []
-    problems += [] if log.clock is None else clock_problems(log.clock)
-    segments = n_sample // segment_samples
-    problems += [] if segments or not n_sample else check_segment(mapping, n_sample, segment_samples)
-    start = n_sample - segments * segment_samples if mapping.take == "last" else 0
+    problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
+    segments = log.n_sample // segment_samples
+    problems += [] if segments or not log.n_sample else check_segment(mapping, log.n_sample, segment_samples)
+    start = log.n_sample - segments * segment_samples if mapping.take == "last" else 0
     used = slice(start, start + segments * segment_samples)
-    problems += [] if log.clock is None else check_steps(log.clock, used)
+    problems += [] if log.clock is None else [*clock_problems(log.clock), *check_steps(log.clock, used)]
     _raise(mapping.file, problems)
-    record = _with_logged_references(sample_channels(mapping, columns, used, 1), mapping, columns, used)
+    record = _with_logged_references(sample_channels(mapping, log.columns, used, 1), mapping, log.columns, used)
     return replace(
         record,
-        notes=(*record.notes, *notes),
         configurations=configurations,
         excited_lines=np.asarray(lines) * segments,
         segments=segments,
+        notes=(*record.notes, *notes),
     )
 
 

@@ -30,6 +30,9 @@ _NEIGHBOURS = 9
 _APART = 4.0
 """Distance of two kinds of lines over the scatter within them; the halves of a single kind are 3.5 apart at most."""
 
+_LEAST_APART = 1.0
+"""Decades of power between two kinds, at least."""
+
 _FOUND = "Lines found to be excited"
 
 
@@ -101,7 +104,7 @@ def _split(size: FloatArray) -> float:
     within = square[-1] - count * low**2 - count[::-1] * high**2
     best = int(np.argmin(within))
     scatter = np.sqrt(max(within[best], 0.0) / len(ordered))
-    if high[best] - low[best] <= _APART * scatter:
+    if high[best] - low[best] <= max(_APART * scatter, _LEAST_APART):
         return -np.inf
     return float((ordered[best] + ordered[best + 1]) / 2)
 

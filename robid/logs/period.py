@@ -163,15 +163,33 @@ def _refine(signal: FloatArray, period: float, count: int) -> tuple[float, float
     """Period and its standard deviation, by least squares between the signal and its copy some periods later."""
     index = np.arange(float(len(signal)))
     curve = make_interp_spline(index, signal, k=_DEGREE)
-    slope, shift, step = curve.derivative(), period * count, 0.0
+    shift, step = period * count, 0.0
     inside = index[: max(int(len(signal) - shift) - 1, _SHORTEST)]
+    # At the samples noise and its slope have nothing in common, nor have the slopes of two periods' noise.
+    slope = curve.derivative()
+    steep = slope(inside)
+    square = float(steep @ slope(inside + shift))
+    if square <= 0:
+        return period, 1.0
     for _ in range(_STEPS):
-        steep = slope(inside + shift)
         apart = curve(inside + shift) - signal[: len(inside)]
-        step = float(np.clip((apart - apart.mean()) @ steep / (steep @ steep), -0.5, 0.5))
+        step = float(np.clip((apart - apart.mean()) @ steep / square, -0.5, 0.5))
         shift -= step
-    spread = float(np.sqrt(np.sum(((apart - apart.mean()) * steep) ** 2)) / (steep @ steep))
+    spread = float(np.sqrt(np.sum(((apart - apart.mean()) * steep) ** 2)) / square)
     return shift / count, max(spread, abs(step)) / count
+
+
+def measure_share(periods: FloatArray, lines: IntArray) -> tuple[float, IntArray]:
+    """Returns the stated lines' share of the averaged period's energy, and the lines that really carry it.
+
+    Args:
+        periods (n_period, n_sample): The signal.
+        lines (n_lines,): Stated lines.
+    """
+    mean, _ = line_power(periods)
+    mean[0] = 0
+    carrying = np.flatnonzero(mean > 1e-2 * np.sort(mean)[-max(len(lines) // 2, 1)])
+    return float(mean[lines].sum() / mean.sum()), carrying
 
 
 def line_power(periods: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -9,14 +9,11 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.logs.lines import check_lines
-from robid.logs.period import Repetition, line_power, measure_repetition
+from robid.logs.period import Repetition, measure_repetition, measure_share
 from robid.logs.timing import RESAMPLED_RATE, Clock, clock_problems
 
 _WHOLE = 5e-7
 """Largest relative distance of a period from whole samples that settings accept, a margin kept."""
-
-_CARRIES = 1e-2
-"""Power of a line, relative to that of as many of the strongest as were stated, from which it carries the signal."""
 
 _SURE = 0.05
 """Standard deviation of a measured period up to which it says what to resample to [samples]."""
@@ -31,8 +28,8 @@ class Stated:
         samples: Samples of one period.
         periods: Periods that are used.
         dropped: Periods that are dropped before.
-        lines (n_freq,): Lines that are excited, or among which they are.
-        find: Whether they are to be found among these.
+        lines (n_freq,): Lines that are excited.
+        find: Whether they are only those among which the excited ones are looked for.
     """
 
     sampling_period_s: float
@@ -162,7 +159,7 @@ def _period_settings(steady: FloatArray, stated: Stated, real: int, step_s: floa
         found["excitation.low_hz"] = _number(round((float(lines[0]) - 0.5) / lasts, 6))
         found["excitation.high_hz"] = _number(round((float(lines[-1]) + 0.5) / lasts, 6))
     elif kept > 0:
-        inside = np.intersect1d(_carried(blocks, grid)[1], grid)
+        inside = np.intersect1d(measure_share(blocks, grid)[1], grid)
         if 0 < len(inside) < len(lines):
             found["excitation.count"] = str(len(inside))
         if np.all(lines % 2) and np.any(inside % 2 == 0):
@@ -182,16 +179,8 @@ def _fit_of(blocks: FloatArray, lines: IntArray) -> float:
     """How well lines are those that carry a signal: their share of its energy times the share of them that carry."""
     if not len(blocks) or not len(lines) or 2 * lines[-1] >= blocks.shape[1]:
         return 0.0
-    share, carrying = _carried(blocks, lines)
+    share, carrying = measure_share(blocks, lines)
     return share * len(np.intersect1d(carrying, lines)) / len(lines)
-
-
-def _carried(blocks: FloatArray, lines: IntArray) -> tuple[float, IntArray]:
-    """Share of the averaged period's energy at some lines, and the lines that really carry it."""
-    mean, _ = line_power(blocks)
-    mean[0] = 0
-    carrying = np.flatnonzero(mean > _CARRIES * np.sort(mean)[-max(len(lines) // 2, 1)])
-    return float(mean[lines].sum() / mean.sum()), carrying
 
 
 def _number(value: float) -> str:

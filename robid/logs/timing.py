@@ -167,3 +167,17 @@ def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, per
             remedy=f"{remedy}, or correct the period.",
         )
     ]
+
+
+def check_segment(mapping: LogMapping, n_sample: int, segment_samples: int) -> list[DataError]:
+    """Says what a log that is shorter than one segment of its resolution would need."""
+    step_s = mapping.sampling_period_s
+    # Rounded upwards to four digits, so that what is advised fits.
+    least = 1 / (n_sample * step_s)
+    scale = 10 ** (3 - int(np.floor(np.log10(least))))
+    what = (
+        f"It lasts {n_sample * step_s:.4g} s, less than the {segment_samples * step_s:.4g} s that a resolution of"
+        f" {1 / (segment_samples * step_s):.4g} Hz needs."
+    )
+    remedy = f"Set excitation.resolution_hz to {np.ceil(least * scale) / scale:.4g} or more, or record longer."
+    return [DataError(what, where=f"{mapping.file}: {n_sample} samples", remedy=remedy)]

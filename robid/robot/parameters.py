@@ -84,7 +84,8 @@ PARAMETER_KINDS = {
         "motor.friction.viscous_nms_rad", "motor.friction.viscous_nms_rad", is_free=True, symbol="d",
     ),
     "arm_viscous": ParameterKind(
-        "Viscous friction of the arm", "link", "N m s/rad", "N s/m", "arm_viscous_nms_rad", "arm_viscous_ns_m", symbol="d2",
+        "Viscous friction of the arm", "link", "N m s/rad", "N s/m",
+        "arm_viscous_nms_rad", "arm_viscous_ns_m", symbol="d2",
     ),
     "motor_inertia": ParameterKind(
         "Motor inertias", "motor", "kg m^2", "kg m^2", "motor.inertia_kgm2", "motor.inertia_kgm2",

@@ -36,7 +36,7 @@ class _KeyUnlessDefault:
         for member in schema["oneOf"]:
             section = handler.resolve_ref_schema(member)
             if section["properties"]["signal"]["const"] != _DEFAULT:
-                section["required"] = ["signal"]
+                section["required"] = ["signal", *section.get("required", [])]
         return schema
 
 

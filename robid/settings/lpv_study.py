@@ -24,9 +24,12 @@ class RestCase(Section):
 
 
 class TravelCase(Section):
-    """The same model while the slide moves."""
+    """A model while the slide moves."""
 
     fit: Name = Field(description="Name of the position-dependent fit.")
+    uncompensated: Name | None = Field(
+        default=None, description="Name of a fit to responses with friction in them, whose error is printed beside."
+    )
     campaign: Name = Field(description="Name of the simulated campaign in which the slide travels.")
     fixed: Name = Field(description="Name of the simulated campaign with the same lines at one position (eq. 20).")
 
@@ -37,5 +40,5 @@ class TurkStudy(Section):
     kind: Literal["turk2018"] = Field(description="What is studied.")
     synthetic: KnownStructureCase | None = Field(default=None, description="Systems of known structure.")
     local: RestCase | None = Field(default=None, description="The model of this file at rest.")
-    travel: TravelCase | None = Field(default=None, alias="global", description="The same model while it moves.")
+    travel: TravelCase | None = Field(default=None, alias="global", description="A model while the slide moves.")
     paper: str = Field(description="File with the paper's figures, relative to this one.", min_length=1)

@@ -114,9 +114,13 @@ def _content(path: Path) -> str:
 
 
 def _bytes(path: Path) -> str:
-    """Hash of the bytes of a file of somebody else, or of all files of a folder and their names."""
+    """Hash of the bytes of a file of somebody else, or of all files of a folder and their names.
+
+    What a system or a reader leaves beside a bag, hidden files and SQLite's shared memory, does not count.
+    """
     if path.is_dir():
-        inside = [(one.name, _bytes(one)) for one in sorted(path.iterdir())]
+        left = (one for one in sorted(path.iterdir()) if not one.name.startswith(".") and not one.name.endswith("-shm"))
+        inside = [(one.name, _bytes(one)) for one in left]
         return hashlib.sha256(repr(inside).encode()).hexdigest()
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

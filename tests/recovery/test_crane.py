@@ -13,6 +13,8 @@ from robid.logs.mapping import LogMapping
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 from robid.signals.quantities import describe
+from robid.validation.elastic.local_model import rational_mode
+from robid.validation.elastic.scatter import line_scatter
 
 N_SAMPLE, STEP_S, LINES = 8192, 0.02, np.arange(1, 820)  # 163.84 s; all lines to 5 Hz are excited
 CABLE_M = 0.4557
@@ -115,3 +117,39 @@ def test_an_eleventh_period_and_a_wrong_field_are_told(crane):
     wrong = replace(crane, outputs=(OutputChannel("cable", f"{name}.Y(6).Data"),))
     with pytest.raises(DataError, match=f"`{name}.Y\\([1-5]\\).Data`"):
         bring(wrong)
+
+
+@pytest.mark.parametrize("name", ["meas1", "meas2"])
+def test_halves_of_a_crane_recording_agree_within_what_its_lines_scatter(data_folder, name):
+    """They do not within the noise of their periods, which is ten times less than a half differs from the other."""
+    record = bring(mapping_of(data_folder("crane") / f"{name}.mat", name))
+    peaks, noise, scatter = zip(*(_pendulum(_periods(record, slice(a, a + 5))) for a in (0, 5)), strict=True)
+    assert abs(peaks[1] - peaks[0]) < 1.96 * np.hypot(*scatter)
+    assert np.hypot(*scatter) > 5 * np.hypot(*noise)
+
+
+def test_recordings_of_a_crane_agree_where_their_largest_lines_are_neighbours(data_folder):
+    records = [bring(mapping_of(data_folder("crane") / f"{name}.mat", name)) for name in ("meas1", "meas2")]
+    peaks, _, scatter = zip(*(_pendulum(record) for record in records), strict=True)
+    assert abs(peaks[1] - peaks[0]) < 1.96 * np.hypot(*scatter)
+    np.testing.assert_allclose(peaks, PENDULUM_HZ, rtol=0.005)
+
+
+def _periods(record, chosen):
+    return replace(record, inputs=record.inputs[:, :, :, chosen], outputs=record.outputs[:, :, :, chosen])
+
+
+def _pendulum(record):
+    """Peak of the cable's angle, and its deviation by noise alone and by what the lines scatter [Hz]."""
+    frf = estimate_frf(record, EstimateOptions(compensation="none", pooled_lines=1))
+    hz, angle = frf.frequency_hz, frf.response[:, :, 1:, :]
+    omega, natural = 2 * np.pi * hz, 2 * np.pi * PENDULUM_HZ
+    pendulum = 1j * omega / (natural**2 - omega**2 + 0.04j * omega * natural)
+    noise = frf.element_variance()[:, :, 1:, :]
+    seen = np.maximum(noise, line_scatter(angle, pendulum[None, :, None, None]) * np.abs(angle) ** 2)
+    swings = np.flatnonzero((hz > 0.6) & (hz < 0.9))
+    line = int(swings[np.abs(angle[0, swings, 0, 0]).argmax()])
+    by_noise, by_lines = (
+        rational_mode(hz, angle[0, :, 0, 0], each[0, :, 0, 0], line, "resonance") for each in (noise, seen)
+    )
+    return by_lines.peak_hz, by_noise.peak_std_hz, by_lines.peak_std_hz

@@ -144,3 +144,50 @@ def test_a_signal_that_cannot_be_played_is_not_simulated(shop):
 def test_lines_are_found_in_logs_only(shop):
     shop.change("count: 14", "lines: found")
     shop.refuse(2, "lines are `found` in logs")
+
+
+FOUND = """schema_version: 1
+name: noise
+robot: arm.yaml
+campaigns:
+  log:
+    configurations: {list_deg: [[20, 30], [0, 0]]}
+    excitation: {period_s: 1, low_hz: 2, high_hz: 60, grid: full, lines: found}
+    periods: 4
+    source:
+      acquire:
+        file: "logs/{configuration}{experiment}.mat"
+        format: mat
+        sampling_period_s: 1.0e-3
+        inputs: [{name: turn, variable: "u(:,1)"}, {name: lift, variable: "u(:,2)"}]
+        outputs: [{name: turn, variable: "q(:,1)"}, {name: lift, variable: "q(:,2)"}]
+    estimate: {compensation: none}
+execution: {backend: serial}
+"""
+
+
+def test_lines_are_found_over_all_configurations_and_weak_ones_left_out_where_they_are(shop):
+    """The second configuration lacks three lines of the first: they are left out of it alone, told and listed."""
+    lines, lost = np.arange(5, 50, 2), [15, 17, 33]
+    generator, time = np.random.default_rng(3), np.arange(4000) * 1e-3
+    (shop.folder / "logs").mkdir()
+    (shop.folder / "noise.yaml").write_text(FOUND)
+    shop.experiment, shop.runs = "noise.yaml", shop.folder / "runs" / "noise"
+    for configuration in (1, 2):
+        played = np.setdiff1d(lines, lost if configuration == 2 else [])
+        wave = [np.cos(2 * np.pi * np.outer(time, played) + generator.uniform(0, 6, played.size)) for _ in range(2)]
+        for experiment, sign in ((1, 1.0), (2, -1.0)):
+            torque = np.stack([wave[0].sum(axis=1), sign * wave[1].sum(axis=1)], axis=1)
+            size = -1 / (2 * np.pi * played) ** 2
+            angle = np.stack([wave[0] @ size, sign * wave[1] @ size], axis=1)
+            noise = generator.standard_normal((2, *torque.shape))
+            columns = {"u": torque + 1e-2 * noise[0], "q": angle + 1e-6 * noise[1]}
+            savemat(shop.folder / "logs" / f"{configuration}{experiment}.mat", columns)
+    told = run(shop)
+    assert "Lines found to be excited: 5-49 by 2, 23 of 59 of the band." in told
+    assert "too little was told of turn at 3 of 23 lines (15, 17, 33 Hz)" in " ".join(told.split())
+    frf = found(shop)
+    np.testing.assert_array_equal(frf.lines, lines)
+    assert not frf.dropped[0].any()
+    np.testing.assert_array_equal(np.flatnonzero(frf.dropped[1].all(axis=1)), np.searchsorted(lines, lost))
+    np.testing.assert_allclose(frf.response[0], np.broadcast_to(np.eye(2), (23, 2, 2)), atol=0.05)

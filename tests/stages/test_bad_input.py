@@ -286,7 +286,7 @@ def cut(log, name, index):
         (lambda log: log.update(curent=log.pop("current")), ("`current`", "Did you mean `curent`?")),
         (lambda log: log["motor"].__setitem__(1234, np.nan), ("`motor`", "NaN", "sample 1234")),
         (lambda log: [cut(log, name, slice(900, 950)) for name in list(log)], ("gap", "sample 899")),
-        (lambda log: log.update(time=log["time"] * 1.02), ("time steps are 0.00102 s", "sampling_period_s")),
+        (lambda log: log.update(time=log["time"] * 1.02), ("mean time step is 0.00102 s", "sampling_period_s")),
     ],
 )
 def test_a_log_that_is_not_what_was_said_is_refused(bench, spoil, texts):

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
+from robid.artifacts.model import MODEL
+from robid.artifacts.store import read_artifact
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 VALIDATION = """  validation:
     configurations: {list_deg: [[0]]}
@@ -72,3 +75,20 @@ def test_an_export_of_the_same_recording_is_no_new_one(bench):
     answer = bench.robid("run", "motor_bench.yaml")
     assert answer.code == 4, answer.err
     assert "holds samples of the fit" in answer.flat
+
+
+def test_bands_that_were_played_apart_are_fitted_together(bench):
+    text = (bench.folder / "motor_bench.yaml").read_text()
+    text = text.replace("low_hz: 11, high_hz: 250, count: 240", "low_hz: 11, high_hz: 130, count: 120", 1)
+    text = text.replace("low_hz: 11, high_hz: 250, count: 240", "low_hz: 101, high_hz: 250, count: 150", 1)
+    text = text.replace("from: estimation, validate_on: validation,", "from: [estimation, validation],")
+    (bench.folder / "motor_bench.yaml").write_text(text)
+    answer = bench.robid("run", "motor_bench.yaml")
+    assert answer.code in (0, 5), answer.err
+    page = (bench.runs / "report.html").read_text()
+    assert "The campaigns have different lines: estimation 120 from 11 to 130 Hz" in page
+    model = read_artifact(bench.runs / "fits" / "two_mass" / "model.h5", MODEL)
+    names, values = (model.datasets[f"estimate/{key}"].values for key in ("names", "value"))
+    found = dict(zip(names, values, strict=True))
+    # Stiffness and inertias over K_t, as the bench's reference has them.
+    assert found["coupling.stiffness"] == pytest.approx(546.4, rel=0.02), found

@@ -14,6 +14,7 @@ from robid.errors import DataError
 from robid.families.family import Data, Work
 from robid.families.lpv.files import model_of, solution_from_artifact, validation_of
 from robid.families.lpv.settings import LpvFit, lpv_fit
+from robid.fit.lpv.basis import is_outside
 from robid.fit.lpv.blocks import block_names
 from robid.fit.lpv.fitting import fit_lpv
 from robid.fit.lpv.responses import LocalResponses
@@ -37,11 +38,15 @@ def fit(data: Data, work: Work) -> Artifact:
         message = "`choose_on` leaves no configuration to fit"
         raise DataError(message, where=f"fits.{data.name}", remedy="leave it fewer of them")
     own, choosing = (frf.select(np.flatnonzero(rows).tolist()) for rows in (~held_back, held_back))
-    with _named_positions(own, data.loaded, settings):
+    ports = ports_of(own, data.loaded, settings)
+    fitted, judging = (responses_of(one, data.loaded, settings) for one in (own, choosing))
+    ends = fitted.points.min(axis=0), fitted.points.max(axis=0)
+    _refuse_outside(judging.points, *ends, ports, "leave the ends of the range to the fit, and choose in between")
+    with _named_positions(ports, fitted.points):
         solution = fit_lpv(
-            responses_of(own, data.loaded, settings),
-            responses_of(choosing, data.loaded, settings),
-            ports_of(own, data.loaded, settings),
+            fitted,
+            judging,
+            ports,
             settings.basis,
             settings.options(),
             degrees_of_freedom=frf.degrees_of_freedom,
@@ -53,7 +58,7 @@ def fit(data: Data, work: Work) -> Artifact:
 
 
 @contextmanager
-def _named_positions(own: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[None]:
+def _named_positions(ports: Ports, points: FloatArray) -> Iterator[None]:
     """Names the position that an error is about by its scheduling parameters in place of its number."""
     try:
         yield
@@ -61,10 +66,15 @@ def _named_positions(own: Frf, loaded: LoadedExperiment, settings: LpvFit) -> It
         word, _, number = error.where.partition(" ")
         if word != "position":
             raise
-        point = _points(own, loaded, settings)[int(number)].tolist()
-        pairs = zip(settings.scheduling, point, strict=True)
-        where = ", ".join(f"{name} = {value:.4g} {_unit(own, loaded, name)}" for name, value in pairs)
-        raise DataError(error.what, where=where, remedy=error.remedy) from error
+        raise DataError(error.what, where=ports.place(points[int(number)]), remedy=error.remedy) from error
+
+
+def _refuse_outside(points: FloatArray, lower: FloatArray, upper: FloatArray, ports: Ports, remedy: str) -> None:
+    """Refuses positions beyond those of the fit, where its functions may do anything."""
+    outside = is_outside(points, lower, upper)
+    if outside.any():
+        told = f"The model holds from {ports.place(lower)} to {ports.place(upper)}"
+        raise DataError(f"{told}, which leaves a position out.", where=ports.place(points[outside][0]), remedy=remedy)
 
 
 def validate(data: Data, model: Artifact) -> Artifact:
@@ -72,6 +82,8 @@ def validate(data: Data, model: Artifact) -> Artifact:
     settings = lpv_fit(data.loaded.experiment, data.name)
     frf, solution = data.response, solution_from_artifact(model)
     ports, responses = ports_of(frf, data.loaded, settings), responses_of(frf, data.loaded, settings)
+    remedy = "validate at positions within the range, or fit positions further out"
+    _refuse_outside(responses.points, solution.basis.lower, solution.basis.upper, ports, remedy)
     doubts = grade_from_artifact(model).doubts
     return validation_of(validate_lpv(solution, ports, responses, frf.degrees_of_freedom, doubts))
 

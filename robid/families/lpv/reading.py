@@ -9,42 +9,72 @@ from typing import Any
 import h5py
 import numpy as np
 
+from robid.artifacts.layout import DAMAGE
 from robid.artifacts.model import MODEL
-from robid.artifacts.store import read_artifact
+from robid.artifacts.store import kind_of, read_artifact
 from robid.errors import ArtifactError
 from robid.families.lpv.files import solution_from_artifact
 from robid.fit.lpv.model import LpvModel
 from robid.fit.lpv.solution import BasisTable
 from robid.fit.lpv.state_space import MATRICES, StateSpace, pack
 
-FORMAT = "robid lpv 1"
+_FORMATS = "robid lpv"
+FORMAT = f"{_FORMATS} 1"
 
 
 def read_model(path: Path) -> LpvModel:
     """Reads a model of `model.h5`, or of an export as JSON or HDF5.
 
     Raises:
-        ArtifactError: If the file holds none.
+        ArtifactError: If the file is missing, damaged, or holds none.
     """
-    if path.suffix == ".json":
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    else:
-        content = _exported(path)
+    if not path.is_file():
+        raise _refused(path, "there is no such file")
+    content = _json(path) if path.suffix == ".json" else _hdf5(path)
     if content.get("format") == FORMAT:
-        return _model(content)
-    model = read_artifact(path, MODEL) if path.suffix == ".h5" else None
+        return _whole(path, content)
+    if str(content.get("format")).startswith(_FORMATS):
+        raise _refused(path, f"its format is `{content['format']}`, not `{FORMAT}`")
+    model = read_artifact(path, MODEL) if kind_of(path) == MODEL.name else None
     if model is None or model.attributes.get("family") != "lpv":
-        message = f"{path} holds no position-dependent model"
-        raise ArtifactError(message, remedy="name the model.h5 of a fit of family `lpv`, or its export")
+        raise _refused(path, "it holds no position-dependent model")
     return solution_from_artifact(model).model
 
 
-def _exported(path: Path) -> dict[str, Any]:
+def _refused(path: Path, what: str) -> ArtifactError:
+    remedy = "name the model.h5 of a fit of family `lpv`, or its `robid export` as json or hdf5"
+    return ArtifactError(f"{what}.", where=str(path), remedy=remedy)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise _refused(path, f"it is no JSON ({error})") from error
+    return content if isinstance(content, dict) else {}
+
+
+def _hdf5(path: Path) -> dict[str, Any]:
     if not h5py.is_hdf5(path):
         return {}
-    with h5py.File(path) as file:
-        datasets = {name: one[()] for name, one in file.items() if isinstance(one, h5py.Dataset)}
-        return {**datasets, **dict(file.attrs)}
+    try:
+        with h5py.File(path) as file:
+            datasets = {name: one[()] for name, one in file.items() if isinstance(one, h5py.Dataset)}
+            return {**datasets, **dict(file.attrs)}
+    except DAMAGE as error:
+        raise _refused(path, f"it is damaged ({error})") from error
+
+
+def _whole(path: Path, content: dict[str, Any]) -> LpvModel:
+    """The model of an export, whose entries may be missing or of shapes that do not agree."""
+    try:
+        model = _model(content)
+        model.at(model.basis.lower[None])
+    except KeyError as error:
+        raise _refused(path, f"it has no `{error.args[0]}`") from error
+    except (TypeError, ValueError, IndexError) as error:
+        raise _refused(path, f"its entries do not make a model ({error})") from error
+    return model
 
 
 def _model(content: dict[str, Any]) -> LpvModel:

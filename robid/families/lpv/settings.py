@@ -10,7 +10,8 @@ from pydantic import Field
 
 from robid.fit.lpv.options import BasisOptions, LpvOptions
 from robid.settings.base import STRICT, Name
-from robid.settings.checks.experiment import output_names
+from robid.settings.checks.configurations import configuration_count
+from robid.settings.checks.experiment import input_names, output_names
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings, fit_of, part
 from robid.settings.load import LoadedExperiment
@@ -63,7 +64,8 @@ def lpv_fit(experiment: Experiment, name: str) -> LpvFit:
 def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with a position-dependent fit."""
     fit = lpv_fit(experiment, name)
-    yield from _chosen_on(fit)
+    yield from _chosen_on(experiment, fit)
+    yield from _functions(experiment, fit)
     if fit.basis.center and len(fit.basis.center) != len(fit.scheduling):
         yield ("basis", "center"), f"has {len(fit.basis.center)} values for {len(fit.scheduling)} scheduling parameters"
     if fit.basis.kind == "splines" and fit.basis.center:
@@ -71,9 +73,9 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     if fit.campaign not in experiment.campaigns:
         return
     known = output_names(experiment.campaigns[fit.campaign], robot)
-    for index, one in enumerate(fit.outputs):
-        if one not in known:
-            yield ("outputs", index), f"campaign `{fit.campaign}` has no output `{one}`; {suggest(one, known)}"
+    driven = input_names(experiment.campaigns[fit.campaign], robot)
+    yield from _channels(fit, "input", fit.inputs, driven)
+    yield from _channels(fit, "output", fit.outputs, known)
     joints = tuple(joint.name for joint in robot.joints)
     for index, one in enumerate(fit.scheduling):
         if one not in (*joints, *known):
@@ -87,17 +89,57 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         yield ("integrators",), f"has {len(fit.integrators)} counts for {count} outputs"
 
 
-def _chosen_on(fit: LpvFit) -> _Found:
+def _channels(fit: LpvFit, word: str, wanted: tuple[str, ...], known: tuple[str, ...]) -> _Found:
+    """Yields channels that are not there, or there twice."""
+    for index, one in enumerate(wanted):
+        if one not in known:
+            yield (f"{word}s", index), f"campaign `{fit.campaign}` has no {word} `{one}`; {suggest(one, known)}"
+        elif one in wanted[:index]:
+            yield (f"{word}s", index), f"`{one}` is there twice"
+
+
+def _chosen_on(experiment: Experiment, fit: LpvFit) -> _Found:
     """Yields what is wrong with what only chooses the structure."""
     if isinstance(fit.choose_on, str):
         if fit.choose_on not in fit.campaigns:
             yield ("choose_on",), f"names `{fit.choose_on}`, which is none of the campaigns in `from`"
         elif len(fit.campaigns) == 1:
             yield ("choose_on",), "names the only campaign in `from`: nothing is left to fit"
-    elif fit.configurations is not None:
-        for index, one in enumerate(fit.choose_on):
-            if one not in fit.configurations:
-                yield ("choose_on", index), f"is {one}, which is none of `configurations`"
+        return
+    count = _count(experiment, fit)
+    for index, one in enumerate(fit.choose_on):
+        if fit.configurations is not None and one not in fit.configurations:
+            yield ("choose_on", index), f"is {one}, which is none of `configurations`"
+        elif count is not None and one >= count:
+            what = f"there is no index {one}: the fit reads {count} configurations, from index 0 to {count - 1}"
+            yield ("choose_on", index), what
+    if count is not None and set(fit.choose_on) >= set(fit.configurations or range(count)):
+        yield ("choose_on",), "leaves no configuration to fit: leave it fewer of them"
+
+
+def _functions(experiment: Experiment, fit: LpvFit) -> _Found:
+    """Yields a basis of more functions than positions are fitted."""
+    count, named = _count(experiment, fit), isinstance(fit.choose_on, str) and fit.choose_on in experiment.campaigns
+    if count is None or (isinstance(fit.choose_on, str) and (not named or fit.configurations is not None)):
+        return
+    if isinstance(fit.choose_on, str):
+        left = count - (configuration_count(experiment, experiment.campaigns[fit.choose_on]) or 0)
+    else:
+        left = len(set(fit.configurations or range(count)) - set(fit.choose_on))
+    wanted = fit.basis.count(len(fit.scheduling))
+    if 0 < left < wanted:
+        message = (
+            f"{left} positions cannot tell {wanted} functions apart, the constant one counted: lower"
+            f" {'`degree` or `pieces`' if fit.basis.kind == 'splines' else '`degree`'}, or fit more positions"
+        )
+        yield ("basis",), message
+
+
+def _count(experiment: Experiment, fit: LpvFit) -> int | None:
+    """Number of configurations of a fit's campaigns, None where one is unknown."""
+    used = [experiment.campaigns.get(name) for name in fit.campaigns]
+    counts = [None if one is None else configuration_count(experiment, one) for one in used]
+    return None if None in counts else sum(each or 0 for each in counts)
 
 
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:

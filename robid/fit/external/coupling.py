@@ -9,10 +9,12 @@ import numpy as np
 from scipy.signal import csd
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
 from robid.fit.external.data import Shot
 from robid.fit.external.etfe import Etfe, moved_inputs, together
 from robid.fit.external.options import CouplingOptions
 
+_SHORTEST = 8  # samples of a segment
 _INDEPENDENT = 0.85  # of Hann segments that overlap by half, for the tail of the coherence, by trial on white noise
 _EXCITED = 1e-4  # of a command's largest power density
 
@@ -173,8 +175,19 @@ def _band(group: Sequence[Shot], floor: FloatArray, options: CouplingOptions) ->
 
 
 def _cross_spectra(group: Sequence[Shot], moved: IntArray, segments: int) -> tuple[FloatArray, ComplexArray]:
-    """Cross spectral densities (n_freq, n_signal, n_signal) of moving commands and outputs, by Welch's method."""
-    length = 2 * len(group[0].inputs) // (segments + 1)
+    """Cross spectral densities (n_freq, n_signal, n_signal) of moving commands and outputs, by Welch's method.
+
+    Raises:
+        DataError: If the shots are too short for as many segments.
+    """
+    n_sample = len(group[0].inputs)
+    length = 2 * n_sample // (segments + 1)
+    if length < _SHORTEST:
+        raise DataError(
+            f"{segments} segments of a motion of {n_sample} samples are shorter than {_SHORTEST} samples.",
+            where="coupling.segments",
+            remedy=f"ask for {2 * n_sample // _SHORTEST - 1} at most",
+        )
     total: ComplexArray | float = 0.0
     for shot in group:
         signals = np.hstack([shot.inputs[:, moved], shot.outputs]).T

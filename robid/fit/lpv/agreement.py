@@ -20,9 +20,9 @@ class Agreement:
         error_ratio: Root mean square of the error over its deviation; NaN where that is unknown.
         error_db: Median distance of the magnitudes [dB].
         relative_error: Root mean square of the error over that of the response.
-        excess: The same of what the deviations do not explain, over the response at all positions, or what is natural
-            to the element by the others of its row and column where that is larger: coupling that is hardly there
-            need not be known.
+        excess: The same of what noise does not explain, however uncertain the model is, over the response at all
+            positions, or what is natural to the element by the others of its row and column where that is larger:
+            coupling that is hardly there need not be known.
     """
 
     share_within: FloatArray
@@ -32,7 +32,7 @@ class Agreement:
     excess: FloatArray
 
 
-def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray) -> Agreement:
+def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise: FloatArray) -> Agreement:
     """Compares a model with responses.
 
     Args:
@@ -40,6 +40,7 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray) -> Ag
         modelled (n_pos, n_freq, n_out, n_in): What the model says.
         std (n_pos, n_freq, n_out, n_in): Root of `E|error|^2`; NaN where it is unknown, infinite where an element is
             left out.
+        noise (n_pos, n_freq, n_out, n_in): What of it the measurement alone makes.
     """
     counts = ~np.isinf(std)
     known = counts & (std > 0)
@@ -49,7 +50,7 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray) -> Ag
     decibels = 20 * np.abs(np.log10(np.maximum(np.abs(modelled), tiny) / np.maximum(np.abs(response), tiny)))
     power = _mean(np.abs(response) ** 2, counts)
     error = _mean(size**2, counts)
-    expected = np.nan_to_num(_mean(np.where(known, std, 0.0) ** 2, counts))
+    expected = np.nan_to_num(_mean(np.where(known, noise, 0.0) ** 2, counts))
     return Agreement(
         share_within=_mean((ratio <= _DEVIATIONS).astype(float), known),
         error_ratio=np.sqrt(_mean(ratio**2, known)),

@@ -9,12 +9,12 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import BSpline
 
-from robid.arrays import FloatArray, check_shape
+from robid.arrays import BoolArray, FloatArray, check_shape
 from robid.errors import DataError
 from robid.fit.lpv.options import BasisOptions
 
 _GRID = 201
-_MARGIN = 1e-9  # of the range: rounding of a position at its end
+_MARGIN = 1e-3  # of the range: a position at its end that is measured again
 
 
 class Functions(Protocol):
@@ -124,14 +124,19 @@ class Basis:
             DataError: If a point lies outside the range.
         """
         check_shape("points", points, "n_point n_scheduling", n_scheduling=len(self.lower))
-        room = _MARGIN * (self.upper - self.lower)
-        outside = ~np.all((points >= self.lower - room) & (points <= self.upper + room), axis=1)
+        outside = is_outside(points, self.lower, self.upper)
         if outside.any():
             raise DataError(
                 f"The model holds from {_told(self.lower)} to {_told(self.upper)}, not at {_told(points[outside][0])}.",
                 remedy="Ask for positions within the range, or measure further out and fit again.",
             )
         return np.column_stack([np.ones(len(points)), self.functions.values(points)])
+
+
+def is_outside(points: FloatArray, lower: FloatArray, upper: FloatArray) -> BoolArray:
+    """Tells which points (n_point, n_scheduling) lie outside a range, but for what repeated measurements differ."""
+    room = _MARGIN * (upper - lower)
+    return np.asarray(~np.all((points >= lower - room) & (points <= upper + room), axis=1))
 
 
 def make_basis(points: FloatArray, options: BasisOptions) -> Basis:

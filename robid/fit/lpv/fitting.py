@@ -102,7 +102,7 @@ def hold(responses: LocalResponses, model: ResponseUncertainty, degrees_of_freed
     unknown = np.full(responses.response.shape, np.nan)
     std = unknown if responses.variance is None else np.sqrt(responses.variance)
     expected = std if seen else np.hypot(std, model.total)
-    agreement = agree(responses.response, model.response, expected)
+    agreement = agree(responses.response, model.response, expected, std)
     return Held(
         points=responses.points,
         frequency_hz=responses.frequency_hz,

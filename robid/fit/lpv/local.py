@@ -44,10 +44,14 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
         DataError: If there are too few lines for the order, or a model is unstable.
     """
     n_state, n_out, n_in = problem.sizes.n_state, problem.sizes.n_out, problem.sizes.n_in
-    fewest = n_state * (n_out + n_in) + n_out * n_in
-    if np.any(np.count_nonzero(problem.root_weight, axis=(1, 2, 3)) * 2 < fewest):
+    told = np.count_nonzero(problem.root_weight, axis=(1, 2, 3)) * 2
+    # Subspace models, with which every fit begins, have a block row to spare.
+    most = min((int(told.min()) - n_out * n_in) // (n_out + n_in), (len(problem.z) // 2 - 1) * n_out)
+    if n_state > most:
         raise DataError(
-            f"A position has too few lines for {n_state} states.", remedy="Measure more lines, or lower the order."
+            f"The lines are too few for {n_state} states.",
+            where=f"position {int(np.argmin(told))}",
+            remedy=f"Measure more lines, or lower `order` to {max(most, 1)} at most.",
         )
     n_pos = len(problem.response)
     found = [_fit(at_position(problem, index), max_iterations) for index in range(n_pos)]
@@ -78,7 +82,8 @@ def balanced_or_refused(system: StateSpace, index: int) -> StateSpace:
         raise DataError(
             f"The local model has a pole of absolute value {radius:.6g}: it is unstable.",
             where=f"position {index}",
-            remedy="Name all integrators that the response has, lower the order, or measure more periods there.",
+            remedy="State the `integrators` that the response has, no fewer and no more; lower `order`; or measure more"
+            " lines and periods there.",
         )
     return balance(system)[0]
 

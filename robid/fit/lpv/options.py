@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import comb
 from typing import Literal
 
 
@@ -25,6 +26,12 @@ class BasisOptions:
     center: tuple[float, ...] = field(
         default=(), metadata={"description": "Where each parameter's powers are counted from; empty for zero."}
     )
+
+    def count(self, n_scheduling: int) -> int:
+        """Returns the number of functions of some scheduling parameters, the constant one counted."""
+        if self.kind == "splines":
+            return int((self.pieces + self.degree) ** n_scheduling)
+        return comb(n_scheduling + self.degree, self.degree)
 
 
 @dataclass(frozen=True)

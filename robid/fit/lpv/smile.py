@@ -22,12 +22,12 @@ def check_positions(values: FloatArray) -> None:
     if n_pos < n_function:
         raise DataError(
             f"{n_pos} positions cannot tell {n_function} basis functions apart (the constant one counted).",
-            remedy="Measure more positions, or take fewer basis functions.",
+            remedy="Fit more positions, or take fewer functions (`basis`).",
         )
     if np.linalg.matrix_rank(values / np.linalg.norm(values, axis=0)) < n_function:
         raise DataError(
             "At these positions some basis functions are combinations of others.",
-            remedy="Take fewer basis functions, or positions that vary every scheduling parameter.",
+            remedy="Take fewer functions (`basis`), or positions that vary every scheduling parameter.",
         )
 
 

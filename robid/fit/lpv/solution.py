@@ -28,6 +28,14 @@ class Ports:
     scheduling_units: tuple[str, ...]
     sampling_period_s: float
 
+    def place(self, point: FloatArray) -> str:
+        """Names a position (n_scheduling,) by its scheduling parameters, angles in degrees."""
+        pairs = zip(self.scheduling, point.tolist(), self.scheduling_units, strict=True)
+        return ", ".join(
+            f"{name} = {np.degrees(value):.4g}°" if unit == "rad" else f"{name} = {value:.4g} {unit}"
+            for name, value, unit in pairs
+        )
+
 
 @dataclass(frozen=True)
 class BasisTable:

@@ -112,7 +112,7 @@ def _start() -> subprocess.Popen[bytes]:
     """Starts the process, which sees the modules that this one sees; numerical libraries need one thread in it."""
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     return subprocess.Popen(
-        [sys.executable, "-c", _START, json.dumps([path or str(Path.cwd()) for path in sys.path])],
+        [sys.executable, "-P", "-c", _START, json.dumps([path or str(Path.cwd()) for path in sys.path])],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -43,7 +43,7 @@ FORMATS = {
     "mcap": Format("an MCAP file", f"{_HERE}.mcap_file", (".mcap",), ("mcap", "rosbags"), "ros"),
     "rosbag": Format("a ROS 2 bag", f"{_HERE}.rosbag", (".db3",), ("mcap", "rosbags"), "ros"),
     "tdms": Format("a TDMS file", f"{_HERE}.tdms", (".tdms",), ("nptdms",), "tdms"),
-    "mdf": Format("an MDF file", f"{_HERE}.mdf", (".mf4", ".mdf", ".dl3"), ("asammdf",), "mdf"),
+    "mdf": Format("an MDF file", f"{_HERE}.mdf", (".mf4", ".mdf"), ("asammdf",), "mdf"),
 }
 
 _MAGIC = (

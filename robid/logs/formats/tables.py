@@ -21,7 +21,7 @@ from robid.signals.log_dialect import Dialect
 
 _SAMPLE = 1 << 18
 CHUNK = 1 << 20
-"""Characters that are read at a time; memory beyond the columns themselves is some twenty times that."""
+"""Characters that are read at a time; memory beyond the columns themselves is less than ten times that."""
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 

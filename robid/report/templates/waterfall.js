@@ -32,7 +32,7 @@
       scene: {
         xaxis: axis(figure.x_title, along), yaxis: axis(figure.place_title), zaxis: axis(figure.y_title), dragmode: "turntable", uirevision: "kept",
         aspectmode: "manual", aspectratio: { x: 1.25, y: 1, z: 0.8 },
-        camera: { eye: { x: -1.05, y: -1.7, z: 0.8 }, center: { x: -0.1, y: 0.06, z: -0.12 } },
+        camera: { eye: { x: -1.05, y: -1.7, z: 0.8 }, center: { x: -0.1, y: 0.06, z: -0.2 } },
       },
     }), hover);
   }

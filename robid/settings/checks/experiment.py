@@ -82,6 +82,13 @@ def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
     return (*(commanded_channels(campaign, robot) or motors), *campaign.outputs[1:])
 
 
+def input_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
+    """Returns the names of a campaign's inputs: those of a log, commanded channels, or every motor."""
+    if campaign.source is not None and campaign.source.acquire is not None:
+        return tuple(channel.name for channel in campaign.source.acquire.inputs)
+    return commanded_channels(campaign, robot) or tuple(joint.name for joint in robot.joints)
+
+
 def _folders(experiment: Experiment) -> _Found:
     for name in experiment.campaigns:
         if name in _FOLDERS:

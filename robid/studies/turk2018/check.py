@@ -27,6 +27,8 @@ def check_turk2018(experiment: Experiment, robot: RobotFile | None) -> _Found:
             yield field, f"fit `{study.local.fit}` names no campaign in `validate_on`"
     if study.travel is not None:
         yield from _check_fit(experiment, study.travel.fit, ("study", "global", "fit"))
+        if study.travel.uncompensated is not None:
+            yield from _check_fit(experiment, study.travel.uncompensated, ("study", "global", "uncompensated"))
         yield from check_travel(experiment, study.travel, robot)
 
 

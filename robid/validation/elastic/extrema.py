@@ -13,30 +13,62 @@ from robid.fit.elastic.problem import Problem
 from robid.frf.frf import Frf
 from robid.robot.response import response
 from robid.validation.elastic.fitted import FittedModel
-from robid.validation.elastic.local_model import Kind, interpolated_mode, parabola_mode, rational_mode
+from robid.validation.elastic.local_model import (
+    Estimator,
+    Kind,
+    LocalMode,
+    interpolated_mode,
+    parabola_mode,
+    rational_mode,
+)
+from robid.validation.elastic.scatter import line_scatter
 
 _MIN_PROMINENCE = np.log(1.1)
 _NOISE_FACTOR = 8.0  # the range of noise alone over some hundred lines is 6 to 7 deviations
 MATCH = 0.15
 _GRID = 601
 KINDS: tuple[Kind, Kind] = ("resonance", "antiresonance")
-_ESTIMATORS = (rational_mode, interpolated_mode, parabola_mode)
+_ESTIMATORS: tuple[Estimator, ...] = (rational_mode, interpolated_mode, parabola_mode)
 _Lines: TypeAlias = tuple[FloatArray, ComplexArray, FloatArray, int]
 
 
 @dataclass(frozen=True)
 class ExtremumPair:
-    """A measured extremum and the model's counterpart, NaN where there is none."""
+    """A measured extremum and the model's counterpart, both by the same local model.
 
-    measured_hz: float
-    std_hz: float
-    model_hz: float
-    root: complex
+    Attributes:
+        line: Index of the line with the extremum.
+        estimate: The local model.
+        measured: What it finds in the measurement.
+        model: What it finds in the model, or None.
+        reading_hz: Deviation of what a local model through three lines reads between them [Hz].
+    """
+
+    line: int
+    estimate: Estimator
+    measured: LocalMode
+    model: LocalMode | None
+    reading_hz: float
+
+    @property
+    def measured_hz(self) -> float:
+        """Measured frequency [Hz]."""
+        return self.measured.frequency_hz
+
+    @property
+    def model_hz(self) -> float:
+        """The model's; NaN where it has none [Hz]."""
+        return np.nan if self.model is None else self.model.frequency_hz
+
+    @property
+    def root(self) -> complex:
+        """The model's pole or zero as the local model finds it; NaN where it has none [rad/s]."""
+        return complex(np.nan, np.nan) if self.model is None else self.model.root
 
 
 @dataclass(frozen=True)
 class Element:
-    """One motor's own response in one configuration, hold and delay removed."""
+    """One motor's own response in one configuration, hold and delay removed; what each realization adds to it."""
 
     frequency_hz: FloatArray
     measured: ComplexArray
@@ -44,6 +76,7 @@ class Element:
     modelled: ComplexArray
     dense_hz: FloatArray
     dense: FloatArray
+    errors: ComplexArray | None = None
 
     def measured_at(self, line: int) -> _Lines:
         """What a local estimator takes of the measurement."""
@@ -55,9 +88,17 @@ class Element:
 
 
 class Elements:
-    """Every element of a response, hold and delay removed, beside the fitted model's."""
+    """Every element of a response, hold and delay removed, beside the fitted model's.
 
-    def __init__(self, fitted: FittedModel, frf: Frf) -> None:
+    Args:
+        fitted: The fitted model.
+        frf: The response.
+        scattering: Whether lines of a response without realizations vary at least as much as they scatter about what
+            is smooth; so they do where a table tells resonances from the bumps of a distortion.
+    """
+
+    def __init__(self, fitted: FittedModel, frf: Frf, *, scattering: bool = False) -> None:
+        """Computes both responses."""
         model, parameters = fitted.linear
         plain = replace(parameters, delay=np.zeros(1))
         self._frequency_hz = frf.frequency_hz
@@ -70,6 +111,10 @@ class Elements:
         # What is interpolated is as unsure as it is large.
         variance = np.where(np.isfinite(variance), variance, np.abs(fitted.measured) ** 2)
         self._variance = variance / np.abs(hold) ** 2
+        if scattering and frf.total_covariance is None:
+            seen = line_scatter(self._measured, self._continuous) * np.abs(self._measured) ** 2
+            self._variance = np.maximum(self._variance, seen)
+        self._errors = None if frf.realization_error is None else frf.realization_error / hold
         self._dense_hz = np.geomspace(frf.frequency_hz[0], frf.frequency_hz[-1], _GRID)
         self._dense = np.abs(response(model, plain, self._dense_hz, None).sampled)
 
@@ -77,7 +122,8 @@ class Elements:
         """Returns one element."""
         at = (configuration, slice(None), output, motor)
         curves = self._measured[at], self._variance[at], self._continuous[at]
-        return Element(self._frequency_hz, *curves, self._dense_hz, self._dense[at])
+        errors = None if self._errors is None else self._errors[configuration, :, :, output, motor]
+        return Element(self._frequency_hz, *curves, self._dense_hz, self._dense[at], errors)
 
 
 def pair_extrema(element: Element, kind: Kind) -> list[ExtremumPair]:
@@ -99,9 +145,20 @@ def _pair(element: Element, kind: Kind, index: int, near_hz: FloatArray) -> Extr
         for estimate, found in served:
             counterpart = estimate(*element.modelled_at(line), kind)
             if counterpart is not None and abs(counterpart.frequency_hz / found.frequency_hz - 1) <= MATCH:
-                return ExtremumPair(found.frequency_hz, found.std_hz, counterpart.frequency_hz, counterpart.root)
-    best = served[0][1]
-    return ExtremumPair(best.frequency_hz, best.std_hz, np.nan, complex(np.nan, np.nan))
+                return ExtremumPair(index, estimate, found, counterpart, _reading(element, index, estimate, served))
+    return ExtremumPair(index, *served[0], None, _reading(element, index, served[0][0], served))
+
+
+def _reading(element: Element, index: int, chosen: Estimator, served: list[tuple[Estimator, LocalMode]]) -> float:
+    """Deviation of a reading through three lines [Hz]: what two such readings differ by, at most what lines tell.
+
+    Seven lines that are of the form of a mechanical response leave nothing to read between them.
+    """
+    if chosen is rational_mode:
+        return 0.0
+    gap = 0.5 * float(element.frequency_hz[index + 1] - element.frequency_hz[index - 1]) / float(np.sqrt(12))
+    through_three = [found.peak_hz for estimate, found in served if estimate is not rational_mode]
+    return min(gap, float(np.ptp(through_three))) if len(through_three) > 1 else gap
 
 
 def _model_lines(frequency_hz: FloatArray, near_hz: FloatArray, index: int) -> list[int]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -17,6 +18,7 @@ _MISFIT_LIMIT = 5.0
 _MOST_NEGATIVE_DAMPING = -0.01  # noise may turn a small damping ratio negative, a passive robot does not
 _LINES = 7
 _MIN_LINES = 5
+_HALF_WIDTHS, _LEAST_REACH, _PEAK_GRID = 4.0, 1e-6, 161
 
 
 @dataclass(frozen=True)
@@ -27,11 +29,21 @@ class LocalMode:
         frequency_hz: Undamped frequency [Hz].
         std_hz: Its standard deviation by the delta method over the lines' variances [Hz].
         root: The pole or zero in the upper half plane [rad/s].
+        peak_hz: Where the local model's magnitude is largest, or smallest [Hz].
+        peak_std_hz: Its standard deviation, as that of the frequency [Hz].
+        is_root: Whether there is a pole or zero at all; else the frequency is the peak's.
     """
 
     frequency_hz: float
     std_hz: float
     root: complex
+    peak_hz: float
+    peak_std_hz: float
+    is_root: bool = True
+
+
+Estimator: TypeAlias = Callable[[FloatArray, ComplexArray, FloatArray, int, Kind], LocalMode | None]
+"""What finds the mode around a line: of frequencies, a response, its variance, the line's index, and the kind."""
 
 
 def rational_mode(
@@ -59,8 +71,8 @@ def rational_mode(
     omega, centre = 2 * np.pi * frequency_hz[window], 2 * np.pi * float(frequency_hz[extremum])
     data, power = _moved(response[window], variance[window]), np.abs(response[window]) ** 2
     weight = 1 / np.sqrt(variance[window] + _RELATIVE_FLOOR**2 * power)
-    roots, misfit = _rational_roots(omega, data, weight, centre, kind)
-    return None if misfit > _MISFIT_LIMIT else _located(roots, frequency_hz, extremum)
+    roots, magnitude, misfit = _rational_roots(omega, data, weight, centre, kind)
+    return None if misfit > _MISFIT_LIMIT else _located(roots, magnitude, frequency_hz, extremum, kind)
 
 
 def interpolated_mode(
@@ -88,7 +100,14 @@ def interpolated_mode(
     root = np.sqrt(first**2 - 4 * second * constant)
     root = np.where(np.real(root * first.conj()) < 0, -root, root)
     nearest = -2 * constant / (first + root)  # the root next to the extremum, without cancellation
-    return _located(2j * np.pi * frequency_hz[extremum] * (1 + nearest), frequency_hz, extremum)
+    roots = 2j * np.pi * frequency_hz[extremum] * (1 + nearest)
+
+    def magnitude(at_hz: FloatArray) -> FloatArray:
+        x = at_hz / frequency_hz[extremum] - 1
+        value = np.abs((second[:, None] * x + first[:, None]) * x + constant[:, None])
+        return np.asarray(1 / value if kind == "resonance" else value)
+
+    return _located(roots, magnitude, frequency_hz, extremum, kind)
 
 
 def _moved(data: ComplexArray, variance: FloatArray) -> ComplexArray:
@@ -98,17 +117,56 @@ def _moved(data: ComplexArray, variance: FloatArray) -> ComplexArray:
     return np.asarray(data + np.concatenate([np.zeros((1, data.size)), moves, -moves]))
 
 
-def _located(roots: ComplexArray, frequency_hz: FloatArray, extremum: int) -> LocalMode | None:
-    """Judges the first root and takes its deviation from the others, found on moved data."""
+def _located(
+    roots: ComplexArray,
+    magnitude: Callable[[FloatArray], FloatArray],
+    frequency_hz: FloatArray,
+    extremum: int,
+    kind: Kind,
+) -> LocalMode | None:
+    """Judges the first root, finds the extremum of the magnitude beside it, and takes deviations from moved data.
+
+    Args:
+        roots (n_case,): Root of each case, the data's own first.
+        magnitude: Magnitude (n_case, n) of each case's local model at frequencies (n_case, n) [Hz].
+        frequency_hz (n_freq,): Frequencies [Hz].
+        extremum: Index of the line with the extremum.
+        kind: Whether the magnitude's maximum or minimum is wanted.
+    """
     found = np.abs(roots) / (2 * np.pi)
     low, high = frequency_hz[max(0, extremum - 1)], frequency_hz[min(frequency_hz.size - 1, extremum + 1)]
     if not low <= found[0] <= high or -roots[0].real < _MOST_NEGATIVE_DAMPING * np.abs(roots[0]):
         return None
+    peaks = _peaks(roots, magnitude, (float(low), float(high)), kind)
+    return LocalMode(float(found[0]), _deviation(found), complex(roots[0]), float(peaks[0]), _deviation(peaks))
+
+
+def _deviation(found: FloatArray) -> float:
+    """Standard deviation of the first value (n_case,) from the others, found on data moved forward and backward."""
     forward, backward = np.split(found[1:], 2)
     moved = 0.5 * (forward - backward)
     moved = moved[np.isfinite(moved)]
-    std = np.sqrt(np.sum(moved**2) * forward.size / max(moved.size, 1))
-    return LocalMode(float(found[0]), float(std), complex(roots[0]))
+    return float(np.sqrt(np.sum(moved**2) * forward.size / max(moved.size, 1)))
+
+
+def _peaks(
+    roots: ComplexArray, magnitude: Callable[[FloatArray], FloatArray], ends_hz: tuple[float, float], kind: Kind
+) -> FloatArray:
+    """Extremum (n_case,) of each case's magnitude within some half widths of its root, by a parabola on a fine grid."""
+    centre, half = np.abs(roots) / (2 * np.pi), np.abs(roots.real) / (2 * np.pi)
+    reach = np.minimum(_HALF_WIDTHS * half + _LEAST_REACH * centre, ends_hz[1] - ends_hz[0])
+    grid = np.clip(centre[:, None] + reach[:, None] * np.linspace(-1, 1, _PEAK_GRID), *ends_hz)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        level = np.log(magnitude(grid)) * (1 if kind == "resonance" else -1)
+    level = np.where(np.isfinite(level), level, -np.inf)
+    best = np.clip(level.argmax(axis=1), 1, _PEAK_GRID - 2)[:, None]
+    left, here, right = (np.take_along_axis(level, best + step, axis=1)[:, 0] for step in (-1, 0, 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        curved = left - 2 * here + right
+        shift = np.where(curved < 0, 0.5 * (left - right) / curved, 0.0)
+    step = np.take_along_axis(grid, best + 1, axis=1) - np.take_along_axis(grid, best, axis=1)
+    peak = np.take_along_axis(grid, best, axis=1)[:, 0] + np.clip(shift, -1, 1) * step[:, 0]
+    return np.where(np.isfinite(centre), peak, np.nan)
 
 
 def parabola_mode(
@@ -140,7 +198,7 @@ def parabola_mode(
     moved = np.array([_vertex(inverse @ (level + step)) for step in np.diag(noise)])
     found = float(frequency_hz[extremum] * np.exp(vertex))
     std = float(frequency_hz[extremum] * np.sqrt(np.sum((moved - vertex) ** 2)))
-    return LocalMode(found, std, 2j * np.pi * found)
+    return LocalMode(found, std, 2j * np.pi * found, found, std, is_root=False)
 
 
 def _vertex(polynomial: FloatArray) -> float:
@@ -149,8 +207,8 @@ def _vertex(polynomial: FloatArray) -> float:
 
 def _rational_roots(
     omega: FloatArray, data: ComplexArray, weight: FloatArray, centre: float, kind: Kind
-) -> tuple[ComplexArray, float]:
-    """Roots (n_case,) of the numerator or denominator of each case (n_case, n_line), and the first one's misfit.
+) -> tuple[ComplexArray, Callable[[FloatArray], FloatArray], float]:
+    """Roots (n_case,) of the numerator or denominator of each case (n_case, n_line), magnitude, the first one's misfit.
 
     The polynomials are written in `x = (w^2 - w0^2)/scale`, which keeps narrow windows well conditioned; the
     linearised least squares is reweighted with the last denominator. A root that does not oscillate is NaN.
@@ -172,7 +230,16 @@ def _rational_roots(
         free, slope = theta[:, 3:].T if kind == "resonance" else -theta[:, [0, 2]].T / theta[:, 1]
         squared, slope = centre**2 + free * scale, slope * scale / centre
         roots = -0.5 * slope + 1j * np.sqrt(squared - 0.25 * slope**2)
-    return np.asarray(roots), float(np.sqrt(np.mean(misfit**2)))
+
+    def magnitude(at_hz: FloatArray) -> FloatArray:
+        at = 2 * np.pi * at_hz
+        x, s = (at**2 - centre**2) / scale, 1j * at / centre
+        top, bottom = theta[:, :3, None], theta[:, 3:, None]
+        return np.asarray(
+            np.abs(top[:, 0] + top[:, 1] * x + top[:, 2] * s) / np.abs(bottom[:, 0] + bottom[:, 1] * s - x)
+        )
+
+    return np.asarray(roots), magnitude, float(np.sqrt(np.mean(misfit**2)))
 
 
 def _least_squares(rows: ComplexArray, target: ComplexArray) -> FloatArray:

@@ -51,17 +51,13 @@ def error_doubts(held: Held, ports: Ports, where: str) -> Iterator[Doubt]:
 def worst_place(held: Held, ports: Ports) -> str:
     """Names the element and position with the largest error beyond noise."""
     position, output, port = np.unravel_index(int(np.nanargmax(held.agreement.excess)), held.agreement.excess.shape)
-    return f"{ports.outputs[output]} by {ports.inputs[port]} at {place_text(held, ports, int(position))}"
-
-
-def place_text(held: Held, ports: Ports, position: int) -> str:
-    """Names a position by its scheduling parameters."""
-    values = zip(ports.scheduling, held.points[position].tolist(), ports.scheduling_units, strict=True)
-    return ", ".join(f"{name} = {value:.4g} {unit}" for name, value, unit in values)
+    return f"{ports.outputs[output]} by {ports.inputs[port]} at {ports.place(held.points[position])}"
 
 
 def _unstable(solution: LpvSolution) -> Iterator[Doubt]:
     if solution.largest_pole >= 1:
-        at = ", ".join(f"{value:.4g}" for value in solution.largest_pole_at.tolist())
-        told = f"the model is unstable within its range: a pole of absolute value {solution.largest_pole:.6g} at {at}"
+        told = (
+            f"the model is unstable within its range, with a pole of absolute value {solution.largest_pole:.6g} at"
+            f" {solution.ports.place(solution.largest_pole_at)}: fit a position there, or take fewer basis functions"
+        )
         yield Doubt("model", told, decisive=True, strength=3.0)

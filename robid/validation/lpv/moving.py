@@ -10,6 +10,9 @@ from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 from robid.fit.lpv.model import LpvModel, simulate_lpv, unit_circle
 from robid.frf.spectra import line_amplitudes
 
+LEAD = 2
+"""Periods in which transients pass before the first one that counts."""
+
 
 @dataclass(frozen=True)
 class ErrorParts:
@@ -74,7 +77,7 @@ def simulated_amplitudes(
 ) -> ComplexArray:
     """Runs a model along measured inputs and scheduling parameters.
 
-    Its transient passes in a first period before the others, the same as the first of them. Integrators, behind
+    Its transient passes in `LEAD` periods before the others, the same as the first of them. Integrators, behind
     which any offset of the inputs drifts away, are put back at the lines.
 
     Args:
@@ -94,7 +97,7 @@ def simulated_amplitudes(
     n_period, n_sample = inputs.shape[:2]
     check_shape("scheduling", scheduling, "n_period n_sample n_scheduling", n_period=n_period, n_sample=n_sample)
     outputs, _ = simulate_lpv(model, led_in(inputs), led_in(scheduling))
-    own = line_amplitudes(outputs[n_sample:].reshape(n_period, n_sample, -1), lines)
+    own = line_amplitudes(outputs[LEAD * n_sample :].reshape(n_period, n_sample, -1), lines)
     z = unit_circle(lines / (n_sample * model.sampling_period_s), model.sampling_period_s)
     return np.asarray(own / ((z[:, None] - 1) / model.sampling_period_s) ** np.array(integrators))
 
@@ -105,8 +108,8 @@ def deviation(amplitudes: FloatArray) -> FloatArray:
 
 
 def led_in(samples: FloatArray) -> FloatArray:
-    """Returns periods (n_period, n_sample, n_channel) in a row, the first of them twice."""
-    return np.concatenate([samples[0], samples.reshape(-1, samples.shape[-1])])
+    """Returns periods (n_period, n_sample, n_channel) in a row, the first of them `LEAD` times more."""
+    return np.concatenate([*[samples[0]] * LEAD, samples.reshape(-1, samples.shape[-1])])
 
 
 def _over_periods(values: ComplexArray) -> FloatArray:

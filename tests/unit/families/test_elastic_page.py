@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from io import StringIO
 
+import numpy as np
 from rich.console import Console
 
 from robid.families.elastic.page.content import ElementErrors
-from robid.families.elastic.page.resonances import interval_text
+from robid.families.elastic.page.resonances import interval_sentence, interval_text, resonance_section
 from robid.families.elastic.page.sections import element_sentence, fit_tables, sections
 from robid.report.numbers import MISSING
 from robid.report.section import Notes
@@ -39,9 +40,34 @@ def test_small_drives_show_the_models_own_modes():
     shown = [printed(table, 100) for table in fit_tables(bench_report().fit)]
     assert len(shown) == 2
     words = next(line.split() for line in shown[1].splitlines() if "antiresonance" in line)
-    assert words == ["motor", "antiresonance", "53.95", "53.90", "…", "54.00", "53.97", MISSING]
+    peak, model, zero = ["53.97", "53.88", "…", "54.06"], "53.99", ["53.95", "53.90", "…", "54.00"]
+    assert words == ["motor", "antiresonance", *peak, model, *zero]
     assert "1 more that the model does not have are in the report" in shown[1]
     assert len(list(fit_tables(arm_report().fit))) == 1
+
+
+def test_a_page_says_what_the_intervals_of_resonances_hold():
+    frf = arm_report().fit.frf
+    places = np.arange(2.0)[:, None]
+    lone = replace(frf, realization_error=None, total_covariance=None, configurations=places)
+    assert "not what another measurement of the same robot would find" in interval_sentence(lone)
+    several = replace(lone, total_covariance=np.ones((2, 1, 1, 1)), realization_error=np.ones((2, 3, 1, 1, 1)))
+    assert "leaving out each of 3 realizations" in interval_sentence(several)
+    again = replace(several, configurations=np.zeros((2, 1)))
+    assert interval_sentence(again).endswith(
+        "realizations changes and what measurements of the same configuration scatter."
+    )
+
+
+def test_a_row_sets_a_peak_beside_a_peak_and_a_pole_beside_a_pole():
+    fit = bench_report().fit
+    (table,) = resonance_section(fit.resonances, fit.frf, 0.95)[0].parts
+    heads = list(table.columns)
+    row = list(table.rows[0].cells)
+    assert heads[3:6] == ["Peak or dip [Hz]", "95 % interval", "Model's [Hz]"]
+    assert row[3:6] == ["53.97", "53.88 … 54.06", "53.99"]
+    assert heads[8:13] == ["Pole or zero [Hz]", "95 % interval", "Model's [Hz]", "95 % interval", "Damping"]
+    assert row[8:13] == ["53.94", "53.85 … 54.03", "53.95", "53.90 … 54.00", "1.0 %"]
 
 
 def test_notes_that_the_page_warns_of_are_not_repeated():

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from exact_systems import two_joint_robot, two_mass_robot, without_spring
+from exact_systems import two_joint_robot, two_mass_robot, with_arm_friction, without_spring
 from robid.errors import DataError
 from robid.robot.inverse import inverse_motion
 from robid.robot.linearize import solve_statics
@@ -27,8 +27,8 @@ def bump(width=0.06):
     return 0.02 * np.exp(-(x**2)) * np.array(hermite) / width ** np.arange(5)[:, None]
 
 
-def drive(damping=0.0, cubic=0.0):
-    robot = two_mass_robot(MOTOR, LOAD, STIFFNESS, damping, RATIO, VISCOUS)
+def drive(damping=0.0, cubic=0.0, rubs=0.0):
+    robot = with_arm_friction(two_mass_robot(MOTOR, LOAD, STIFFNESS, damping, RATIO, VISCOUS), rubs)
     return replace(robot, springs=(replace(robot.springs[0], cubic=cubic),))
 
 
@@ -61,13 +61,17 @@ def test_a_rigid_joint_is_the_limit_of_a_stiff_one():
 
 
 @pytest.mark.parametrize("stride", [1, 10])
-def test_undamped_two_masses_are_the_closed_form(stride):
+@pytest.mark.parametrize("rubs", [0.0, 500.0])
+def test_undamped_two_masses_are_the_closed_form(stride, rubs):
     arm, speed, acceleration, jerk, snap = bump()
-    found = invert(drive(), bump()[:3, :, None], np.zeros(1), stride)
-    angle = RATIO * (arm + LOAD / STIFFNESS * acceleration)
-    torque = LOAD / RATIO * acceleration
-    torque += MOTOR * RATIO * (acceleration + LOAD / STIFFNESS * snap)
-    torque += VISCOUS * RATIO * (speed + LOAD / STIFFNESS * jerk)
+    found = invert(drive(rubs=rubs), bump()[:3, :, None], np.zeros(1), stride)
+    load, rate, second = (
+        LOAD * once + rubs * before for before, once in ((speed, acceleration), (acceleration, jerk), (jerk, snap))
+    )
+    angle = RATIO * (arm + load / STIFFNESS)
+    torque = load / RATIO
+    torque += MOTOR * RATIO * (acceleration + second / STIFFNESS)
+    torque += VISCOUS * RATIO * (speed + rate / STIFFNESS)
     np.testing.assert_allclose(found.angle[:, 0], angle, atol=1e-5 * np.abs(angle).max())
     np.testing.assert_allclose(found.torque[:, 0], torque, atol=1e-4 * np.abs(torque).max())
 

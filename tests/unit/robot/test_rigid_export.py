@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from exact_systems import with_arm_friction
 from rigid_robots import planar_arm, random_chain, random_motion
 from robid.errors import DataError
 from robid.robot.chain import extract_chain
@@ -29,8 +30,14 @@ def coupled(robot):
     return replace(robot, joints=tuple(joints))
 
 
+def rubbing(robot):
+    """Coupled motors, and viscous friction of the arms."""
+    robot = coupled(robot)
+    return with_arm_friction(robot, *np.arange(2.0, 2.0 + len(robot.joints)))
+
+
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("own", [lambda robot: robot, coupled], ids=["apart", "coupled"])
+@pytest.mark.parametrize("own", [lambda robot: robot, coupled, rubbing], ids=["apart", "coupled", "arms that rub"])
 def test_mujoco_computes_the_models_torques_from_the_mjcf(seed, own):
     robot = own(random_chain(seed))
     compiled = mujoco.MjModel.from_xml_string(to_rigid_mjcf(robot, "header"))

@@ -10,8 +10,10 @@ from ruamel.yaml import YAML
 
 from robid.errors import SettingsError
 from robid.families.files import load_experiment
+from robid.fit.elastic.fitted_robot import with_estimates
 from robid.robot.model import build_model
 from robid.settings.load import load_robot
+from robid.settings.robot_values import robot_text, with_values
 from tolerances import IDENTITY
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -73,6 +75,25 @@ def test_a_gantry_is_read_in_its_own_units():
     np.testing.assert_allclose(robot.gear_ratio, [250, 314.159265, -628.318531])
     assert [(s.stiffness, s.damping) for s in robot.springs[:3]] == [(1.2e7, 2500), (1e7, 1500), (2.3e7, 8000)]
     assert [robot.is_linear(spring) for spring in robot.springs] == [True, True, False, False, False]
+
+
+def test_friction_of_arms_is_stated_in_the_units_of_the_joint(tmp_path):
+    def rubbing(data):
+        data["joints"][0]["arm_viscous_ns_m"] = 300.0
+        data["joints"][1]["arm_viscous_nms_rad"] = 20.0
+
+    robot = load_robot(written(tmp_path, rubbing))
+    assert robot.to_robot().arm_viscous.tolist() == [300.0, 20.0, 0.0]
+    changed = with_estimates(robot.to_robot(), {"rail.arm_viscous": 250.0}, {})
+    again = tmp_path / "again.yaml"
+    again.write_text(robot_text(with_values(robot, changed), "header"))
+    assert load_robot(again).to_robot().arm_viscous.tolist() == [250.0, 20.0, 0.0]
+
+
+@pytest.mark.parametrize(("joint", "key"), [(0, "arm_viscous_nms_rad"), (1, "arm_viscous_ns_m")])
+def test_friction_of_an_arm_in_the_other_unit_is_refused(tmp_path, joint, key):
+    with pytest.raises(SettingsError, match=f"{key}.* joint: "):
+        load_robot(written(tmp_path, lambda data: data["joints"][joint].update({key: 3.0})))
 
 
 @pytest.mark.parametrize("format_", ["urdf", "mjcf"])

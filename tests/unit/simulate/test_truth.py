@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exact_systems import springs_everywhere, two_joint_robot
+from exact_systems import springs_everywhere, two_joint_robot, with_arm_friction
 from robid.robot.description import Friction, Spring
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import recorded_torque_factor, true_robot, with_imperfections
@@ -54,6 +54,14 @@ def test_deviations_fill_their_bounds_and_stay_within(robot):
     # Log-uniform: the mean of the logarithm is zero, its deviation 1/sqrt(3).
     np.testing.assert_allclose(springs.mean(axis=0), 0.0, atol=4 / np.sqrt(3 * 300))
     np.testing.assert_allclose(springs.std(axis=0), 1 / np.sqrt(3), rtol=0.15)
+
+
+def test_friction_of_arms_deviates_as_that_of_their_motors(robot):
+    rubbing = with_arm_friction(robot, 40.0, 9.0)
+    found = true_robot(rubbing, Truth(friction_relative=0.15, seed=3))
+    factor = [joint.motor.friction.viscous_nms_rad / FRICTION.viscous_nms_rad for joint in found.joints]
+    assert factor[0] != 1
+    np.testing.assert_allclose(found.arm_viscous, np.array([40.0, 9.0]) * factor)
 
 
 def test_no_deviation_is_the_file_and_all_else_stays(robot):

@@ -43,18 +43,20 @@ class ElementErrors:
 
 @dataclass(frozen=True)
 class ResonanceRow:
-    """One resonance or antiresonance of one channel, measured against the model.
+    """One resonance or antiresonance of one channel, measured against the model: peaks, and poles.
 
     Attributes:
         configuration: Index of the configuration in the estimation campaign.
         channel: Name of the channel.
         kind: Peak or dip of the magnitude.
-        measured_hz: Measured frequency [Hz], or None when the data show none.
-        model_hz: The model's frequency, read from its curve as the measured one [Hz], or None when it has none.
-        interval_hz: Lower and upper end of the measured frequency's interval [Hz], or None.
+        measured_hz: Measured peak or dip [Hz], or None when the data show none.
+        model_hz: The model's, read from its curve as the measured one [Hz], or None when it has none.
+        interval_hz: Lower and upper end of the measured one's interval [Hz], or None.
         mode_hz: The model's own pole or zero there [Hz], or None.
         mode_interval_hz: Lower and upper end of its interval [Hz], or None.
         damping: Its damping ratio, or None.
+        pole_hz: Pole or zero of a local model of the measurement [Hz], or None.
+        pole_interval_hz: Lower and upper end of its interval [Hz], or None.
     """
 
     configuration: int
@@ -66,6 +68,8 @@ class ResonanceRow:
     mode_hz: float | None = None
     mode_interval_hz: tuple[float, float] | None = None
     damping: float | None = None
+    pole_hz: float | None = None
+    pole_interval_hz: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

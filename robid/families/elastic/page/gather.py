@@ -72,6 +72,10 @@ def _element_errors(error: ModelError) -> ElementErrors:
 
 
 def _resonances(table: ResonanceTable) -> tuple[ResonanceRow, ...]:
+    nowhere = np.full(table.measured_hz.size, np.nan)
+    pole, low, high = (
+        nowhere if values is None else values for values in (table.pole_hz, table.pole_lower_hz, table.pole_upper_hz)
+    )
     return tuple(
         ResonanceRow(
             configuration=int(table.configuration[row]),
@@ -83,6 +87,8 @@ def _resonances(table: ResonanceTable) -> tuple[ResonanceRow, ...]:
             mode_hz=_finite(table.mode_hz[row]),
             mode_interval_hz=_interval(table.mode_lower_hz[row], table.mode_upper_hz[row]),
             damping=_finite(table.damping[row]),
+            pole_hz=_finite(pole[row]),
+            pole_interval_hz=_interval(low[row], high[row]),
         )
         for row, channel in enumerate(table.channel)
     )

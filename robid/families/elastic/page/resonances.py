@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from statistics import median
 
+import numpy as np
 from rich.console import Group
 from rich.text import Text
 
@@ -16,11 +17,19 @@ from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.parameter_section import within
 from robid.report.section import Row, Section, Table
 from robid.report.terminal import open_table, with_notes
+from robid.validation.elastic.resonances import SAME_CONFIGURATION
 
 _CAPTION = (
-    "Measured and model are read from their curves in the same way, so that they compare; where modes crowd, both are"
-    " off the mode itself. The model's own mode is its pole or zero, with the interval that the parameters leave and"
-    " its damping ratio."
+    "A peak or dip is where the magnitude is largest or smallest: of the measurement, by a local model between its"
+    " lines, and of the model, read in the same way, so that both compare and what neighbouring modes add cancels."
+    " A pole or zero is that of the local model, none where modes crowd, beside the fitted model's own, with the"
+    " interval that its parameters leave, and its damping ratio. Neighbouring bumps that do not stand out of what the"
+    " lines scatter are one resonance. "
+)
+_ALONE = (
+    "There is one realization: the intervals of what was measured hold its noise and what its lines scatter, but not"
+    " what another measurement of the same robot would find. Friction and temperature may move a resonance by more:"
+    " record several realizations, or list a configuration more than once."
 )
 
 
@@ -37,6 +46,8 @@ class ResonanceLine:
     model: str
     error: str
     within: bool | None
+    pole: str
+    pole_interval: str
     mode: str
     mode_interval: str
     damping: str
@@ -65,6 +76,8 @@ def resonance_line(row: ResonanceRow) -> ResonanceLine:
         model=significant(row.model_hz, 4) if row.model_hz is not None else "none",
         error=percent(errors[0][0], signed=True) if errors else MISSING,
         within=low_high[0] <= row.model_hz <= low_high[1] if low_high and row.model_hz is not None else None,
+        pole=significant(row.pole_hz, 4),
+        pole_interval=interval_text(row.pole_interval_hz),
         mode=significant(row.mode_hz, 4),
         mode_interval=interval_text(own),
         damping=percent(row.damping),
@@ -90,9 +103,9 @@ def resonance_sentence(rows: tuple[ResonanceRow, ...]) -> str:
     worst, row = max(errors, key=lambda item: abs(item[0]))
     middle = median(abs(error) for error, _ in errors)
     return (
-        f"{len(errors)} pairs; the model is off by {percent(middle)} in the median and by {percent(abs(worst))} "
-        f"at worst, the {row.kind} of {row.channel} at {significant(row.measured_hz, 4)} Hz in configuration "
-        f"{number_of(row.configuration)}."
+        f"{len(errors)} pairs of peaks and dips; the model is off by {percent(middle)} in the median and by "
+        f"{percent(abs(worst))} at worst, the {row.kind} of {row.channel} at {significant(row.measured_hz, 4)} Hz in "
+        f"configuration {number_of(row.configuration)}."
     )
 
 
@@ -115,18 +128,38 @@ def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) ->
     if not rows:
         return ()
     interval = f"{percent(level)} interval"
-    heads = ("Conf.", "Channel", "Kind", "Measured [Hz]", interval, "Model [Hz]", "Off", "In interval")
+    peaks = ("Peak or dip [Hz]", interval, "Model's [Hz]", "Off", "In interval")
+    poles = ("Pole or zero [Hz]", interval, "Model's [Hz]", interval, "Damping")
     table = Table(
-        (*heads, "Own mode [Hz]", interval, "Damping"),
+        ("Conf.", "Channel", "Kind", *peaks, *poles),
         tuple(_row(row, frf) for row in rows),
-        caption=_CAPTION,
+        caption=_CAPTION + interval_sentence(frf),
         styles=(
-            "text", "name", "text", "strong", "number", "number", "number", "text", "number", "number", "number",
+            "text", "name", "text", "strong", "number", "number", "number", "text",
+            "strong", "number", "number", "number", "number",
         ),
         choice="Configuration",
         fit="tall",
     )  # fmt: skip
     return (Section("Resonances", resonance_sentence(rows), (table,), "resonances"),)
+
+
+def interval_sentence(frf: Frf) -> str:
+    """Says what the intervals of measured resonances hold."""
+    told = []
+    if frf.realization_error is not None:
+        told.append(f"what leaving out each of {frf.realization_error.shape[1]} realizations changes")
+    places = frf.configurations
+    repeated = any(
+        np.abs(places[first] - places[second]).max(initial=0.0) <= SAME_CONFIGURATION
+        for first in range(len(places))
+        for second in range(first)
+    )
+    if repeated:
+        told.append("what measurements of the same configuration scatter")
+    if not told:
+        return _ALONE if frf.total_covariance is None else "The intervals hold what the realizations scatter."
+    return f"The intervals of what was measured hold the response's covariance and {' and '.join(told)}."
 
 
 def _row(row: ResonanceRow, frf: Frf) -> Row:
@@ -140,6 +173,8 @@ def _row(row: ResonanceRow, frf: Frf) -> Row:
         line.model,
         line.error,
         within(line.within),
+        line.pole,
+        line.pole_interval,
         line.mode,
         line.mode_interval,
         line.damping,
@@ -148,17 +183,17 @@ def _row(row: ResonanceRow, frf: Frf) -> Row:
 
 
 def resonance_table(fit: FitContent) -> Group:
-    """Lays out measured resonances and antiresonances beside the fitted model's own, each with its interval."""
+    """Lays out measured peaks and dips beside the fitted model's, then its poles and zeros with their intervals."""
     rows = fit.resonances
     interval = f"{100 * fit.estimates.level:g} % interval"
     table = open_table("resonances [Hz]")
-    for header in ("model", interval, "measured", interval):
+    for header in ("measured peak", interval, "model's peak", "its pole or zero", interval):
         table.add_column(header, justify="right", no_wrap=True)
     found = [row for row in rows if row.mode_hz is not None]
     for row in found:
         line = resonance_line(row)
         place = f", configuration {line.number}" if len(fit.frf.configurations) > 1 else ""
         name = Text(f"  {line.channel} {line.kind}{place}")
-        table.add_row(name, Text(line.mode, style="bold"), line.mode_interval, line.measured, line.interval)
+        table.add_row(name, line.measured, line.interval, line.model, Text(line.mode, style="bold"), line.mode_interval)
     alone = len(rows) - len(found)
     return with_notes(table, [f"{alone} more that the model does not have are in the report"] if alone else [])

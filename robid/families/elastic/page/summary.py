@@ -81,15 +81,20 @@ def _fit(fit: FitContent) -> dict[str, float]:
 
 
 def _modes(fit: FitContent) -> dict[str, float]:
-    """The model's own poles and zeros where the data show one, numbered by rising frequency, and the measured ones."""
+    """Peaks and dips, poles and zeros, measured and of the model, numbered by rising frequency.
+
+    `measured_hz` and `model_hz` are poles or zeros, `peak_hz` and `model_peak_hz` are peaks or dips.
+    """
     found: dict[str, float] = {}
     counts: Counter[str] = Counter()
     for row in fit.resonances:
         place = f"resonances.configuration_{row.configuration + 1}.{row.channel}.{row.kind}"
         counts[place] += 1
-        values = {"measured_hz": row.measured_hz, "model_hz": row.mode_hz}
-        if row.mode_interval_hz is not None:
-            values |= {"model_lower_hz": row.mode_interval_hz[0], "model_upper_hz": row.mode_interval_hz[1]}
+        values = {"measured_hz": row.pole_hz, "model_hz": row.mode_hz}
+        values |= {"peak_hz": row.measured_hz, "model_peak_hz": row.model_hz}
+        intervals = {"measured": row.pole_interval_hz, "model": row.mode_interval_hz, "peak": row.interval_hz}
+        for key, ends in intervals.items():
+            values |= {} if ends is None else {f"{key}_lower_hz": ends[0], f"{key}_upper_hz": ends[1]}
         found |= {f"{place}_{counts[place]}.{key}": value for key, value in values.items() if value is not None}
     return found
 

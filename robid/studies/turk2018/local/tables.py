@@ -39,7 +39,8 @@ def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Sect
     heads = ("Model", "Blocks", "Within 2 deviations", "Within 1 deviation", "Error / deviation")
     caption = (
         "Share of the lines, of all positions and outputs, where the error is within deviations of the measured mean"
-        " response (roots of its total variance). These are estimates, so a perfect model is not within at more lines"
+        " response (roots of its total variance). These are estimates, with"
+        f" {left_out.degrees_of_freedom:g} complex degrees of freedom, so a perfect model is not within at more lines"
         " than a group's last row says. Error / deviation: root mean square, variances averaged over"
         f" {window} lines, as the fit weighs them."
     )

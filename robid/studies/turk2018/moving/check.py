@@ -12,6 +12,7 @@ from robid.settings.yaml import FieldPath
 from robid.studies.campaign_check import campaign_problem
 
 _Found = Iterator[tuple[FieldPath, str]]
+_ARM = ".arm"
 _FIELD: FieldPath = ("study", "global")
 
 
@@ -25,6 +26,11 @@ def check_travel(experiment: Experiment, case: TravelCase, robot: RobotFile | No
         yield from _moving(experiment, case)
     if not problems["fixed"]:
         yield from _standing(experiment.campaigns[case.fixed], case)
+
+
+def position_output(scheduling: str) -> str:
+    """Returns the output that shows a scheduling parameter, which names a joint or that output itself."""
+    return scheduling if scheduling.endswith(_ARM) else scheduling + _ARM
 
 
 def _named(case: TravelCase) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -42,8 +48,8 @@ def _moving(experiment: Experiment, case: TravelCase) -> _Found:
         return
     if len(fit.scheduling) != 1:
         yield (*_FIELD, "fit"), f"fit `{case.fit}` has {len(fit.scheduling)} scheduling parameters; one can move here"
-    elif f"{fit.scheduling[0]}.arm" not in campaign.outputs:
-        yield field, f"campaign `{case.campaign}` does not record `{fit.scheduling[0]}.arm`: add it to its `outputs`"
+    elif (output := position_output(fit.scheduling[0])) not in campaign.outputs:
+        yield field, f"campaign `{case.campaign}` does not record `{output}`: add it to its `outputs`"
 
 
 def _standing(campaign: Campaign, case: TravelCase) -> _Found:

@@ -13,6 +13,7 @@ from robid.frf.frf import Frf
 from robid.frf.spectra import output_factor
 from robid.signals.record import Record
 from robid.simulate.truth import TrueRobot
+from robid.studies.turk2018.moving.check import position_output
 from robid.studies.turk2018.moving.frozen import drive_amplitudes, freeze_drive
 from robid.validation.lpv.moving import (
     ErrorParts,
@@ -70,7 +71,7 @@ def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled
         DataError: If the record lacks a channel, or the slide leaves the range of the model.
     """
     ports, names = solution.ports, record.output_names
-    place = f"{ports.scheduling[0]}.arm"
+    place = position_output(ports.scheduling[0])
     missing = [name for name in (*ports.outputs, place) if name not in names]
     if missing:
         message = f"the record of the travelling slide lacks the output `{missing[0]}`"
@@ -118,6 +119,13 @@ def travel_figures(travelled: Travelled, fixed: FloatArray) -> dict[str, float]:
         for key, values in columns.items()
         for name, value in zip(travelled.outputs, values, strict=True)
     }
+
+
+def uncompensated_figures(travelled: Travelled) -> dict[str, float]:
+    """Returns by how much a model with friction in it misses more than the true drive, per output."""
+    excess = 100 * travelled.excess(travelled.fitted)
+    named = zip(travelled.outputs, excess, strict=True)
+    return {f"global.uncompensated_mismatch_percent.{name}": float(value) for name, value in named}
 
 
 def total_over_noise(frf: Frf, outputs: tuple[str, ...], periods: int) -> FloatArray:

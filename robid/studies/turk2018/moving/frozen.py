@@ -14,7 +14,7 @@ from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.simulate.truth import TrueRobot, recorded_torque_factor, with_imperfections
-from robid.validation.lpv.moving import led_in
+from robid.validation.lpv.moving import LEAD, led_in
 
 _POINTS = 401
 _RESTING = 1e-9  # rad, or m
@@ -60,7 +60,7 @@ def freeze_drive(
     rest = solve_statics(model, grid[:, None]) if len(motors) == 1 else None
     if rest is None or np.abs(rest.deflection).max(initial=0.0) > _RESTING:
         message = "a moving drive is frozen only with a single joint that rests without load"
-        raise DataError(message, where=robot.name, remedy="leave `global` out of the study")
+        raise DataError(message, where="campaign of the travelling slide", remedy="leave `global` out of the study")
     linear = linearize(model, rest, outputs)
     parameters, springs = nominal_parameters(robot, linear, truth.delay_s), tuple(s.name for s in robot.springs)
     sampled = [
@@ -120,6 +120,6 @@ def drive_amplitudes(drive: FrozenDrive, torque: FloatArray, position: FloatArra
     """
     n_period, n_sample = torque.shape
     outputs = run_drive(drive, led_in(torque[..., None])[:, 0], led_in(position[..., None])[:, 0])
-    twice = np.diff(outputs, n=2, axis=0)[n_sample - 2 :].reshape(n_period, n_sample, -1)
+    twice = np.diff(outputs, n=2, axis=0)[LEAD * n_sample - 2 :].reshape(n_period, n_sample, -1)
     back = 1 - np.exp(-2j * np.pi * lines / n_sample)
     return np.asarray(line_amplitudes(twice, lines) / back[:, None] ** 2)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from robid.errors import DataError
 from robid.fit.external.coupling import Pairs, coherence_limit, map_coupling
 from robid.fit.external.data import Shot
 from robid.fit.external.etfe import Etfe, estimate_etfe, floors
@@ -23,9 +24,9 @@ def shot_of(inputs, outputs, name="5 Hz", start="free"):
     return Shot(inputs, outputs, start, None, 1, PERIOD_S, name, place="home")
 
 
-def mapped(shots, pairs=PAIRS):
+def mapped(shots, pairs=PAIRS, options=OPTIONS):
     floor = floors(shots, pairs.input_resolution)
-    return map_coupling(shots, floor, estimate_etfe(shots, floor, 0.95), pairs, OPTIONS)
+    return map_coupling(shots, floor, estimate_etfe(shots, floor, 0.95), pairs, options)
 
 
 def high_pass(command):
@@ -112,3 +113,12 @@ def test_commands_that_move_alike_are_told_apart():
     found = run(1.0)
     assert found.bands == ("5 Hz",)
     assert found.coupled[0].tolist() == [[False, True], [False, False]]
+
+
+def test_more_segments_than_a_motion_has_room_for_are_refused_and_the_remedy_works():
+    with pytest.raises(DataError, match="5000 segments of a motion of 5000 samples") as caught:
+        mapped([moving(1)], options=replace(OPTIONS, segments=5000))
+    assert caught.value.remedy == "ask for 1249 at most"
+    assert np.isfinite(mapped([moving(1)], options=replace(OPTIONS, segments=1249)).coherence[0, 0, 1])
+    with pytest.raises(DataError, match="1250 segments"):
+        mapped([moving(1)], options=replace(OPTIONS, segments=1250))

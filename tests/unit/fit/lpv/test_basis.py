@@ -60,3 +60,10 @@ def test_options_make_each_kind_of_basis():
     np.testing.assert_array_equal(plain.values(POINTS), polynomial_basis(POINTS, 3).values(POINTS))
     with pytest.raises(ValueError, match="one value per scheduling parameter"):
         make_basis(PLANE, BasisOptions(center=(0.1,)))
+
+
+@pytest.mark.parametrize("options", [BasisOptions(degree=3), BasisOptions("splines", degree=2, pieces=3)])
+@pytest.mark.parametrize("n_scheduling", [1, 2, 3])
+def test_options_count_the_functions_that_they_make(options, n_scheduling):
+    points = np.random.default_rng(1).uniform(size=(5, n_scheduling))
+    assert options.count(n_scheduling) == make_basis(points, options).n_function + 1

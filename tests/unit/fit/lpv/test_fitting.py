@@ -113,23 +113,27 @@ def test_agreement_of_noise_is_what_noise_gives(found):
 
 def test_agreement_tells_what_deviations_do_not_explain():
     response = np.ones((1, 50, 1, 1), complex)
-    found = agree(response, 1.1 * response, np.full(response.shape, 0.06))
+    noise = np.full(response.shape, 0.06)
+    found = agree(response, 1.1 * response, noise, noise)
     assert found.excess.item() == pytest.approx(0.08)
     assert found.relative_error.item() == pytest.approx(0.1)
     assert found.share_within.item() == 1
     assert found.error_db.item() == pytest.approx(20 * np.log10(1.1))
+    unsure = agree(response, 1.1 * response, 3 * noise, noise)
+    assert unsure.excess.item() == pytest.approx(0.08)  # a model that knows nothing is no better for it
+    assert unsure.error_ratio.item() == pytest.approx(found.error_ratio.item() / 3)
 
 
 def test_coupling_that_is_hardly_there_need_not_be_known():
     response = np.tile(np.array([[4.0, 0.04], [0.01, 1.0]]).astype(complex), (2, 30, 1, 1))
     modelled = response + np.array([[0.0, 0.02], [0.005, 0.0]])
     unknown = np.full(response.shape, np.nan)
-    found = agree(response, modelled, unknown)
+    found = agree(response, modelled, unknown, unknown)
     np.testing.assert_allclose(found.relative_error[:, [0, 1], [1, 0]], 0.5)
     natural = np.sqrt(np.sqrt(4 * 1) * np.sqrt(0.04 * 0.01)) * np.array([2.0, 0.5])
     np.testing.assert_allclose(found.excess[0, [0, 1], [1, 0]], [0.02, 0.005] / natural, rtol=1e-9)
     metres = np.array([[1.0], [1e-3]]) * np.array([5.0, 0.2])
-    other = agree(response * metres, modelled * metres, unknown)
+    other = agree(response * metres, modelled * metres, unknown, unknown)
     np.testing.assert_allclose(other.excess, found.excess, rtol=1e-9)
 
 

@@ -71,7 +71,7 @@ def test_the_cost_of_noise_is_that_of_its_degrees_of_freedom():
 
 def test_too_few_lines_are_refused():
     responses = local_responses(POSITIONS, frequency=np.array([0.05, 0.2]))
-    with pytest.raises(DataError, match="too few lines for 3 states"):
+    with pytest.raises(DataError, match="too few for 3 states"):
         fit_local_models(problem(responses))
 
 

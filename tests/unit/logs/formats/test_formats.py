@@ -1,7 +1,9 @@
 """What every format of logs must do alike: named columns exactly, the rest by name, damage as one clear message."""
 
 import gzip
+import os
 
+import h5py
 import numpy as np
 import pytest
 
@@ -17,9 +19,9 @@ COLUMNS = make_columns()
 KINDS = sorted(WRITERS)
 
 
-def write(folder, kind):
+def write(folder, kind, columns=COLUMNS):
     writer, name = WRITERS[kind]
-    return writer(folder / name, COLUMNS)
+    return writer(folder / name, columns)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -71,7 +73,7 @@ def test_a_wrong_format_is_answered_with_the_right_one(tmp_path, stated):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_damaged_log_gives_its_values_or_one_message(tmp_path, kind, monkeypatch):
-    path, names = write(tmp_path, kind)
+    path, names = write(tmp_path, kind, make_columns(150))
     monkeypatch.setattr(load, "READER", Reader(Limits(seconds=5.0)))
     whole, generator = path.read_bytes(), np.random.default_rng(11)
     told = 0
@@ -106,11 +108,23 @@ def refusal(path, stated, name):
 def test_a_truncated_log_never_passes_for_a_whole_one(tmp_path, kind):
     path, names = write(tmp_path, kind)
     whole = path.read_bytes()
-    for share in (0.0, 0.1, 0.5, 0.9):
+    for share in (0.0, 0.01, 0.1, 0.5, 0.9):
         path.write_bytes(whole[: int(share * len(whole))])
         with pytest.raises(DataError) as caught:
             find_variable(load_variables(path, kind.partition(" ")[0], [names["told"]]), names["told"])
         assert path.name in caught.value.where
+
+
+@pytest.mark.skipif(os.name == "nt", reason="memory limits are those of POSIX")
+def test_of_a_matrix_larger_than_memory_the_named_columns_are_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(load, "READER", Reader(Limits(memory=1 << 30, memory_per_byte=0)))
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file.create_dataset("x", (10**6, 300), float, chunks=(10**5, 1))[5, 7] = 3.0
+    column = load_variables(tmp_path / "log.h5", None, ["x(:,8)"])["x(:,8)"]
+    assert (column.shape, column[5], column.sum()) == ((10**6,), 3.0, 3.0)
+    with pytest.raises(DataError, match="asks for more than 1 GB"):
+        find_variable(load_variables(tmp_path / "log.h5", None, ["x"]), "x")
+    load.READER.close()
 
 
 @pytest.mark.parametrize("name", [name for name, one in FORMATS.items() if one.needs])

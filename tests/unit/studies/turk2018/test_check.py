@@ -20,7 +20,8 @@ CONFIGS = Path(__file__).parents[4] / "configs"
             "local: {fit: arm}",
             "study.local.fit: fit `arm` is of the family `elastic`, not `lpv`",
         ),
-        ("global: {fit: lpv,", "global: {fit: lp,", "study.global.fit: there is no fit `lp`; did you mean `lpv`?"),
+        ("fit: sliding,", "fit: slidin,", "study.global.fit: there is no fit `slidin`; did you mean `sliding`?"),
+        ("uncompensated: lpv", "uncompensated: lp", "study.global.uncompensated: there is no fit `lp`; did you mean"),
         ("campaign: global", "campaign: gobal", "study.global.campaign: there is no campaign `gobal`; did you mean"),
         ("fixed: fixed}", "fixed: fix}", "study.global.fixed: there is no campaign `fix`; did you mean `fixed`?"),
     ],
@@ -33,3 +34,11 @@ def test_problems_are_told_with_their_field(tmp_path, old, new, message):
     with pytest.raises(SettingsError) as caught:
         load_with_study(tmp_path / "turk2018.yaml")
     assert message in str(caught.value)
+
+
+def test_campaigns_and_fit_are_those_of_the_example():
+    study, example = (load_with_study(CONFIGS / name) for name in ("studies/turk2018.yaml", "ballscrew.yaml"))
+    assert study.robot == example.robot
+    own_fits, own = dict(study.experiment.fits), dict(study.experiment.campaigns)
+    assert {name: own_fits[name] for name in example.experiment.fits} == example.experiment.fits
+    assert {name: own[name] for name in example.experiment.campaigns} == example.experiment.campaigns

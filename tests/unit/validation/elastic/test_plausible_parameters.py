@@ -59,6 +59,11 @@ def test_zero_inside_the_interval_is_no_doubt(sound):
 
 def test_negative_friction(sound):
     assert doubts(changed(sound, "elbow.viscous", -1e-3, 2e-4)) == [("friction", False)]
+    told = parameter_doubts(two_joint_robot(), changed(sound, "elbow.viscous", -1e-3, 2e-4), BAND_HZ, STEP)[0].message
+    assert "try `arm_viscous` in `free`" in told
+    freed = with_parameter(sound, "elbow.arm_viscous", 3.0, 0.3)
+    told = parameter_doubts(two_joint_robot(), changed(freed, "elbow.viscous", -1e-3, 2e-4), BAND_HZ, STEP)[0].message
+    assert "arm_viscous" not in told
     assert doubts(with_parameter(sound, "elbow.level", -1.5, 0.3)) == [("friction", True)]
     assert doubts(with_parameter(sound, "elbow.torque_scale", -1.9, 0.3)) == [("torque_sign", True)]
 
