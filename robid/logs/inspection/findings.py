@@ -22,6 +22,7 @@ from robid.logs.inspection.repetition import (
     is_unsettled,
     measure_period,
     share_period,
+    shorten,
 )
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
 from robid.logs.inspection.sampling import Sampling, find_sampling
@@ -155,7 +156,8 @@ def _with_periods(found: Findings, chosen: Chosen) -> Findings:
     lines = carrying_lines([blocks[one.name] for one in chosen.inputs])
     if len(lines) == 0:
         return replace(found, periods=periods)
-    return replace(found, periods=periods, shared=replace(shared, transient=transient), lines=lines)
+    shared, lines = shorten(replace(shared, transient=transient), lines)
+    return replace(found, periods=periods, shared=shared, lines=lines)
 
 
 def _is_of_interest(signal: Signal) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import rfft
@@ -108,6 +108,20 @@ def carrying_lines(signals: list[FloatArray]) -> IntArray:
     power[0] = 0
     last = int(np.searchsorted(np.cumsum(power), _ALL * power.sum()))
     return find_lines(signals, np.arange(1, min(last, (signals[0].shape[1] - 1) // 2) + 1))
+
+
+def shorten(shared: Shared, lines: IntArray) -> tuple[Shared, IntArray]:
+    """Returns the shortest period whose lines these are, and its own lines: a measured one may hold several."""
+    count = int(np.gcd.reduce(lines))
+    if count == 1 or shared.whole % count:
+        return shared, lines
+    shorter = replace(
+        shared,
+        samples=shared.samples / count,
+        std_samples=shared.std_samples / count,
+        held=shared.held * count,
+    )
+    return shorter, lines // count
 
 
 def energy_band(values: FloatArray, step_s: float) -> tuple[float, float]:

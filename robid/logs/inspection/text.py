@@ -88,7 +88,7 @@ def _sampling(sampling: Sampling, step_s: float) -> list[str]:
         )
         if sampling.gaps:
             told += (
-                f"samples are missing at {sampling.gaps} places, the first after sample {sampling.first_gap}: none may be in what is used",
+                f"samples are missing at {sampling.gaps} places, first after {sampling.first_gap}: use a part without",
             )
         if sampling.backward:
             told += (f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out",)

@@ -10,7 +10,7 @@ from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import read_name, read_names
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.relations import compare, spectrum_of
-from robid.logs.inspection.repetition import carrying_lines, is_unsettled, measure_period
+from robid.logs.inspection.repetition import Shared, carrying_lines, is_unsettled, measure_period, shorten
 from robid.logs.inspection.sampling import find_sampling
 
 N, STEP = 6000, 1e-3
@@ -97,6 +97,13 @@ def test_the_period_is_found_without_a_hint(period):
 def test_a_long_signal_is_measured_on_a_part_of_its_samples():
     wave = sosfilt(butter(2, 0.02, output="sos"), RNG.normal(size=30_000))
     assert measure_period(np.tile(wave, 10)).samples == pytest.approx(30_000, abs=2)
+
+
+def test_a_period_that_holds_several_is_shortened():
+    shared, lines = shorten(Shared(1000.0, 0.02, 5.5, ("tau",)), np.array([4, 8, 20]))
+    assert (shared.samples, shared.held, lines.tolist()) == (250.0, 22.0, [1, 2, 5])
+    kept, _ = shorten(shared, np.array([3, 6]))
+    assert kept.samples == 250.0
 
 
 def test_lines_with_energy_and_a_transient_are_found():
