@@ -29,23 +29,26 @@ def draw_log(found: Findings, proposal: str) -> str:
         proposal: The proposed experiment file.
     """
     contents = found.contents
-    made = found.proposal
-    whole = bool(made.inputs and made.outputs)
-    text = (
-        "What drives and what moves was found: check the proposed mapping."
-        if whole
-        else "Not all of a mapping was found."
-    )
     return render(
         ReportContent(
             title=contents.file.name,
-            verdict=Verdict(text, "ok" if whole else "warn"),
-            robot=f"{FORMATS[contents.format].title.removeprefix('a ').removeprefix('an ')}",
+            verdict=_verdict(found, proposal.count("# check:")),
+            robot=FORMATS[contents.format].title.partition(" ")[2],
             headlines=(Headline(numbers=_numbers(found)),),
             warnings=contents.notes,
             sections=(_variables(found), _pictures(found), _mapping(proposal)),
         )
     )
+
+
+def _verdict(found: Findings, checks: int) -> Verdict:
+    """Whether the log can be imported, and how much of the mapping is to be checked."""
+    if not (found.proposal.inputs and found.proposal.outputs):
+        return Verdict("What drives or what moves was not found: complete the proposed mapping.", "bad")
+    if not checks:
+        return Verdict("The log says all that a mapping needs.", "ok")
+    lines = "one line" if checks == 1 else f"{checks} lines"
+    return Verdict(f"What drives and what moves was found: check {lines} of the proposed mapping.", "warn")
 
 
 def _numbers(found: Findings) -> tuple[KeyNumber, ...]:
@@ -118,7 +121,8 @@ def _over_frequency(found: Findings, signal: Signal) -> Figure:
 
 def _axis(signal: Signal) -> str:
     unit = signal.column.unit or signal.hint.unit
-    return f"{signal.role or 'value'} [{pretty_unit(unit)}]" if unit else f"{signal.role or 'value'} (no unit stated)"
+    title = signal.role if signal.role not in ("", "other") else "value"
+    return f"{title} [{pretty_unit(unit)}]" if unit else f"{title} (no unit stated)"
 
 
 def _mapping(proposal: str) -> Section:

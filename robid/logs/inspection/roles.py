@@ -26,6 +26,18 @@ _NAMED = 0.8
 _LATE = 10.0
 """Samples by which a measured speed comes late at most."""
 
+_FACTORS = {
+    1.0: "the same unit",
+    30 / np.pi: "as rpm and rad",
+    180 / np.pi: "as deg/s and rad",
+    np.pi / 180: "as rad/s and deg",
+    1 / 6: "as rpm and deg",
+}
+"""What a factor between an angle's derivative and a speed speaks for."""
+
+_MEANT = 0.03
+"""Relative distance of a factor from these."""
+
 _DRIVES = 0.5
 """Correlation with an acceleration from which an unnamed signal is taken for what drives."""
 
@@ -161,7 +173,7 @@ def _find_derivatives(signals: dict[str, Signal], comparison: Comparison) -> Non
         a, b = signals[first], signals[second]
         if a.twin or b.twin or not same_joint(a, b) or a.role in DRIVING or b.role in DRIVING:
             continue
-        if a.is_sure and a.role not in ("angle", "position"):
+        if (a.is_sure and a.role not in ("angle", "position")) or (a.commanded and not b.commanded):
             continue
         if b.is_sure and b.role != "speed":
             continue
@@ -169,12 +181,18 @@ def _find_derivatives(signals: dict[str, Signal], comparison: Comparison) -> Non
         named = a.is_sure and b.is_sure
         if like.correlation < (_NAMED if named else _DERIVED) or abs(like.delay) > _LATE:
             continue
-        told = f"{like.factor:.4g} times the derivative of `{first}` (correlation {like.correlation:.2f})"
+        told = f"{_times(like.factor)} the derivative of `{first}` (correlation {like.correlation:.2f})"
         role, by = (b.role, b.by) if b.is_sure else ("speed", "relation")
         signals[second] = replace(b, role=role, by=by, reasons=(*b.reasons, told))
         if not a.is_sure:
             own: Role = a.role if a.role in ("angle", "position") else "angle"
             signals[first] = replace(a, role=own, by="relation", reasons=(*a.reasons, f"`{second}` is its derivative"))
+
+
+def _times(factor: float) -> str:
+    """A factor between a derivative and a speed, with the units that it speaks for."""
+    meant = [text for size, text in _FACTORS.items() if abs(abs(factor) / size - 1) < _MEANT]
+    return f"{factor:.4g} times{f' ({meant[0]})' if meant else ''}"
 
 
 def _find_drives(signals: dict[str, Signal], comparison: Comparison) -> None:
