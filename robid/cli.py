@@ -259,6 +259,10 @@ def inspect_file(
         Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"] | None,
         typer.Option("--format", help="Format of the log; told from the file when not given."),
     ] = None,
+    dialect: Annotated[
+        list[str] | None,
+        typer.Option("--dialect", help="How a table of text is written, as `header_line=3`; told when not given."),
+    ] = None,
     sampling_period_s: Annotated[
         float | None, typer.Option("--sampling-period", help="Sampling period of a log that has no time [s].")
     ] = None,
@@ -267,9 +271,10 @@ def inspect_file(
 ) -> int:
     """Says what is in an artifact; of a log also what its variables look like, and how to import it."""
     del debug
-    from robid.commands.inspect import LogInspection, describe
+    from robid.commands.inspect import LogInspection, describe, read_dialect
 
-    return describe(files, LogInspection(format_, sampling_period_s, output, propose), as_json=as_json)
+    options = LogInspection(format_, sampling_period_s, output, propose, read_dialect(dialect or []))
+    return describe(files, options, as_json=as_json)
 
 
 @app.command("schema")

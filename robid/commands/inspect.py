@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from robid.artifacts.store import inspect_artifact, kind_of
 from robid.commands.output import print_json
 from robid.errors import SettingsError
-from robid.signals.log_dialect import Dialect
 from robid.stages.terminal import channel_lines, dataset_table, make_console
+
+_DIALECT = {"delimiter": "tab", "decimal": ",", "header_line": "3", "encoding": "utf-16"}
+"""What can be said of a table on the command line, with examples."""
 
 
 @dataclass(frozen=True)
@@ -22,14 +25,14 @@ class LogInspection:
         sampling_period_s: Its sampling period, None where the log tells it [s].
         page: Where to draw it; None for nowhere.
         experiment: Where to write the proposed experiment file; None for nowhere.
-        dialect: How a table of text is written.
+        dialect: How a table of text is written, by key; what is not given is told from it.
     """
 
     format: str | None = None
     sampling_period_s: float | None = None
     page: Path | None = None
     experiment: Path | None = None
-    dialect: Dialect | None = None
+    dialect: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def given(self) -> tuple[str, ...]:
@@ -39,8 +42,25 @@ class LogInspection:
             "--sampling-period": self.sampling_period_s,
             "--output": self.page,
             "--propose": self.experiment,
+            "--dialect": self.dialect or None,
         }
         return tuple(name for name, value in named.items() if value is not None)
+
+
+def read_dialect(given: Sequence[str]) -> dict[str, Any]:
+    """Reads what is said of a table, as `header_line=3`.
+
+    Raises:
+        SettingsError: If it is none of what can be said.
+    """
+    found: dict[str, Any] = {}
+    for one in given:
+        key, _, value = one.partition("=")
+        if key not in _DIALECT or not value or (key == "header_line" and not value.isdigit()):
+            remedy = f"say {', '.join(f'`{name}={example}`' for name, example in _DIALECT.items())}"
+            raise SettingsError(f"`--dialect {one}` says nothing about a table.", remedy=remedy)
+        found[key] = int(value) if key == "header_line" else value
+    return found
 
 
 def describe(paths: Sequence[Path], options: LogInspection, *, as_json: bool) -> int:

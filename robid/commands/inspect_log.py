@@ -22,6 +22,7 @@ from robid.logs.inspection.text import write_experiment
 from robid.logs.inspection.words import describe_period, describe_sampling, remarks, role_text
 from robid.logs.lines import format_lines
 from robid.report.numbers import significant
+from robid.signals.log_dialect import Dialect
 from robid.stages.terminal import Shell, make_console
 
 _MARK = "<!-- page of robid inspect -->"
@@ -35,10 +36,14 @@ def describe_log(paths: Sequence[Path], options: LogInspection, *, as_json: bool
     _check_targets(paths, options)
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=as_json)
     found = inspect_log(
-        paths, options.format, options.dialect, options.sampling_period_s, lambda step: shell.note("inspect", step)
+        paths,
+        options.format,
+        Dialect(**options.dialect),
+        options.sampling_period_s,
+        lambda step: shell.note("inspect", step),
     )
     name = (options.experiment or paths[0]).name.partition(".")[0]
-    text = write_experiment(found, name, _pather(options.experiment), options.format)
+    text = write_experiment(found, name, _pather(options.experiment), options.format, options.dialect)
     if options.experiment is not None:
         _write_new(options.experiment, text)
     if options.page is not None:

@@ -8,6 +8,8 @@ import pytest
 from scipy.io import savemat
 
 from log_files import WRITERS
+from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.store import read_artifact
 from robid.families.files import load_experiment
 from settings_tables import ROOT
 
@@ -196,6 +198,38 @@ def test_nothing_is_overwritten_but_own_pages(shop):
         assert (shop.folder / file).read_bytes() == before
     assert shop.robid("inspect", "log.mat", "--output", "no/page.html").code == 2
     assert shop.robid("inspect", "log.mat", "--sampling-period", "-1").code == 2
+
+
+def test_a_dialect_is_said_as_in_the_file(shop):
+    columns = make_columns()
+    rows = zip(columns["tau"], columns["theta_motor"], strict=True)
+    text = "\n".join(f"{a:.12g};{b:.12g}".replace(".", ",") for a, b in rows)
+    (shop.folder / "log.csv").write_text(f"recorded today\ntorque;angle\n[Nm];[rad]\n{text}\n")
+    said = ("--dialect", "header_line=2", "--dialect", "delimiter=;", "--sampling-period", "1e-3")
+    assert shop.robid("inspect", "log.csv", *said, "--propose", "own.yaml").code == 0
+    acquire = load_experiment(shop.folder / "own.yaml").experiment.campaigns["log"].source.acquire
+    assert (acquire.dialect.header_line, acquire.dialect.delimiter) == (2, ";")
+    assert (acquire.inputs[0].variable, acquire.inputs[0].unit) == ("torque", "N m")
+    for wrong in ("lines=3", "header_line=x", "decimal"):
+        assert shop.robid("inspect", "log.csv", "--dialect", wrong).code == 2
+
+
+def test_the_proposal_with_the_robot_named_gives_the_record_of_the_example(real, shop):
+    real("motor_bench/MultisineTypeA.mat")
+    text = (shop.folder / "proposed.yaml").read_text()
+    text = text.replace("# robot: my_robot.yaml", f"robot: {ROOT / 'configs/robots/motor_bench.yaml'}")
+    text = text.replace("    # configurations:", "    configurations:")
+    (shop.folder / "proposed.yaml").write_text(text)
+    records = []
+    for file, name, folder in (("proposed.yaml", "log", "a"), (ROOT / "configs/motor_bench.yaml", "estimation", "b")):
+        for stage in ("design-excitation", "simulate-or-acquire"):
+            answer = shop.robid(stage, str(file), "--run-dir", folder)
+            assert answer.code == 0, answer.err
+        records.append(record_from_artifact(read_artifact(shop.folder / folder / name / "record.h5", RECORD)))
+    mine, example = records
+    assert np.array_equal(mine.inputs, example.inputs)
+    assert np.array_equal(mine.outputs, example.outputs)
+    assert np.array_equal(mine.excited_lines, example.excited_lines)
 
 
 def test_options_of_logs_do_not_belong_to_artifacts(done):

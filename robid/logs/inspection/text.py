@@ -20,7 +20,13 @@ _REFERENCES = "references are matched to an excitation that robid has designed; 
 _ROBOT = "my_robot.yaml # for fits that need to know the robot: its joints' names are then those of the channels"
 
 
-def write_experiment(found: Findings, name: str, path: Callable[[Path], str] = str, format_: str | None = None) -> str:
+def write_experiment(
+    found: Findings,
+    name: str,
+    path: Callable[[Path], str] = str,
+    format_: str | None = None,
+    dialect: Mapping[str, object] | None = None,
+) -> str:
     """Writes the proposal as an experiment file, with what to check as comments.
 
     Args:
@@ -28,6 +34,7 @@ def write_experiment(found: Findings, name: str, path: Callable[[Path], str] = s
         name: Name of the experiment.
         path: How the experiment file shall name a log.
         format_: Format to state, None where the file tells it.
+        dialect: How a table is written, as far as that is to be stated.
     """
     made, inside = found.proposal, " " * 8
     lines = ["schema_version: 1", f"name: {_name(name)}"]
@@ -36,6 +43,7 @@ def write_experiment(found: Findings, name: str, path: Callable[[Path], str] = s
     lines += _campaign(found)
     lines += ["    source:", "      acquire:", f"{inside}file: {_text(_braced(path(found.contents.file)))}"]
     lines += [f"{inside}format: {format_}"] if format_ else []
+    lines += [f"{inside}dialect: {_flow(dialect)}"] if dialect else []
     lines += [f"{inside}{one}" for one in _sampling(found.sampling, found.step_s)]
     lines += [f"{inside}resample: {made.resample}{_comment(_resampled(found))}"] if made.resample else []
     lines += [
