@@ -61,6 +61,7 @@ def write_experiment(
     if len(made.inputs) > 1 and not made.one_shot:
         lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
     lines += _estimate(found)
+    lines += ["execution: {backend: serial} # a single log is one task"]
     return "\n".join(lines) + "\n"
 
 
