@@ -334,6 +334,7 @@ def _extra(plan: Plan, n_sample: int) -> dict[str, Any]:
     if plan.kind in MESSAGES:
         return {}
     generator = np.random.default_rng([plan.seed, 3])
+    kept = generator.random(4) < 0.5
     every: dict[str, Any] = {
         "x_lost": np.where(np.arange(n_sample) % 7, np.nan, 1.0),
         "x_still": np.full(n_sample, 4.0),
@@ -341,7 +342,7 @@ def _extra(plan: Plan, n_sample: int) -> dict[str, Any]:
     }
     if plan.kind in ("csv", "parquet"):
         every["x_state"] = ["run" if i % 2 else "idle" for i in range(n_sample)]
-    return {name: values for name, values in every.items() if generator.random() < 0.5}
+    return {name: values for (name, values), keep in zip(every.items(), kept, strict=False) if keep}
 
 
 def _file(plan: Plan, part: str = "") -> str:
