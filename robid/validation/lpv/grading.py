@@ -24,7 +24,9 @@ def assess_lpv(solution: LpvSolution, told: Sequence[Doubt] = ()) -> Grade:
         solution: What the fit found.
         told: Further doubts about its data.
     """
-    doubts = ordered([*_unstable(solution), *told, *error_doubts(solution.own, solution.ports, "the fit's own data")])
+    own = error_doubts(solution.own, solution.ports, "the fit's own data")
+    choosing = error_doubts(solution.choosing, solution.ports, "what chooses the structure")
+    doubts = ordered([*_unstable(solution), *told, *own, *choosing])
     return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
 
 

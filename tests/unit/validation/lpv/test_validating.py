@@ -51,6 +51,16 @@ def test_limits_are_absolute(solution, factor, grade):
     np.testing.assert_allclose(together, 1 - 1 / factor, atol=0.02)
 
 
+@pytest.mark.parametrize(("excess", "grade"), [(0.05, 2), (0.2, 1), (0.6, 0)])
+def test_what_only_chooses_the_structure_must_be_met_too(solution, excess, grade):
+    agreement = solution.choosing.agreement
+    far = replace(agreement, excess=np.full_like(agreement.excess, excess))
+    off = replace(solution, choosing=replace(solution.choosing, agreement=far))
+    alone = assess_lpv(off)
+    assert validate_lpv(off, PORTS, new_responses(), 3.0, alone.doubts).outcome.grade.value == grade
+    assert ("on what chooses the structure" in alone.sentence) == (grade < 2)
+
+
 def test_the_same_positions_again_are_no_test(solution):
     found = validate_lpv(solution, PORTS, new_responses(points=POSITIONS), 3.0)
     assert not found.new.any()
