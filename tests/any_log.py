@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import bz2
-import gzip
-import io
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from any_log_text import Text
 from linear_loop import LINES, N_SAMPLE, Loop
 from log_files import WRITERS
 from robid.frf.estimate import estimate_frf
@@ -33,48 +30,6 @@ OUTPUT_UNITS = {
 }
 REFERENCE_UNITS = {"rad/s": 1.0, "deg/s": np.pi / 180, "rpm": np.pi / 30}
 UNIT_OF = {"angle": "rad", "speed": "rad/s", "acceleration": "rad/s^2"}
-
-
-@dataclass(frozen=True)
-class Text:
-    """How a table of text is written, and whether the mapping says so."""
-
-    delimiter: str = ","
-    decimal: str = "."
-    header: str = "names"  # names, quoted, commented, none
-    preface: str = ""
-    units_below: bool = False
-    newline: str = "\n"
-    encoding: str = "utf-8"
-    trailing: bool = False
-    stated: bool = False
-
-    def write(self, path: Path, columns: dict[str, np.ndarray], units: dict[str, str]) -> dict[str, str]:
-        end = self.delimiter if self.trailing else ""
-        names = [f'"{name}"' if self.header == "quoted" else name for name in columns]
-        head = self.delimiter.join(names) + end
-        lines = self.preface.splitlines()
-        lines += {"none": [], "commented": [f"# {head}"]}.get(self.header, [head])
-        if self.units_below:
-            lines.append(self.delimiter.join(units.get(name, "-") for name in columns) + end)
-        cells = [[self._cell(value) for value in values] for values in columns.values()]
-        lines += [self.delimiter.join(row) + end for row in zip(*cells, strict=True)]
-        path.write_bytes((self.newline.join(lines) + self.newline).encode(self.encoding))
-        return {name: str(i + 1) if self.header == "none" else name for i, name in enumerate(columns)}
-
-    def _cell(self, value: Any) -> str:
-        return value if isinstance(value, str) else f"{value:.17g}".replace(".", self.decimal)
-
-    @property
-    def dialect(self) -> dict[str, Any]:
-        """What the mapping says of it."""
-        if not self.stated:
-            return {}
-        delimiter = {"\t": "tab", "   ": "whitespace"}.get(self.delimiter, self.delimiter)
-        found: dict[str, Any] = {"delimiter": delimiter, "decimal": self.decimal, "encoding": self.encoding}
-        if self.header != "commented":
-            found["header_line"] = 0 if self.header == "none" else len(self.preface.splitlines()) + 1
-        return found
 
 
 @dataclass(frozen=True)
@@ -106,7 +61,7 @@ class Plan:
     """
 
     kind: str = "csv"
-    text: Text = Text()
+    text: Text = field(default_factory=Text)
     packed: str = ""
     says_format: bool = True
     places: str = "file"
@@ -137,10 +92,20 @@ class Plan:
         counts = any(unit.startswith("counts") for unit in _units(self)[1])
         return self.precision == "full" and self.start != "anywhere" and not counts
 
+    def file(self, part: str = "") -> str:
+        """Name of its files, numbers to be put in; the outputs' own file begins with `out_`."""
+        suffix = WRITERS[self.kind][1].partition(".")[2] + (f".{self.packed}" if self.packed else "")
+        numbers = {
+            "file": "c{configuration}_r{realization:02d}_e{experiment}",
+            "variable": "c{configuration}",
+            "one": "all",
+        }[self.places]
+        return f"{part}{numbers}.{suffix}"
+
 
 @dataclass(frozen=True)
 class Played:
-    """A simulated campaign (2 configurations, 2 realizations, 2 experiments): torque, output and one period's reference."""
+    """A simulated campaign (2 configurations, 2 realizations, 2 experiments): signals, and a period of references."""
 
     torque: np.ndarray
     output: np.ndarray
@@ -205,6 +170,10 @@ class Logs:
         begin: Sample of each experiment's log at which the part that is used begins.
         drop_periods: Periods that are dropped.
         take: Which periods are used.
+        period_samples: The period that is stated.
+        lines: The lines that are stated, where the plan lists them.
+        missing: A file that is taken away.
+        cut: A file that is cut to half of its length.
     """
 
     plan: Plan
@@ -214,12 +183,19 @@ class Logs:
     begin: dict[tuple[int, ...], int]
     drop_periods: int
     take: str
+    period_samples: int = N_SAMPLE
+    lines: list[int] = field(default_factory=LINES.tolist)
+    missing: str = ""
+    cut: str = ""
 
     def file_name(self, index: tuple[int, ...], part: str = "") -> str:
         """Name of the file of an experiment."""
-        return _file(self.plan, part).format(
-            **{key: number + 1 for key, number in zip(("configuration", "realization", "experiment"), index, strict=True)}
-        )
+        return self.plan.file(part).format(**numbers(index))
+
+
+def numbers(index: tuple[int, ...]) -> dict[str, int]:
+    """Numbers of configuration, realization and experiment, from 1."""
+    return {key: at + 1 for key, at in zip(("configuration", "realization", "experiment"), index, strict=True)}
 
 
 def lay_out(plan: Plan, played: Played) -> Logs:
@@ -343,86 +319,3 @@ def _extra(plan: Plan, n_sample: int) -> dict[str, Any]:
     if plan.kind in ("csv", "parquet"):
         every["x_state"] = ["run" if i % 2 else "idle" for i in range(n_sample)]
     return {name: values for (name, values), keep in zip(every.items(), kept, strict=False) if keep}
-
-
-def _file(plan: Plan, part: str = "") -> str:
-    suffix = WRITERS[plan.kind][1].partition(".")[2] + (f".{plan.packed}" if plan.packed else "")
-    numbers = {
-        "file": "c{configuration}_r{realization:02d}_e{experiment}",
-        "variable": "c{configuration}",
-        "one": "all",
-    }[plan.places]
-    return f"{part}{numbers}.{suffix}"
-
-
-def _prefix(plan: Plan) -> str:
-    mark = "/" if plan.kind == "hdf5" else "_"
-    numbers = {"file": (), "variable": ("r{realization}", "e{experiment:02d}")}
-    every = ("c{configuration}", "r{realization}", "e{experiment:02d}")
-    return "".join(one + mark for one in numbers.get(plan.places, every))
-
-
-def write(logs: Logs, folder: Path, excitation: dict[str, Any]) -> dict[str, Any]:
-    """Writes the files of some logs; returns the campaign as an experiment file has it."""
-    folder.mkdir()
-    plan, prefix = logs.plan, _prefix(logs.plan)
-    parts = ("", "out_") if plan.split else ("",)
-    variables: dict[str, str] = {}
-    for part in parts:
-        tables: dict[str, dict[str, np.ndarray]] = {}
-        for index, columns in logs.columns.items():
-            numbers = dict(zip(("configuration", "realization", "experiment"), (i + 1 for i in index), strict=True))
-            table = tables.setdefault(logs.file_name(index, part), {})
-            chosen = {n: v for n, v in columns.items() if not plan.split or n.startswith("q") == bool(part)}
-            table |= {prefix.format(**numbers) + name: values for name, values in chosen.items()}
-        for file, table in tables.items():
-            names = _write_file(plan, folder / file, table, {k.rpartition("_")[2]: v for k, v in logs.units.items()})
-        first = prefix.format(configuration=plan.n_conf, realization=plan.n_real, experiment=2)
-        for name, variable in names.items():
-            key = name.removeprefix(first)
-            if plan.places == "file" or name.startswith(first):
-                variables.setdefault(key, variable.replace(first, prefix) if first else variable)
-    acquire: dict[str, Any] = {"file": f"logs/{_file(plan)}", "sampling_period_s": plan.step_s}
-    if plan.says_format:
-        acquire["format"] = {"mat 7.3": "mat"}.get(plan.kind, plan.kind)
-    if plan.kind == "csv" and plan.text.dialect:
-        acquire["dialect"] = plan.text.dialect
-    for group, channels in logs.channels.items():
-        listed = [{**channel, "variable": variables.get(channel["variable"], channel["variable"])} for channel in channels]
-        if plan.split and group == "outputs":
-            listed = [{**channel, "file": f"logs/{_file(plan, 'out_')}"} for channel in listed]
-        if listed:
-            acquire[group] = listed
-    if plan.time:
-        in_messages = plan.kind in MESSAGES
-        name = variables["time"] if in_messages else variables["t"]
-        acquire["time"] = {"variable": name, "unit": "s" if in_messages else plan.time}
-    if logs.drop_periods:
-        acquire["drop_periods"] = logs.drop_periods
-    if logs.take != "first":
-        acquire["take"] = logs.take
-    return {
-        "configurations": {"list_deg": [[0, 0], [20, 30]][: plan.n_conf]},
-        "excitation": excitation,
-        "realizations": plan.n_real,
-        "periods": plan.periods,
-        "source": {"acquire": acquire},
-        "estimate": {"compensation": "none", "estimator": plan.estimator},
-    }
-
-
-def _write_file(plan: Plan, path: Path, table: dict[str, np.ndarray], units: dict[str, str]) -> dict[str, str]:
-    plain = path.with_suffix("") if plan.packed else path
-    if plan.kind == "csv":
-        told = {name: units.get(name.rpartition("_")[2], "-").replace(" ", "") for name in table}
-        names = plan.text.write(plain, table, told)
-    else:
-        _, names = WRITERS[plan.kind][0](plain, table)
-    if plan.packed:
-        data, packed = plain.read_bytes(), io.BytesIO()
-        opener = {"gz": gzip.GzipFile, "bz2": bz2.BZ2File}[plan.packed]
-        with opener(packed, "wb") if plan.packed == "bz2" else opener(fileobj=packed, mode="wb") as stream:
-            stream.write(data)
-        path.write_bytes(packed.getvalue())
-        plain.unlink()
-    return names

@@ -189,9 +189,7 @@ def _names(
     return [name or str(i) for i, name in enumerate(names, start=1)], units, line
 
 
-def _commented(
-    lines: Sequence[str], widths: tuple[int, int], dialect: Dialect, separator: str
-) -> list[str] | None:
+def _commented(lines: Sequence[str], widths: tuple[int, int], dialect: Dialect, separator: str) -> list[str] | None:
     """Names in the last comment before the first row, as numpy and gnuplot write them; the last one may be empty."""
     comments = [line for line in lines if line.startswith(tuple(dialect.comments))]
     if not comments:
