@@ -61,6 +61,15 @@ def test_what_only_chooses_the_structure_must_be_met_too(solution, excess, grade
     assert ("on what chooses the structure" in alone.sentence) == (grade < 2)
 
 
+@pytest.mark.parametrize(("ratio", "grade"), [(1.5, 2), (5.0, 1)])
+def test_errors_beyond_their_deviations_put_single_poles_in_doubt(solution, ratio, grade):
+    agreement = solution.own.agreement
+    far = replace(agreement, error_ratio=np.full_like(agreement.error_ratio, ratio))
+    alone = assess_lpv(replace(solution, own=replace(solution.own, agreement=far)))
+    assert validate_lpv(solution, PORTS, new_responses(), 3.0, alone.doubts).outcome.grade.value == grade
+    assert ("poles may be off" in alone.sentence) == (grade < 2)
+
+
 @pytest.mark.parametrize(("level", "grade"), [(0.3, 2), (3.0, 1)])
 def test_noise_that_would_hide_an_error_is_no_proof(solution, level, grade):
     exact = new_responses()
