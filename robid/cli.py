@@ -10,7 +10,7 @@ import typer
 
 import robid
 from robid.commands.output import print_json
-from robid.errors import RobidError
+from robid.errors import RobidError, SettingsError
 from robid.pipeline import STAGES, Run
 from robid.stages.stage import Stage
 
@@ -160,7 +160,8 @@ def export_model(
         str,
         typer.Option(
             "--format",
-            help="What to write: mjcf, json, csv, mat, by family statespace, robot, urdf; of a campaign csv, mat.",
+            help="What to write: mjcf, json, csv, mat, by family statespace, robot, urdf; of a campaign's excitation"
+            " csv, mat; of its responses csv, mat, json, uff.",
         ),
     ],
     fit: Annotated[
@@ -168,11 +169,15 @@ def export_model(
     ] = None,
     campaign: Annotated[
         str | None,
-        typer.Option("--campaign", help="Name of a campaign, to write its excitation (csv, mat) instead of a fit."),
+        typer.Option("--campaign", help="Name of a campaign, to write its excitation or responses instead of a fit."),
+    ] = None,
+    what: Annotated[
+        Literal["excitation", "frf"] | None,
+        typer.Option("--what", help="Of a campaign: its excitation (default), or its frequency responses (frf)."),
     ] = None,
     configuration: Annotated[
         int | None,
-        typer.Option("--configuration", min=0, help="Index of one configuration; all of the fit by default."),
+        typer.Option("--configuration", min=0, help="Index of one configuration, from 0; all by default."),
     ] = None,
     friction: Annotated[
         bool | None,
@@ -184,19 +189,49 @@ def export_model(
     as_json: AsJson = False,
     debug: Debug = False,
 ) -> int:
-    """Writes a fitted model, or the excitation of a campaign, for other programs: MJCF, JSON, CSV, MAT, state space."""
+    """Writes a fitted model, or the excitation or responses of a campaign, for other programs."""
     del debug
-    from robid.commands.export import export_campaign, export_fit
+    from robid.commands.export import export_campaign, export_fit, export_response
     from robid.stages.export import ExportOptions
     from robid.stages.export_excitation import ExcitationExport
+    from robid.stages.export_frf import FrfExport
 
     run = _open(experiment, run_dir)
+    if what == "frf":
+        of_fits = {"--fit": fit, "--friction": friction}
+        others = [name for name, value in of_fits.items() if value is not None]
+        response = FrfExport(campaign or "", format_, configuration, output)
+        return export_response(run, campaign, response, others, force=force, as_json=as_json)
+    if campaign is None and what is not None:
+        raise SettingsError("`--what` is about a campaign", where="export", remedy="name it with --campaign")
     if campaign is None:
         options = ExportOptions(format_, configuration, friction, output)
         return export_fit(run, fit, options, force=force, as_json=as_json)
     given = {"--fit": fit, "--configuration": configuration, "--friction": friction}
     others = [name for name, value in given.items() if value is not None]
     return export_campaign(run, ExcitationExport(campaign, format_, output), others, force=force, as_json=as_json)
+
+
+@app.command("compare")
+def compare_frfs(
+    responses: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RESPONSE...",
+            help="Two to six of EXPERIMENT.yaml:CAMPAIGN (its run folder is runs/<name>) or a frf.h5; the first is what"
+            " the others are held against.",
+        ),
+    ],
+    output: Annotated[Path | None, typer.Option("--output", help="Write a page (.html) that overlays them.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a page that differs.")] = False,
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> int:
+    """Lays frequency responses of several campaigns or runs over each other, and says where they differ."""
+    del debug
+    from robid.commands.compare import compare_responses
+
+    return compare_responses(responses, output, force=force, as_json=as_json)
 
 
 @app.command("status")

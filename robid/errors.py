@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 
 class RobidError(Exception):
     """A problem that the user can solve.
@@ -46,6 +48,22 @@ class DataError(RobidError):
     """The data, measured or simulated, cannot be used as they are."""
 
     exit_code = 4
+
+
+def require_module(module: str, extra: str, purpose: str) -> None:
+    """Refuses what needs a module that is not installed, with the command that installs it.
+
+    Args:
+        module: Name of the module.
+        extra: The extra of robid that installs it.
+        purpose: What needs it, as in `Writing UFF58`.
+
+    Raises:
+        SettingsError: If it is missing.
+    """
+    if find_spec(module) is None:
+        remedy = f"install it with `pip install 'robid[{extra}]'`"
+        raise SettingsError(f"{purpose} needs the package {module}, which is not installed", remedy=remedy)
 
 
 def _rebuild(kind: type[RobidError], what: str, where: str, remedy: str) -> RobidError:

@@ -1,9 +1,10 @@
-"""Exporting a fitted model, or the excitation of a campaign."""
+"""Exporting a fitted model, or the excitation or the responses of a campaign."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from robid.artifacts.lock import locked
 from robid.commands.inputs import choose_node, require_inputs
@@ -17,6 +18,7 @@ from robid.stages.export_excitation import (
     excitation_export_plan,
     export_excitation,
 )
+from robid.stages.export_frf import FrfExport, check_frf_export, export_frf, frf_export_plan
 from robid.stages.replacing import settings_files
 
 
@@ -48,10 +50,37 @@ def export_campaign(run: Run, options: ExcitationExport, others: Sequence[str], 
     inputs = require_inputs(run, dataclasses.replace(node, plan=plan), [])
     files = export_excitation(options, run.loaded, inputs["excitation"], run.folder)
     read = {**settings_files(run.loaded), **inputs}
-    with locked(lock_of(run, options.target(run.folder)), f"robid export {run.loaded.path}"):
+    return _write(run, files, options.target(run.folder), options.format, read, force=force, as_json=as_json)
+
+
+def export_response(
+    run: Run, campaign: str | None, options: FrfExport, others: Sequence[str], *, force: bool, as_json: bool
+) -> int:
+    """Exports the responses of a campaign, the only one where none is named; returns the exit code."""
+    check_frf_export(options, others)
+    node = choose_node(run, "estimate-frf", campaign)
+    chosen = dataclasses.replace(options, campaign=node.owner)
+    inputs = require_inputs(run, dataclasses.replace(node, plan=frf_export_plan(node.owner)), [])
+    files = export_frf(chosen, run.loaded, inputs["frf"], run.folder)
+    read = {**settings_files(run.loaded), **inputs}
+    return _write(run, files, chosen.target(run.folder), chosen.format, read, force=force, as_json=as_json)
+
+
+def _write(
+    run: Run,
+    files: Mapping[Path, bytes],
+    target: Path,
+    form: str,
+    read: Mapping[str, Path],
+    *,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Writes exported files and says what became of each."""
+    with locked(lock_of(run, target), f"robid export {run.loaded.path}"):
         outcomes = {str(path): write_export(path, content, read, force=force) for path, content in files.items()}
     if as_json:
-        print_json({"output": str(options.target(run.folder)), "format": options.format, "files": outcomes})
+        print_json({"output": str(target), "format": form, "files": outcomes})
         return 0
     shell = make_shell(run, as_json=False)
     for path, outcome in outcomes.items():

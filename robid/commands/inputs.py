@@ -13,8 +13,14 @@ from robid.stages.freshness import State, state_of_output
 from robid.stages.replacing import outputs_at
 
 
-def choose_node(run: Run, stage_name: str, owner: str | None) -> Node:
+def choose_node(run: Run, stage_name: str, owner: str | None, option: str = "") -> Node:
     """Finds the node of a command.
+
+    Args:
+        run: The run.
+        stage_name: Its stage.
+        owner: Its campaign, design or fit; None for the only one.
+        option: How the command names that, where it is not by the usual option.
 
     Raises:
         SettingsError: If the owner is unknown, or is not named and there is more than one.
@@ -22,15 +28,15 @@ def choose_node(run: Run, stage_name: str, owner: str | None) -> Node:
     nodes = [node for node in graph(run.loaded) if node.stage.name == stage_name]
     stage = next(stage for stage in STAGES if stage.name == stage_name)
     known = ", ".join(f"`{node.owner}`" for node in nodes) or "none"
-    option = f"--{stage.owned_by}"
+    given = f"with --{stage.owned_by}"
     if owner is None and len(nodes) == 1:
         return nodes[0]
     for node in nodes:
         if node.owner == owner:
             return node
-    what = f"`{stage_name}` has no {stage.owned_by} `{owner}`" if owner else f"`{stage_name}` needs {option}"
+    what = f"`{stage_name}` has no {stage.owned_by} `{owner}`" if owner else f"`{stage_name}` needs --{stage.owned_by}"
     raise SettingsError(
-        f"{what}; there are: {known}", where=str(run.loaded.path), remedy=f"name one of them with {option}"
+        f"{what}; there are: {known}", where=str(run.loaded.path), remedy=f"name one of them {option or given}"
     )
 
 
@@ -66,12 +72,10 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
         if state.status != "fresh":
             why = f" ({state.why})" if state.why else ""
             there = state.status == "stale" and run.path(maker.output).exists()
-            command = run.command(maker) + " --force" * there
-            raise ArtifactError(
-                f"The input is {state.status}{why}.",
-                where=str(run.path(path)),
-                remedy=f"`{command}` makes it; `robid run {run.loaded.path}` makes all that is needed",
-            )
+            remedy = f"`{run.command(maker)}{' --force' * there}` makes it"
+            if not maker.stage.on_request(run.loaded, maker.owner):
+                remedy += f"; `robid run {run.loaded.path}` makes all that is needed"
+            raise ArtifactError(f"The input is {state.status}{why}.", where=str(run.path(path)), remedy=remedy)
         inputs[name] = run.path(path)
     return inputs
 

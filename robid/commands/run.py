@@ -36,6 +36,8 @@ def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
             shell.out.print(table)
         if fit.headline.advice:
             shell.say(f"advice: {fit.headline.advice}")
+    for line in gathered.measured:
+        shell.say(line)
     shell.say(f"\n{gathered.content.verdict.text}")
     shell.say(f"report: {report}")
     return PROBLEM if any(result.fails(strict=strict) for result in results) else 0

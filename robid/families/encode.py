@@ -32,11 +32,11 @@ def encode_csv(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> byte
     return text.getvalue().encode()
 
 
-def encode_table(notes: Sequence[str], columns: Sequence[str], rows: FloatArray) -> bytes:
-    """Writes a table of numbers below lines of notes that begin with `#`; nine digits keep every float32."""
+def encode_table(notes: Sequence[str], columns: Sequence[str], rows: FloatArray, *, digits: int = 9) -> bytes:
+    """Writes a table of numbers below lines of notes that begin with `#`; nine digits keep every float32, 17 all."""
     text = io.StringIO(newline="")
     text.writelines(f"# {note}\n" for note in notes)
-    np.savetxt(text, rows, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
+    np.savetxt(text, rows, fmt=f"%.{digits}g", delimiter=",", header=",".join(columns), comments="")
     return text.getvalue().encode()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -10,6 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.spectra import Blocks
 
+Lines: TypeAlias = IntArray | FloatArray
 _SHORTEST = 4
 
 
@@ -55,14 +57,17 @@ def silent_levels(silent: Blocks, lines: IntArray, response: ComplexArray) -> Si
     if silent.scatter_freedom:
         scatter = silent.output_scatter - between @ silent.input_scatter
         noise = np.sqrt((np.abs(scatter) ** 2).sum(axis=1).mean(axis=(0, -1)) / silent.scatter_freedom)
-    error = _interpolation_error(lines, response, silent.lines)
+    error = interpolation_error(lines, response, silent.lines)
     power = (np.abs(silent.inputs) ** 2).mean(axis=(0, -1))
     doubt = np.sqrt(np.einsum("foi,fi->fo", error**2, power))
     return SilentLevels(level, None if noise is None else np.asarray(noise), np.asarray(doubt))
 
 
-def interpolate_response(lines: IntArray, response: ComplexArray, wanted: IntArray) -> ComplexArray:
-    """Response at lines in between (n_wanted, n_out, n_in), see `silent_levels`; the ends are held outside."""
+def interpolate_response(lines: Lines, response: ComplexArray, wanted: Lines) -> ComplexArray:
+    """Response at lines, or frequencies, in between (n_wanted, n_out, n_in), see `silent_levels`.
+
+    The ends are held outside.
+    """
     if not len(wanted) or len(lines) < 2:
         return np.broadcast_to(response[:1], (len(wanted), *response.shape[1:])).copy()
     inside = np.log(np.clip(wanted, lines[0], lines[-1]))
@@ -88,7 +93,26 @@ def multiple_coherence(outputs: ComplexArray, covariance: ComplexArray | None) -
     return np.asarray(np.clip(1 - lost / np.maximum(power, np.finfo(float).tiny), 0, 1))
 
 
-def _interpolation_error(lines: IntArray, response: ComplexArray, wanted: IntArray) -> FloatArray:
+def explained_coherence(response: ComplexArray, inputs: ComplexArray, covariance: ComplexArray) -> FloatArray:
+    """Multiple coherence of a local model: what the response makes of the inputs, over that and the residual.
+
+    The outputs themselves hold the transient too, which is neither, and may be far larger than both.
+
+    Args:
+        response (n_freq, n_out, n_in): Response.
+        inputs (n_freq, n_exp, width, n_in): Input spectra at the bins around each line.
+        covariance (n_freq, n_out, n_out): Covariance of one experiment's output residual.
+
+    Returns:
+        (n_freq, n_out), within 0 and 1.
+    """
+    made = inputs @ np.swapaxes(response, 1, 2)[:, None]
+    power = (np.abs(made) ** 2).mean(axis=(1, 2))
+    lost = np.real(np.diagonal(covariance, axis1=-2, axis2=-1))
+    return np.asarray(power / np.maximum(power + lost, np.finfo(float).tiny))
+
+
+def interpolation_error(lines: Lines, response: ComplexArray, wanted: Lines) -> FloatArray:
     """Magnitude (n_wanted, n_out, n_in) of the interpolation's error, at most that of lines twice as far apart."""
     if len(lines) < _SHORTEST or not len(wanted):
         return np.zeros((len(wanted), *response.shape[1:]))

@@ -17,7 +17,7 @@ from robid.frf.checks import Finding, check_record, fed_back, finding_notes, ref
 from robid.frf.coefficients import coefficients
 from robid.frf.compensation import Disturbance, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
-from robid.frf.distortion import multiple_coherence, silent_levels, silent_lines
+from robid.frf.distortion import explained_coherence, multiple_coherence, silent_levels, silent_lines
 from robid.frf.dropped import completed, lost_inputs, require_lines, weak_inputs
 from robid.frf.frf import Frf
 from robid.frf.local import LOCAL, local_fit
@@ -179,7 +179,6 @@ def _frf(
 ) -> Frf:
     """The response at the lines that could be solved."""
     response, blocks = found.estimate.response, spectra.at_lines
-    outputs = spectra.around(spectra.blocks.outputs, record)
     scatter = blocks.output_scatter - response @ blocks.input_scatter
     noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
     levels = silent_levels(spectra.silent, lines, response)
@@ -206,7 +205,7 @@ def _frf(
         input_hold=record.input_hold,
         joint_units=record.joint_units,
         notes=(*record.notes, *_notes(found.total, record, spectra.windows)),
-        coherence=multiple_coherence(outputs, noise if found.total is None else found.total)[None],
+        coherence=_coherence(spectra, response, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
         silent_level=levels.level[None],
         silent_noise=None if levels.noise is None else levels.noise[None],
@@ -216,6 +215,13 @@ def _frf(
         freedom_share=np.array([found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],
     )
+
+
+def _coherence(spectra: _Spectra, response: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
+    """Multiple coherence (n_freq, n_out); of a local model without the transient."""
+    if spectra.windows is None or covariance is None:
+        return multiple_coherence(spectra.at_lines.outputs, covariance)
+    return explained_coherence(response, spectra.windows.rows(spectra.blocks.inputs), covariance)
 
 
 def _used(laws: tuple[TorqueLaw, ...] | None, options: EstimateOptions) -> str:

@@ -223,11 +223,14 @@ class Frf:
         The error is circular complex normal and its variance estimated: their ratio is F distributed with 2 and
         2 nu degrees of freedom, whose quantile is `nu ((1 - level)^(-1/nu) - 1)`.
         """
+        deviation = np.sqrt(self.element_variance())
+        known = np.isfinite(deviation)
+        return np.asarray(np.multiply(deviation, self.radius_factor(level), out=deviation.copy(), where=known))
+
+    def radius_factor(self, level: float) -> float:
+        """`error_radius` over an element's standard deviation; 0 where no variance is known."""
         freedom = self.degrees_of_freedom
-        quantile = freedom * np.expm1(-np.log1p(-level) / freedom) if freedom > 0 else 0.0
-        variance = self.element_variance()
-        known = np.isfinite(variance)
-        return np.asarray(np.sqrt(np.multiply(variance, quantile, out=variance.copy(), where=known)))
+        return float(np.sqrt(freedom * np.expm1(-np.log1p(-level) / freedom))) if freedom > 0 else 0.0
 
     @property
     def signal_to_noise(self) -> FloatArray | None:

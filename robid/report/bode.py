@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, check_shape
 from robid.frf.frf import Frf
+from robid.frf.quality import dropped_lines, known_response
 from robid.report.numbers import MINUS, fixed, number_of, percent, pretty_unit, rounded
 from robid.signals.positions import readable, readable_units
 
@@ -31,6 +32,24 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Overlay:
+    """A further measured response, at lines of its own.
+
+    Attributes:
+        name: Its name.
+        frequency_hz (n_line,): Its frequencies [Hz].
+        response (n_conf, n_line, n_out, n_in): The response; NaN where it has none.
+        radius (n_conf, n_line, n_out, n_in): Radius of each element's uncertainty circle over its magnitude; 0 where
+            that is unknown.
+    """
+
+    name: str
+    frequency_hz: FloatArray
+    response: ComplexArray
+    radius: FloatArray
+
+
+@dataclass(frozen=True)
 class BodeResponse:
     """One measured response that the reader may choose.
 
@@ -40,6 +59,7 @@ class BodeResponse:
         models: Name and response (n_conf, n_freq, n_out, n_in) of each model, in the unit of `frf.response`.
         marks: Frequencies that stand out.
         mark_title: What they are.
+        overlays: Further measured responses, in the unit of `frf.response`.
     """
 
     label: str
@@ -47,6 +67,7 @@ class BodeResponse:
     models: tuple[tuple[str, ComplexArray], ...] = ()
     marks: tuple[Mark, ...] = ()
     mark_title: str = ""
+    overlays: tuple[Overlay, ...] = ()
 
     def __post_init__(self) -> None:
         axes = ("n_conf", "n_freq", "n_out", "n_in")
@@ -68,6 +89,8 @@ class BodeMatrix:
         output_quantity: What the outputs are, as in `acceleration`.
         unit: Unit of an output over an input's, which stands for `{}`.
         caption: What the reader has to know.
+        measured: What the measured responses are called.
+        quality: Whether distortion, noise and coherence are shown too.
     """
 
     title: str
@@ -77,6 +100,8 @@ class BodeMatrix:
     output_quantity: str = "acceleration"
     unit: str = "rad/(s^2 {})"
     caption: str = ""
+    measured: str = "measured"
+    quality: bool = True
 
 
 def bode_data(figure: BodeMatrix) -> dict[str, Any]:
@@ -86,10 +111,8 @@ def bode_data(figure: BodeMatrix) -> dict[str, Any]:
         "level": percent(figure.level),
         "input_quantity": figure.input_quantity,
         "output_quantity": figure.output_quantity,
-        "responses": [
-            _response_data(response, figure.level, figure.unit.format(response.frf.input_unit))
-            for response in figure.responses
-        ],
+        "measured": figure.measured,
+        "responses": [_response_data(response, figure) for response in figure.responses],
     }
 
 
@@ -109,22 +132,22 @@ def band_radius(frf: Frf, level: float) -> FloatArray:
     return np.asarray(frf.error_radius(level) / np.maximum(np.abs(frf.response), _SMALLEST))
 
 
-def _response_data(response: BodeResponse, level: float, unit: str) -> dict[str, Any]:
+def _response_data(response: BodeResponse, figure: BodeMatrix) -> dict[str, Any]:
     frf = response.frf
-    radius = band_radius(frf, level)
+    radius = band_radius(frf, figure.level)
+    response_known, dropped = known_response(frf), dropped_lines(frf)
     configurations = [
         {
             "label": configuration_label(frf, index),
-            **_curve(_known(frf, index)),
+            **_curve(response_known[index]),
             "models": [_curve(model[index]) for _, model in response.models],
-            "radius": _per_element(radius[index], 3) if radius[index].any() else None,
-            "uncompensated": None
-            if frf.uncompensated_response is None
-            else _decibels(frf.uncompensated_response[index]),
+            "overlays": [_overlaid(overlay, index) for overlay in response.overlays],
+            "dropped": [[rounded(value) for value in frf.frequency_hz[lost]] for lost in dropped[index].T],
+            "radius": _radius(radius[index]),
             "marks": [
                 [mark.channel, rounded(mark.frequency_hz)] for mark in response.marks if mark.configuration == index
             ],
-            **_quality(frf, index),
+            **(_quality(frf, index, figure.level) if figure.quality else {}),
         }
         for index in range(frf.response.shape[0])
     ]
@@ -133,18 +156,15 @@ def _response_data(response: BodeResponse, level: float, unit: str) -> dict[str,
         "frequency": [rounded(value) for value in frf.frequency_hz],
         "inputs": list(frf.input_names),
         "outputs": list(frf.output_names),
-        "unit": pretty_unit(unit),
+        "unit": pretty_unit(figure.unit.format(frf.input_unit)),
         "models": [name for name, _ in response.models],
+        "overlays": [
+            {"name": overlay.name, "frequency": [rounded(value) for value in overlay.frequency_hz]}
+            for overlay in response.overlays
+        ],
         "mark_title": response.mark_title,
         "configurations": configurations,
     }
-
-
-def _known(frf: Frf, index: int) -> ComplexArray:
-    """The response of a configuration, NaN where a line told too little of an input."""
-    if frf.dropped is None:
-        return np.asarray(frf.response[index])
-    return np.asarray(np.where(frf.dropped[index][:, None], np.nan, frf.response[index]))
 
 
 def _curve(response: ComplexArray) -> dict[str, Any]:
@@ -152,16 +172,31 @@ def _curve(response: ComplexArray) -> dict[str, Any]:
     return {"magnitude": _decibels(response), "phase": _per_element(np.rad2deg(np.angle(response)), decimals=1)}
 
 
-def _quality(frf: Frf, index: int) -> dict[str, Any]:
-    """Levels per output and the factor per input, in dB: an element's level is the sum of the two."""
+def _overlaid(overlay: Overlay, index: int) -> dict[str, Any]:
+    return {**_curve(overlay.response[index]), "radius": _radius(overlay.radius[index])}
+
+
+def _radius(radius: FloatArray) -> list[Any] | None:
+    """Radii of the bands; None where there are none."""
+    return _per_element(radius, 3) if np.nan_to_num(radius).any() else None
+
+
+def _quality(frf: Frf, index: int, level: float) -> dict[str, Any]:
+    """Levels per output and the factor per input, in dB: an element's level is the sum of the two.
+
+    `spread` turns the radius of a band into a deviation, for records whose periods do not tell noise.
+    """
     inputs = np.sqrt(np.real(np.diagonal(frf.input_factor[index], axis1=-2, axis2=-1)))
     noise = None
     if frf.noise_covariance is not None:
         noise = np.sqrt(np.real(np.diagonal(frf.noise_covariance[index], axis1=-2, axis2=-1)))
     odd, even = frf.residual_level("odd"), frf.residual_level("even")
+    before = frf.uncompensated_response
     return {
+        "uncompensated": None if before is None else _decibels(before[index]),
         "factor": _level(inputs),
         "noise": None if noise is None else _level(noise),
+        "spread": rounded(frf.radius_factor(level)) if noise is None and frf.covariance.any() else None,
         "odd": None if odd is None else _level(odd[index]),
         "even": None if even is None else _level(even[index]),
         "incoherence": None

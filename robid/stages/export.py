@@ -102,7 +102,9 @@ def export(options: ExportOptions, loaded: LoadedExperiment, fit: str, inputs: M
     return chosen.make(ExportTask(data, model, options.configuration, options.friction, suffix))
 
 
-def write_export(path: Path, content: bytes, read: Mapping[str, Path], *, force: bool) -> Literal["made", "fresh"]:
+def write_export(
+    path: Path, content: bytes, read: Mapping[str, Path], *, force: bool, kind: str = "export"
+) -> Literal["made", "fresh"]:
     """Writes an exported file; one that differs may have been edited by hand, and is replaced only by force.
 
     Args:
@@ -110,11 +112,12 @@ def write_export(path: Path, content: bytes, read: Mapping[str, Path], *, force:
         content: What to write.
         read: Files that are never replaced, by what they are; nor is anything that was not exported.
         force: Whether to replace one that differs.
+        kind: Kind of file that may be replaced, see `check_replaceable`.
 
     Raises:
         ArtifactError: If it differs and `force` is not set, is something else, or cannot be written.
     """
-    check_replaceable(path, "export", read)
+    check_replaceable(path, kind, read)
     if path.exists() and not force:
         if path.read_bytes() == content:
             return "fresh"

@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment
 
 _HEAD_BYTES = 4096
+_COMPARISON = "compare"
 _RIGID = b"rigid model identified by robid "
 _MARKS = {
     ".xml": (b"elastic model identified by robid ", _RIGID),
     **dict.fromkeys((".urdf", ".yaml", ".yml"), (_RIGID,)),
     ".mat": (b"MATLAB 5.0 MAT-file, written by robid",),
-    ".csv": (",".join(PARAMETER_COLUMNS).encode(), b"# Excitation of campaign "),
+    ".csv": (",".join(PARAMETER_COLUMNS).encode(), b"# Excitation of campaign ", b"# Frequency response of campaign "),
+    **dict.fromkeys((".uff", ".unv"), (b"Frequency response of campaign ",)),
 }
 
 
@@ -32,7 +34,7 @@ def check_replaceable(path: Path, kind: str, read: Mapping[str, Path]) -> None:
 
     Args:
         path: Where it is to be written; a new file is always allowed.
-        kind: Kind of artifact, `report`, `summary`, `truth` or `export`.
+        kind: Kind of artifact, `report`, `comparison`, `summary`, `truth` or `export`.
         read: Files that are read, by what they are; links and other spellings of their paths count.
 
     Raises:
@@ -94,11 +96,19 @@ def _refusal(path: Path, what: str) -> ArtifactError:
 
 
 def _is_report(path: Path) -> bool:
+    return _stage_of(path) not in {None, _COMPARISON}
+
+
+def _is_comparison(path: Path) -> bool:
+    return _stage_of(path) == _COMPARISON
+
+
+def _stage_of(path: Path) -> str | None:
+    """Stage that made a page; None of one that says nothing."""
     try:
-        read_stamp(path)
+        return read_stamp(path).stage
     except ArtifactError:
-        return False
-    return True
+        return None
 
 
 def _is_summary(path: Path) -> bool:
@@ -130,6 +140,7 @@ def _read_json(path: Path) -> object:
 
 _RECOGNISED: dict[str, Callable[[Path], bool]] = {
     "report": _is_report,
+    "comparison": _is_comparison,
     "summary": _is_summary,
     "truth": is_truth,
     "export": _is_export,

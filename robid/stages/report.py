@@ -16,11 +16,12 @@ from robid.stages.summary import summarize
 
 
 def run(job: Job, chain: tuple[Stage, ...]) -> str:
-    """Writes the page and its numbers on what these stages have made; returns how many fits there are."""
+    """Writes the page and its numbers on what these stages have made; returns what is on it."""
     gathered = gather(job.loaded, job.folder, job.inputs, chain)
     write_json(job.output.with_name("summary.json"), summarize(gathered))
     write_page(job.output, gathered.content, job.provenance(NAME))
-    return counted(len(gathered.fits), "fit")
+    responses = sum(path.name == "frf.h5" for path in job.inputs.values())
+    return counted(len(gathered.fits), "fit") if gathered.fits else f"responses of {counted(responses, 'campaign')}"
 
 
 def write_page(path: Path, content: ReportContent, provenance: Provenance) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
@@ -15,7 +14,7 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL
-from robid.artifacts.store import inspect_artifact, read_artifact, read_header
+from robid.artifacts.store import inspect_artifact, read_artifact
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION
 from robid.design.configurations.information import ConfigurationDesign
@@ -28,10 +27,16 @@ from robid.report.experiment import (
     ConfigurationRow,
     ExcitationRow,
     PeakRow,
-    StageRow,
     TorqueRow,
     experiment_section,
     run_section,
+)
+from robid.report.responses import (
+    measured_sentence,
+    response_headlines,
+    response_sections,
+    response_summary,
+    responses_verdict,
 )
 from robid.report.section import Section
 from robid.robot.skeleton import skeleton
@@ -39,11 +44,11 @@ from robid.settings.load import LoadedExperiment
 from robid.stages.chain.validate import truth_input
 from robid.stages.fit import data_of
 from robid.stages.plausible import contradictions
+from robid.stages.report_stages import stage_rows
 from robid.stages.stage import Stage
 from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST
 from robid.validation.plausible.evidence import gather_evidence
 
-_SHORT = 8
 _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}
 
 
@@ -57,6 +62,8 @@ class RunContent:
         designs: Each design.
         excitations: The excitation of each campaign.
         comparison: Numbers that compare fits, by dotted name.
+        responses: Numbers on each campaign's response, by dotted name.
+        measured: What each campaign's response is, in a phrase, where no fit was asked for.
     """
 
     content: ReportContent
@@ -64,6 +71,8 @@ class RunContent:
     designs: dict[str, ConfigurationDesign]
     excitations: tuple[ExcitationRow, ...]
     comparison: dict[str, float]
+    responses: dict[str, float]
+    measured: tuple[str, ...] = ()
 
 
 def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], chain: Sequence[Stage]) -> RunContent:
@@ -83,20 +92,42 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], cha
     shown = {name: _shown(loaded, folder, name, run, warnings) for name in run.models}
     fits = tuple(family_of(loaded, name).report(each) for name, each in shown.items())
     excitations = tuple(_excitation(loaded, run, name) for name in run.excitations)
+    alone = [(name, frf) for name, frf in run.frfs.items() if name not in _fitted(loaded, run)]
     content = ReportContent(
         title=loaded.experiment.name,
-        verdict=_verdict(fits),
+        verdict=_verdict(loaded, run, fits, warnings),
         robot=loaded.robot.name if loaded.experiment.robot is not None else "known by its logs alone",
-        headlines=tuple(fit.headline for fit in fits),
+        headlines=tuple(fit.headline for fit in fits) or response_headlines(alone),
         warnings=warnings,
         sections=(
             *fit_sections(fits),
+            *response_sections(alone),
             *(_design(loaded, name, design) for name, design in run.designs.items()),
             *_experiment(loaded, run, excitations),
-            *run_section(_stages(loaded, folder, present, chain)),
+            *run_section(stage_rows(loaded, folder, present, chain)),
         ),
     )
-    return RunContent(content, fits, run.designs, excitations, _comparison(loaded, shown))
+    responses = {
+        f"campaigns.{name}.{key}": value
+        for name, frf in run.frfs.items()
+        for key, value in response_summary(frf).items()
+    }
+    measured = () if loaded.experiment.fits else tuple(measured_sentence(*each) for each in alone)
+    return RunContent(content, fits, run.designs, excitations, _comparison(loaded, shown), responses, measured)
+
+
+def _fitted(loaded: LoadedExperiment, run: _Run) -> set[str]:
+    """Campaigns whose response stands on the page with a fit that read it."""
+    return {
+        campaign
+        for name in run.models
+        if "frf" in family_of(loaded, name).reads
+        for campaign in (
+            *loaded.experiment.fits[name].campaigns,
+            *((loaded.experiment.fits[name].validate_on,) if name in run.validations else ()),
+        )
+        if campaign is not None
+    }
 
 
 def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warnings: tuple[str, ...]) -> Shown:
@@ -190,7 +221,9 @@ def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) ->
     return design_section(name, design, skeleton(loaded.robot.to_robot(campaign.payload_kg), design.configurations))
 
 
-def _verdict(fits: tuple[FitReport, ...]) -> Verdict:
+def _verdict(loaded: LoadedExperiment, run: _Run, fits: tuple[FitReport, ...], warnings: tuple[str, ...]) -> Verdict:
+    if not fits and run.frfs and not loaded.experiment.fits:
+        return Verdict(responses_verdict(list(run.frfs.items())), "warn" if warnings else "ok")
     if not fits:
         return Verdict("No model was fitted.", "warn")
     texts = [f"{fit.headline.name}: {fit.verdict}" if len(fits) > 1 else fit.verdict for fit in fits]
@@ -258,30 +291,3 @@ def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
         return []
     named = zip(frf.input_names, rms.tolist(), strict=True)
     return [TorqueRow(campaign, name, value, frf.input_unit) for name, value in named]
-
-
-def _stages(
-    loaded: LoadedExperiment, folder: Path, present: Collection[str], chain: Sequence[Stage]
-) -> tuple[StageRow, ...]:
-    makers = {
-        stage.plan(loaded, name).outputs[0]: (stage, name)
-        for stage in chain
-        for name in stage.owners(loaded.experiment)
-    }
-    rows = []
-    for path in present:
-        if path.endswith(".h5"):
-            stage, name = makers[path]
-            rows.append(_stage(path, folder / path, stage.phrase(loaded, name, folder / path)))
-    return tuple(rows)
-
-
-def _stage(path: str, file: Path, phrase: str) -> StageRow:
-    header = read_header(file)
-    made = header.provenance
-    seconds = None
-    if made.started_utc and made.finished_utc:
-        begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
-        seconds = (ended - begun).total_seconds()
-    hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
-    return StageRow(made.stage, path, *hashes, seconds, phrase)

@@ -18,4 +18,4 @@ def summarize(gathered: RunContent) -> dict[str, float]:
         found[f"campaigns.{row.campaign}.lines"] = row.lines
     for fit in gathered.fits:
         found |= {f"fits.{fit.headline.name}.{key}": value for key, value in fit.summary.items()}
-    return found | gathered.comparison
+    return found | gathered.responses | gathered.comparison

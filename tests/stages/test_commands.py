@@ -252,5 +252,5 @@ def test_an_experiment_without_fits_and_a_fit_of_some_configurations(done):
     (done.folder / "small.yaml").write_text(text[: text.index("fits:")] + text[text.index("execution:") :])
     answer = done.robid("run", "small.yaml")
     assert answer.code == 0, answer.err
-    assert "No model was fitted." in answer.out
+    assert "No fit was asked for; the responses of 2 campaigns are measured and known: estimation to" in answer.out
     assert set(done.states().values()) == {("fresh", "")}

@@ -4,6 +4,7 @@
   const { colour, names, axis, layout, title, logTicks, element, key, choices, onDraw, onFigures } = robid;
   const VIEWS = ["Magnitude", "Phase"], PHASE = 1;
   const FLOOR_DB = -40;
+  const ALONE = 1.006;
 
   // Splits a wrapped phase into runs without jumps, with a gap between them.
   function broken(x, y) {
@@ -24,9 +25,13 @@
     const outX = [], outY = [];
     let start = 0;
     const close = (end) => {
-      if (end - start > 1) {
-        outX.push(...x.slice(start, end), ...x.slice(start, end).reverse(), null);
-        outY.push(...upper.slice(start, end), ...lower.slice(start, end).reverse(), null);
+      if (end > start) {
+        // A line without neighbours has a band as wide as its point.
+        const alone = end - start === 1;
+        const run = (values) => (alone ? [values[start], values[start]] : values.slice(start, end));
+        const across = alone ? [x[start] / ALONE, x[start] * ALONE] : run(x);
+        outX.push(...across, ...[...across].reverse(), null);
+        outY.push(...run(upper), ...run(lower).reverse(), null);
       }
       start = end;
     };
@@ -42,27 +47,37 @@
     const x = response.frequency;
     const phase = view === PHASE;
     const of = (curve) => (phase ? curve.phase : curve.magnitude)[row][column];
-    const measured = of(chosen);
-    const radius = chosen.radius ? chosen.radius[row][column] : null;
-    let band = { x: [], y: [] };
-    if (radius) {
-      const half = radius.map((r) => (r === null ? null : r < 1 ? (Math.asin(r) * 180) / Math.PI : 180));
-      const lower = measured.map((y, i) => (radius[i] === null || y === null ? null
-        : phase ? y - half[i] : y + Math.max(20 * Math.log10(Math.max(1 - radius[i], 1e-9)), FLOOR_DB)));
-      const upper = measured.map((y, i) => (lower[i] === null ? null : phase ? y + half[i] : y + 20 * Math.log10(1 + radius[i])));
-      band = outline(x, lower, upper, phase ? 180 : Infinity);
-    }
+    const band = (curve, at) => bandOf(at, of(curve), curve.radius ? curve.radius[row][column] : null, phase);
     const models = chosen.models.map((model, index) => ({ name: response.models[index], ...(phase ? broken(x, of(model)) : { x, y: of(model) }) }));
-    return { x, measured, band, models };
+    const overlays = chosen.overlays.map((overlay, index) => {
+      const { name, frequency } = response.overlays[index];
+      return { name, x: frequency, y: of(overlay), band: band(overlay, frequency) };
+    });
+    return { x, measured: of(chosen), band: band(chosen, x), models, overlays };
+  }
+
+  // Outline of the circles that hold the true response, in dB or degrees.
+  function bandOf(x, y, radius, phase) {
+    if (!radius) return { x: [], y: [] };
+    const half = radius.map((r) => (r === null ? null : r < 1 ? (Math.asin(r) * 180) / Math.PI : 180));
+    const lower = y.map((value, i) => (radius[i] === null || value === null ? null
+      : phase ? value - half[i] : value + Math.max(20 * Math.log10(Math.max(1 - radius[i], 1e-9)), FLOOR_DB)));
+    const upper = y.map((value, i) => (lower[i] === null ? null : phase ? value + half[i] : value + 20 * Math.log10(1 + radius[i])));
+    return outline(x, lower, upper, phase ? 180 : Infinity);
   }
 
   const modelName = (index) => names("series").slice(1)[index % (names("series").length - 1)];
   const modelColour = (index) => colour(modelName(index));
 
-  function traces(drawn, axes, size) {
+  function traces(drawn, axes, size, measured) {
+    const area = { ...axes, type: "scatter", mode: "lines", fill: "toself", line: { width: 0 }, hoverinfo: "skip" };
     return [
-      { ...drawn.band, ...axes, type: "scatter", mode: "lines", fill: "toself", fillcolor: colour("band"), line: { width: 0 }, hoverinfo: "skip" },
-      { x: drawn.x, y: drawn.measured, ...axes, type: "scatter", mode: "markers", marker: { color: colour("measured"), size: size.dot, line: { width: 0 } }, name: "measured", hovertemplate: "measured %{y:.2f}<extra></extra>" },
+      { ...drawn.band, ...area, fillcolor: colour("band") },
+      { x: drawn.x, y: drawn.measured, ...axes, type: "scatter", mode: "markers", marker: { color: colour("measured"), size: size.dot, line: { width: 0 } }, name: measured, hovertemplate: `${measured} %{y:.2f}<extra></extra>` },
+      ...drawn.overlays.flatMap(({ name, x, y, band }, index) => [
+        { ...band, ...area, fillcolor: modelColour(index), opacity: 0.2 },
+        { x, y, ...axes, type: "scatter", mode: "markers", marker: { symbol: "circle-open", color: modelColour(index), size: size.dot + 1, line: { width: 1.2 } }, name, hovertemplate: `${name} %{y:.2f}<extra></extra>` },
+      ]),
       ...drawn.models.map(({ name, ...curve }, index) => ({ ...curve, ...axes, type: "scatter", mode: "lines", line: { color: modelColour(index), width: size.line }, name, hovertemplate: `${name} %{y:.2f}<extra></extra>` })),
     ];
   }
@@ -81,18 +96,32 @@
     return lines;
   }
 
+  // Crosses at the bottom, where lines told too little of the input.
+  function gaps(lost, axes, bottom, size) {
+    if (!lost.length) return [];
+    return [{
+      ...axes, x: lost, y: lost.map(() => bottom), type: "scatter", mode: "markers", cliponaxis: false,
+      marker: { symbol: "x-thin", size: size.dot + 2, line: { width: 1.2, color: colour("faint") } }, hovertemplate: "dropped<extra></extra>",
+    }];
+  }
+
   function magnitudeRange(response, chosen) {
     const below = robid.quality.KINDS.filter(({ name }) => chosen[name])
       .flatMap(({ name }) => response.outputs.flatMap((_, row) => response.inputs.flatMap((__, column) => robid.quality.level(chosen, name, row, column))));
-    const all = [chosen, ...chosen.models].flatMap((curve) => curve.magnitude.flat(2)).concat(below).filter((y) => y !== null && y > -500);
+    const all = [chosen, ...chosen.models, ...chosen.overlays].flatMap((curve) => curve.magnitude.flat(2)).concat(below).filter((y) => y !== null && y > -500);
     if (!all.length) return [-60, 0];
     const low = Math.min(...all), high = Math.max(...all);
     const pad = Math.max(0.04 * (high - low), 2);
     return [low - pad, high + pad];
   }
 
-  function frequencyRange(frequency) {
-    const low = Math.log10(frequency[0]), high = Math.log10(frequency[frequency.length - 1]);
+  function frequencyEnds(response) {
+    const every = [response.frequency, ...response.overlays.map((overlay) => overlay.frequency)].flat();
+    return [Math.min(...every), Math.max(...every)];
+  }
+
+  function frequencyRange(response) {
+    const [low, high] = frequencyEnds(response).map(Math.log10);
     const pad = Math.max(0.03 * (high - low), 0.01);
     return [low - pad, high + pad];
   }
@@ -112,12 +141,12 @@
     return { margin, gap, cellWidth, cellHeight, height, width, outputs, inputs };
   }
 
-  function matrix(response, chosen, view, place) {
+  function matrix(response, chosen, view, place, measured) {
     const annotations = [], all = [];
     const figure = layout({ margin: place.margin, width: place.width, height: place.height });
     const plotWidth = place.width - place.margin.l - place.margin.r, plotHeight = place.height - place.margin.t - place.margin.b;
     const range = view === PHASE ? [-200, 200] : magnitudeRange(response, chosen);
-    const ticks = logTicks(response.frequency[0], response.frequency[response.frequency.length - 1]);
+    const ticks = logTicks(...frequencyEnds(response));
     for (let row = 0; row < place.outputs; row += 1) {
       for (let column = 0; column < place.inputs; column += 1) {
         const number = row * place.inputs + column + 1;
@@ -125,10 +154,12 @@
         const left = (column * (place.cellWidth + place.gap)) / plotWidth, right = left + place.cellWidth / plotWidth;
         const top = 1 - (row * (place.cellHeight + place.gap)) / plotHeight, bottom = top - place.cellHeight / plotHeight;
         const frame = { showline: true, mirror: true, linecolor: row === column ? colour("faint") : colour("line"), linewidth: 1 };
-        figure[`xaxis${suffix}`] = axis({ ...frame, type: "log", domain: [left, right], anchor: `y${suffix}`, range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), tickangle: 0, showticklabels: row === place.outputs - 1 });
+        figure[`xaxis${suffix}`] = axis({ ...frame, type: "log", domain: [left, right], anchor: `y${suffix}`, range: frequencyRange(response), tickvals: ticks, ticktext: ticks.map(String), tickangle: 0, showticklabels: row === place.outputs - 1 });
         figure[`yaxis${suffix}`] = axis({ ...frame, domain: [Math.max(bottom, 0), Math.min(top, 1)], anchor: `x${suffix}`, range, dtick: view === PHASE ? 90 : decibelStep(range, place.cellHeight), tick0: 0, showticklabels: column === 0 });
         const axes = { xaxis: `x${suffix}`, yaxis: `y${suffix}` };
-        all.push(...traces(curves(response, chosen, view, row, column), axes, place.cellWidth < 260 ? { line: 1.1, dot: 3.6 } : { line: 1.4, dot: 5 }));
+        const size = place.cellWidth < 260 ? { line: 1.1, dot: 3.6 } : { line: 1.4, dot: 5 };
+        all.push(...traces(curves(response, chosen, view, row, column), axes, size, measured));
+        all.push(...gaps(chosen.dropped[column], axes, range[0] + 0.03 * (range[1] - range[0]), size));
         all.push(...levels(response, chosen, view, row, column, axes, place.cellWidth < 260 ? 0.8 : 1.1));
       }
     }
@@ -162,8 +193,9 @@
     const marks = chosen.marks.filter(([channel]) => channel === response.outputs[row] && (response.inputs[column] === channel || response.inputs.length === 1));
     document.getElementById("enlarged-caption").textContent = describe(matrix, response, chosen, PHASE)
       + (marks.length ? ` Dotted lines: ${response.mark_title}.` : "");
-    const ticks = logTicks(response.frequency[0] / 2, response.frequency[response.frequency.length - 1] * 2);
-    const shared = { type: "log", range: frequencyRange(response.frequency), tickvals: ticks, ticktext: ticks.map(String), fixedrange: false };
+    const [lowest, highest] = frequencyEnds(response);
+    const ticks = logTicks(lowest / 2, highest * 2);
+    const shared = { type: "log", range: frequencyRange(response), tickvals: ticks, ticktext: ticks.map(String), fixedrange: false };
     const figure = layout({
       width: dialog.clientWidth - 52, height: Math.min(Math.max(window.innerHeight * 0.66, 360), 640),
       margin: { l: 62, r: 10, t: 30, b: 46 }, hovermode: "x", dragmode: "zoom",
@@ -174,8 +206,9 @@
       shapes: marks.map(([, hz]) => ({ type: "line", xref: "x", yref: "paper", x0: hz, x1: hz, y0: 0, y1: 1, line: { color: colour("faint"), width: 1, dash: "dot" } })),
     });
     const all = [
-      ...traces(curves(response, chosen, 0, row, column), { xaxis: "x", yaxis: "y" }, style),
-      ...traces(curves(response, chosen, PHASE, row, column), { xaxis: "x", yaxis: "y2" }, style),
+      ...traces(curves(response, chosen, 0, row, column), { xaxis: "x", yaxis: "y" }, style, matrix.measured),
+      ...traces(curves(response, chosen, PHASE, row, column), { xaxis: "x", yaxis: "y2" }, style, matrix.measured),
+      ...gaps(chosen.dropped[column], { xaxis: "x", yaxis: "y2" }, -190, style),
       ...levels(response, chosen, 0, row, column, { xaxis: "x", yaxis: "y" }, 1.3),
     ];
     Plotly.react("enlarged-plot", all, figure, robid.zoomable);
@@ -208,8 +241,12 @@
   // ---------------------------------------------------------------- the matrix on the page
   function legend(figure) {
     const models = [...new Set(figure.responses.flatMap((response) => response.models))];
+    const overlays = [...new Set(figure.responses.flatMap((response) => response.overlays.map(({ name }) => name)))];
+    const dropped = figure.responses.some((response) => response.configurations.some((one) => one.dropped.flat().length));
     return key([
-      { shape: "dot", label: "measured" }, { shape: "area", label: `${figure.level} band` },
+      { shape: "dot", label: figure.measured },
+      ...overlays.map((label, index) => ({ shape: "ring", label, style: `border-color: var(--${modelName(index)})` })),
+      { shape: "area", label: `${figure.level} band` }, ...(dropped ? [{ shape: "text", label: "× dropped line" }] : []),
       ...models.map((label, index) => ({ shape: "stroke", label, style: `background: var(--${modelName(index)})` })),
       ...robid.quality.key(figure),
     ]);
@@ -236,7 +273,7 @@
       const smallest = response.inputs.length > 3 && !window.matchMedia("print").matches ? 780 : 280;
       const g = geometry(response, Math.max(host.parentElement.clientWidth, smallest));
       host.style.width = `${g.width}px`;
-      const drawn = matrix(response, one, view, g);
+      const drawn = matrix(response, one, view, g, figure.measured);
       Plotly.react(plot, drawn.traces, drawn.layout, robid.still);
       cover(response, configuration, g);
       find("caption").textContent = describe(figure, response, one, view);

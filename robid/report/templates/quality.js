@@ -8,7 +8,13 @@ robid.quality = (() => {
     { name: "noise", shade: "other", dash: "dot", label: "noise" },
   ];
 
-  const level = (chosen, name, row, column) => chosen[name][row].map((value, index) => value + chosen.factor[column][index]);
+  const level = (chosen, name, row, column) => chosen[name][row].map((value, index) => (value === null || chosen.factor[column][index] === null ? null : value + chosen.factor[column][index]));
+
+  // The deviation that noise gives an element; where no periods tell noise, its whole one.
+  function deviation(chosen, row, column) {
+    if (chosen.noise) return level(chosen, "noise", row, column);
+    return chosen.radius[row][column].map((radius, index) => (radius === null || !radius ? null : chosen.magnitude[row][column][index] + 20 * Math.log10(radius / chosen.spread)));
+  }
 
   function key(figure) {
     const any = (test) => figure.responses.some((response) => response.configurations.some(test));
@@ -41,8 +47,8 @@ robid.quality = (() => {
     const pairs = [], values = [];
     response.outputs.forEach((output, row) => response.inputs.forEach((input, column) => {
       pairs.push(`${output} / ${input}`);
-      const noise = level(chosen, "noise", row, column);
-      values.push(chosen.magnitude[row][column].map((value, index) => (value === null ? null : Math.round(10 * (value - noise[index])) / 10)));
+      const noise = deviation(chosen, row, column);
+      values.push(chosen.magnitude[row][column].map((value, index) => (value === null || noise[index] === null ? null : Math.round(10 * (value - noise[index])) / 10)));
     }));
     const height = Math.max(pairs.length * 13, 110) + 54;
     const figure = layout({
@@ -67,14 +73,14 @@ robid.quality = (() => {
     });
     const colours = palette(response.outputs.length);
     Plotly.react(host, response.outputs.map((name, row) => ({
-      type: "scatter", mode: "lines", x: response.frequency, y: chosen.incoherence[row].map((value) => Math.max(value, 1e-12)), name,
+      type: "scatter", mode: "lines", x: response.frequency, y: chosen.incoherence[row].map((value) => (value === null ? null : Math.max(value, 1e-12))), name,
       line: { width: 1.2, color: colours[row] },
       hovertemplate: `${name} %{y:.2~e}<extra></extra>`,
     })), figure, hover);
   }
 
   function draw(block, response, chosen) {
-    for (const [role, present, drawing] of [["ratio", chosen.noise, drawRatio], ["coherence", chosen.incoherence, drawCoherence]]) {
+    for (const [role, present, drawing] of [["ratio", chosen.noise || (chosen.spread && chosen.radius), drawRatio], ["coherence", chosen.incoherence, drawCoherence]]) {
       const host = block.querySelector(`[data-role="${role}"]`);
       host.parentElement.hidden = !present;
       if (present) drawing(host, response, chosen);

@@ -266,3 +266,20 @@ def test_fewer_experiments_are_refused_where_blocks_are_inverted():
     with pytest.raises(DataError, match="cannot separate") as caught:
         estimate_frf(multisine_record(1), EstimateOptions(compensation="none"))
     assert "local_periodic" in caught.value.remedy
+
+
+@pytest.mark.parametrize("drift", [0.0, 5.0])
+def test_coherence_is_of_what_the_response_makes_and_not_of_the_transient(drift):
+    """A record that ends elsewhere than it begins has an output full of leakage, which no input explains."""
+    generator, plant, noise = np.random.default_rng(4), drive(), 2e-4
+    torque, angle = played(generator.standard_normal((2, 4000, 2)), plant)
+    angle = angle + noise * generator.standard_normal(angle.shape) + drift * np.linspace(0, 1, 4000)[:, None]
+    lines = band(4000)[::8]
+    frf = estimate_frf(as_record(torque, angle, lines), LOCAL)
+    response = drive_response(frf.frequency_hz, plant)
+    made = (np.abs(response) ** 2).sum(axis=2) / 4000
+    lost = (2 * np.pi * frf.frequency_hz[:, None]) ** 4 * noise**2 / 4000
+    expected = made / (made + lost)
+    assert 0.1 < 1 - expected.min() < 0.99
+    error = (frf.coherence[0] - expected) / (1 - expected)
+    assert abs(np.median(error)) < 0.15

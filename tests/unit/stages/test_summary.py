@@ -28,7 +28,8 @@ def a_fit(name, kinds, excess, campaign="validation"):
 
 def summary_of(*fits):
     reports = [fit_report(fit) for fit in fits]
-    return summarize(SimpleNamespace(designs={}, excitations=(), fits=reports, comparison=comparison(fits)))
+    run = {"designs": {}, "excitations": (), "responses": {}, "comparison": comparison(fits)}
+    return summarize(SimpleNamespace(fits=reports, **run))
 
 
 def test_cubic_fits_against_the_best_linear_one_in_the_same_campaign():

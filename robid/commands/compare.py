@@ -1,0 +1,164 @@
+"""Laying responses of several campaigns or runs over each other."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Group
+from rich.table import Table
+
+from robid.artifacts.artifact import Provenance
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.store import read_artifact
+from robid.commands.inputs import choose_node, require_inputs
+from robid.commands.output import print_json
+from robid.commands.shared import open_run
+from robid.errors import DataError, SettingsError
+from robid.frf.comparison import ElementDifference, compare
+from robid.frf.frf import Frf
+from robid.report.comparison import (
+    COLUMNS,
+    Compared,
+    agreement_word,
+    comparison_content,
+    comparison_place,
+    comparison_verdict,
+    element_cells,
+)
+from robid.report.page import render
+from robid.stages.export import write_export
+from robid.stages.export_frf import frf_export_plan
+from robid.stages.stamp import stamped
+from robid.stages.terminal import make_console, section_table
+
+_FEWEST, _MOST = 2, 6
+_SHOWN = 12
+_PAGE = ".html"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Named:
+    """A response with its name and its file."""
+
+    label: str
+    path: Path
+    frf: Frf
+
+
+def compare_responses(named: Sequence[str], output: Path | None, *, force: bool, as_json: bool) -> int:
+    """Compares every response with the first; returns the exit code."""
+    _check(named, output)
+    responses = _distinct([_load(name) for name in named])
+    first, others = responses[0], [_compared(responses[0], other) for other in responses[1:]]
+    page = None
+    if output is not None:
+        content = comparison_content(first.label, first.frf, others)
+        # Without times, so that the same comparison makes the same page.
+        text = stamped(render(content), Provenance(stage="compare"))
+        read = {f"the response {response.label}": response.path for response in responses}
+        page = write_export(output, text.encode(), read, force=force, kind="comparison")
+    if as_json:
+        found = {"reference": first.label, "comparisons": [_told(other) for other in others]}
+        print_json({**found, "output": None if output is None else str(output), "outcome": page})
+        return 0
+    console = make_console(stderr=False)
+    for other in others:
+        console.print(_shown(first.label, other))
+    console.print(comparison_verdict(first.label, others), markup=False, highlight=False, soft_wrap=True)
+    if output is not None:
+        console.print(f"{output}  {page}", markup=False, highlight=False, soft_wrap=True)
+    return 0
+
+
+def _check(named: Sequence[str], output: Path | None) -> None:
+    problems = []
+    if not _FEWEST <= len(named) <= _MOST:
+        problems.append(f"{_FEWEST} to {_MOST} responses are compared, not {len(named)}")
+    if output is not None and output.suffix != _PAGE:
+        problems.append(f"`--output {output}` must end with {_PAGE}")
+    if problems:
+        remedy = "name EXPERIMENT.yaml:CAMPAIGN or a frf.h5 for each, as `robid compare --help` says"
+        raise SettingsError("; ".join(problems), where="compare", remedy=remedy)
+
+
+def _load(name: str) -> _Named:
+    """Finds the response that is named by a file, or by an experiment and its campaign.
+
+    Raises:
+        SettingsError: If it is neither.
+        ArtifactError: If it is not there, or not up to date.
+    """
+    path, campaign = Path(name), None
+    if not path.exists() and ":" in name:
+        before, _, campaign = name.rpartition(":")
+        path = Path(before)
+    if path.suffix == ".h5" and campaign is None:
+        frf = frf_from_artifact(read_artifact(path, FRF))
+        return _Named("/".join(path.parts[-3:-1]) or path.stem, path, frf)
+    if path.suffix not in {".yaml", ".yml"}:
+        remedy = "name EXPERIMENT.yaml, EXPERIMENT.yaml:CAMPAIGN, or a frf.h5"
+        raise SettingsError(f"`{name}` is neither an experiment file nor a frf.h5", where="compare", remedy=remedy)
+    run = open_run(path, None, None, None)
+    node = choose_node(run, "estimate-frf", campaign, option=f"as in `{path}:CAMPAIGN`")
+    inputs = require_inputs(run, dataclasses.replace(node, plan=frf_export_plan(node.owner)), [])
+    frf = frf_from_artifact(read_artifact(inputs["frf"], FRF))
+    return _Named(f"{run.loaded.experiment.name}/{node.owner}", inputs["frf"], frf)
+
+
+def _distinct(responses: Sequence[_Named]) -> list[_Named]:
+    """Gives responses of one name numbers."""
+    labels = [response.label for response in responses]
+    return [
+        dataclasses.replace(response, label=f"{response.label} ({labels[: index + 1].count(response.label)})")
+        if labels.count(response.label) > 1
+        else response
+        for index, response in enumerate(responses)
+    ]
+
+
+def _compared(first: _Named, other: _Named) -> Compared:
+    try:
+        return Compared(other.label, other.frf, compare(first.frf, other.frf))
+    except DataError as error:
+        where = f"{first.label} (the first) and {other.label} (the second)"
+        raise DataError(error.what, where=where, remedy=error.remedy) from error
+
+
+def _told(other: Compared) -> dict[str, Any]:
+    """What `--json` says of a comparison."""
+    aligned = other.comparison.aligned
+    return {
+        "label": other.label,
+        "agree": other.comparison.agree,
+        "lines": len(aligned.frequency_hz),
+        "how": {"common": "common lines", "first": "first interpolated", "second": "second interpolated"}[aligned.how],
+        "frequency_hz": aligned.frequency_hz[[0, -1]].tolist(),
+        "elements": [_element(element) for element in other.comparison.elements],
+        "configurations": [
+            {"first": mine, "second": theirs, "elements": [_element(element) for element in elements]}
+            for (mine, theirs), elements in zip(aligned.pairs, other.comparison.each, strict=True)
+        ],
+        "notes": list(other.comparison.notes),
+    }
+
+
+def _element(element: ElementDifference) -> dict[str, Any]:
+    return {**dataclasses.asdict(element), "agrees": element.agrees}
+
+
+def _shown(label: str, other: Compared) -> Group:
+    """The elements that differ the most, and what the reader must know."""
+    ordered = sorted(other.comparison.elements, key=_worst_first)
+    rows = [(*element_cells(element), agreement_word(element)) for element in ordered[:_SHOWN]]
+    title = f"{other.label} against {label}, {comparison_place(other.comparison)}"
+    parts: list[Table | str] = [title, section_table("", COLUMNS, rows)]
+    if len(ordered) > _SHOWN:
+        parts.append(f"{len(ordered) - _SHOWN} more elements, nearer than these, are on the page of --output")
+    return Group(*parts, *other.comparison.notes)
+
+
+def _worst_first(element: ElementDifference) -> float:
+    return -element.ratio / element.limit if element.agrees is not None else 0.0

@@ -1,0 +1,86 @@
+"""How well responses are known: what a reader without a model looks at first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.frf.frf import Frf
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How well each output's response is known, at the input that moves it the most.
+
+    NaN where a line told too little of all inputs, or where the record does not tell.
+
+    Attributes:
+        strongest (n_conf, n_freq, n_out): Index of that input.
+        relative_std (n_conf, n_freq, n_out): Standard deviation over the magnitude.
+        signal_to_noise_db (n_conf, n_freq, n_out): Power over the variance that noise gives it [dB].
+        coherence (n_conf, n_freq, n_out): Multiple coherence: share of the output's power that the response to all
+            inputs explains.
+        odd (n_conf, n_freq, n_out): Level of the odd silent lines, as a deviation of the response over its magnitude.
+        even (n_conf, n_freq, n_out): The same of the even ones.
+    """
+
+    strongest: IntArray
+    relative_std: FloatArray
+    signal_to_noise_db: FloatArray
+    coherence: FloatArray
+    odd: FloatArray
+    even: FloatArray
+
+
+def known_response(frf: Frf) -> ComplexArray:
+    """The response (n_conf, n_freq, n_out, n_in), NaN where a line told too little of an input."""
+    if frf.dropped is None:
+        return frf.response
+    return np.asarray(np.where(frf.dropped[:, :, None], complex(np.nan, np.nan), frf.response))
+
+
+def dropped_lines(frf: Frf) -> BoolArray:
+    """Lines (n_conf, n_freq, n_in) that told too little of an input."""
+    shape = (*frf.response.shape[:2], frf.response.shape[3])
+    return np.zeros(shape, bool) if frf.dropped is None else frf.dropped
+
+
+def judge(frf: Frf) -> Quality:
+    """Says how well a response is known."""
+    size = np.abs(known_response(frf))
+    columns = np.sqrt(np.real(np.diagonal(frf.input_factor, axis1=-2, axis2=-1)))
+    reach = np.nan_to_num(size / np.maximum(columns, np.finfo(float).tiny)[..., None, :])
+    strongest = reach.argmax(axis=-1)
+    unknown = np.full(size.shape[:3], np.nan)
+
+    def share(deviation: FloatArray | None) -> FloatArray:
+        if deviation is None:
+            return unknown
+        chosen, whole = (np.take_along_axis(each, strongest[..., None], -1)[..., 0] for each in (deviation, size))
+        known = np.isfinite(chosen) & (whole > 0)
+        return np.asarray(np.divide(chosen, whole, out=unknown.copy(), where=known))
+
+    has_variance = frf.total_covariance is not None or frf.noise_covariance is not None
+    noise = share(None if frf.noise_covariance is None else np.sqrt(frf.element_variance(noise_only=True)))
+    return Quality(
+        strongest=strongest,
+        relative_std=share(np.sqrt(frf.element_variance()) if has_variance else None),
+        signal_to_noise_db=-20 * np.log10(noise, out=unknown.copy(), where=noise > 0),
+        coherence=unknown if frf.coherence is None else frf.coherence,
+        odd=share(frf.response_level("odd")),
+        even=share(frf.response_level("even")),
+    )
+
+
+def middle(values: FloatArray) -> float:
+    """Median of what is finite; NaN where nothing is."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")
+
+
+def lowest(values: FloatArray) -> float:
+    """Smallest of what is finite; NaN where nothing is."""
+    finite = values[np.isfinite(values)]
+    return float(finite.min()) if finite.size else float("nan")
