@@ -27,7 +27,7 @@ KINDS = [
 ]
 STAGES = ("design-excitation", "simulate-or-acquire", "estimate-frf")
 EXACT, SHARE = 1e-6, 0.9
-FAST, SLOW = 40, 300
+FAST, SLOW = 30, 300
 
 
 @st.composite
