@@ -37,6 +37,8 @@ def load(path, text, names=None, encoding="utf-8", **dialect):
         "t;speed [rad/s]\n0;0,001;\n1;-2;\n",
         "Recorder 7.1\nDate;2020-01-01;x\n\nt;speed [rad/s]\n0;0,001\n1;-2\n",
         "# made by hand\n# t, speed [rad/s]\n0, 0.001\n1, -2\n",
+        "# t;speed [rad/s];\n0;0,001;\n1;-2;\n",
+        "# t;speed [rad/s]\n0;0,001;\n1;-2;\n",
         "t,speed [rad/s]\n% in the middle\n0,0.001\n% in the middle\n1,-2\n",
     ],
 )
