@@ -180,7 +180,7 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "",
     )
     if found.shared is None or not len(found.lines):
-        if chosen.inputs and is_broad(band, found.step_s, found.duration_s):
+        if len(chosen.inputs) == 1 and is_broad(band, found.step_s, found.duration_s):
             return replace(made, excitation=propose_band(band, found.duration_s))
         return replace(made, one_shot=True)
     shared = found.shared

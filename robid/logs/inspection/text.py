@@ -19,8 +19,6 @@ _ONE_SHOT = (
     "nothing repeats, so it is taken for a record without a response; for one say excitation:"
     " {signal: arbitrary, low_hz: .., high_hz: .., resolution_hz: ..} in place of this"
 )
-_LOGS = "to tell n inputs apart takes n logs"
-_MORE_LOGS = "several logs, with other signals, tell n inputs apart better"
 _NOTHING = "state it by its name; nothing looks like"
 _REFERENCES = "references are matched to an excitation that robid has designed; leave them out where others have"
 _ROBOT = "my_robot.yaml # for fits that need to know the robot: its joints' names are then those of the channels"
@@ -63,8 +61,7 @@ def write_experiment(
         lines += _entries("references", made.references, inside + mark, "", path)
         lines += [] if made.one_shot else [f"{inside}# ({_REFERENCES})"]
     if len(made.inputs) > 1 and not made.one_shot:
-        arbitrary = made.excitation is not None and made.excitation.is_arbitrary
-        lines += [f"    experiments: 1 # check: {_MORE_LOGS if arbitrary else _LOGS}, `{{experiment}}` in their names"]
+        lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
     lines += _estimate(found)
     return "\n".join(lines) + "\n"
 

@@ -31,15 +31,3 @@ def test_accelerations_in_g_are_scaled(tmp_path):
     made = inspected(tmp_path, {"force [N]": force, "accel [g]": 0.1 * force}).proposal
     assert made.outputs[0].settings["unit"] == "m/s^2"
     assert made.outputs[0].settings["scale"] == pytest.approx(9.80665)
-
-
-def test_noise_of_several_inputs_is_an_arbitrary_signal(tmp_path):
-    generator = np.random.default_rng(3)
-    columns = {f"torque_{axis} [Nm]": generator.normal(size=N) for axis in (1, 2)}
-    columns |= {
-        f"angle_{axis} [rad]": np.cumsum(np.cumsum(columns[f"torque_{axis} [Nm]"])) * STEP**2 for axis in (1, 2)
-    }
-    made = inspected(tmp_path, columns).proposal
-    assert not made.one_shot
-    assert made.excitation is not None
-    assert made.excitation.is_arbitrary
