@@ -31,6 +31,9 @@ _BIAS = 0.01
 _GAIN = 0.5
 """Variance of the mean without its first period, over that with it, below which that period is a transient."""
 
+_DRIFT_GAIN = 0.1
+"""The same where slopes count: drift that comes and goes makes large ones by chance."""
+
 _SHOWN = 4
 """Channels of a side that are told one by one."""
 
@@ -166,12 +169,20 @@ def _transient(residual: _Deviations, level: _Deviations) -> tuple[int, float]:
         residual (n_real, n_period, n_freq, n_channel, n_exp): Deviations of the periods from their mean.
         level (n_real, n_period, n_freq, n_channel, n_exp): The same without their slopes.
     """
+    leading, used = _leading(level, _GAIN), level
+    if not leading:  # a slow decay is a slope in its first period mostly
+        leading, used = _leading(residual, _DRIFT_GAIN), residual
+    return leading, _variance(used[:, leading:]) / max(_variance(residual), float(np.finfo(float).tiny))
+
+
+def _leading(moved: _Deviations, gain: float) -> int:
+    """Periods at the beginning of which each, left out, lowers the variance of the mean to less than a share of it."""
     # Two periods that are left would say little of their own variance.
-    tried = [_variance(level[:, first:]) for first in range(max(residual.shape[1] - 2, 1))]
+    tried = [_variance(moved[:, first:]) for first in range(max(moved.shape[1] - 2, 1))]
     leading = 0
-    while leading + 1 < len(tried) and tried[leading + 1] < _GAIN * tried[leading]:
+    while leading + 1 < len(tried) and tried[leading + 1] < gain * tried[leading]:
         leading += 1
-    return leading, tried[leading] / max(_variance(residual), float(np.finfo(float).tiny))
+    return leading
 
 
 def _variance(moved: _Deviations) -> float:

@@ -27,6 +27,7 @@ _SLOW = 0.1
 """Share of the sampling rate up to which delays leave the signs as they are."""
 
 _PLACEHOLDER_COUNTS = 4096
+_GRAVITY = 9.80665
 
 _UNIT: dict[Role, str] = {
     **{"torque": "N m", "current": "A", "force": "N", "voltage": "N m", "angle": "rad", "position": "rad"},
@@ -201,6 +202,8 @@ def _unit_of(signal: Signal) -> tuple[Settings, list[str]]:
         turned = abs((quality.highest - quality.lowest) / 360 - 1) < _NEARLY
         told = "unit not stated; it jumps by a turn, which is taken out"
         return {"unit": "deg" if turned else "rad", "unwrap": True}, [told]
+    if signal.role == "acceleration" and signal.column.unit == "g":
+        return {"unit": "m/s^2", "scale": _GRAVITY}, []
     usual = _UNIT[signal.role]
     if signal.role == "voltage" or unit == "V":
         return {"unit": usual}, [f"the log has volts: put {usual} per volt into `scale`"]

@@ -122,7 +122,7 @@ def unit_of_name(column: Column) -> str:
     return _SPELLINGS.get(last, "") if last in _ENDINGS and "_" in column.name else ""
 
 
-_ENDINGS = {"nm", "rad", "deg", "rpm", "mm", "ms", "us", "ns", "amps", "counts"}
+_ENDINGS = {"nm", "mnm", "knm", "kn", "rad", "mrad", "urad", "deg", "rpm", "mm", "ms", "us", "ns", "amps", "counts"}
 """Last words of names, as in `torque_nm`, that are units."""
 
 

@@ -14,6 +14,9 @@ _LOOKED = 1 << 18
 _FEW = 3
 """Different values up to which a signal hardly changes."""
 
+_SWITCHES = 0.02
+"""Share of samples at which a signal of a few values changes, from which it is no flag: binary noise, a relay."""
+
 _SATURATED = 1e-3
 """Share of samples in flat tops from which a signal saturates."""
 
@@ -51,6 +54,7 @@ class Quality:
         first_missing: The first of them.
         longest_missing: How many of them follow each other at most.
         values: Different values, where they are few; else None.
+        switches: Whether it changes often, though between a few values.
         saturated: Share of samples in flat tops at its extremes.
         resolution: Step between values, None where there is none.
         turns: Jumps by what looks like a full turn, in which an angle wraps.
@@ -63,6 +67,7 @@ class Quality:
     first_missing: int
     longest_missing: int
     values: int | None
+    switches: bool
     saturated: float
     resolution: float | None
     turns: int
@@ -74,8 +79,8 @@ class Quality:
 
     @property
     def is_still(self) -> bool:
-        """Whether it hardly changes: it has a few values only."""
-        return self.values is not None
+        """Whether it hardly changes: it has a few values only, and seldom another one."""
+        return self.values is not None and not self.switches
 
 
 def judge(values: FloatArray) -> Quality:
@@ -83,7 +88,7 @@ def judge(values: FloatArray) -> Quality:
     finite = np.isfinite(values)
     kept = values[finite]
     if not kept.size:
-        return Quality(np.nan, np.nan, np.nan, len(values), 0, len(values), 0, 0.0, None, 0)
+        return Quality(np.nan, np.nan, np.nan, len(values), 0, len(values), 0, False, 0.0, None, 0)
     low, high = float(kept.min()), float(kept.max())
     different = np.unique(kept[:_LOOKED])
     few = len(different) if len(different) <= _FEW else None
@@ -95,6 +100,7 @@ def judge(values: FloatArray) -> Quality:
         first_missing=int(np.argmin(finite)),
         longest_missing=longest_run(~finite),
         values=few,
+        switches=bool(few) and float(np.mean(np.diff(kept) != 0)) > _SWITCHES,
         saturated=0.0 if few else _flat_share(kept),
         resolution=None if few else resolution(different, kept[:_LOOKED]),
         turns=_turns(kept, high - low),

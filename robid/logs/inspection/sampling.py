@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
-from robid.logs.inspection.names import tokens, unit_of_name
+from robid.logs.inspection.names import read_name, tokens, unit_of_name
 
 _TIME = {
     "time": 3,
@@ -28,6 +28,8 @@ _GAP = 1.5
 _REGULAR = 0.5
 """Share of usual steps from which a variable can be a time."""
 _AGREES = 0.01
+_EVEN = 0.01
+"""Deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it."""
 _SURELY = 3
 """Score from which a variable is a time, whatever else is."""
 _USUAL_HZ = (10.0, 50e3)
@@ -82,7 +84,12 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     usual = float(np.median(steps))
     unit, is_stated = _unit(column, usual, known)
     found = _measure(column.name, steps, usual, _PER_SECOND[unit])
-    others = tuple(columns[-place].key for score, place in rated if score >= _SURELY and columns[-place] is not column)
+    others = tuple(
+        columns[-place].key
+        for score, place in rated
+        if columns[-place] is not column
+        and (score >= _SURELY or (score and np.array_equal(columns[-place].values, column.values)))
+    )
     agrees = known is not None and found.step_s is not None and abs(found.step_s / known - 1) < _AGREES
     told_by = told_by if agrees else ""
     return replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
@@ -101,7 +108,15 @@ def _rate(column: Column, known_s: float | None) -> int:
     words = tokens(column.name.rpartition("/")[2])
     score = max((_TIME.get(word, 0) for word in words), default=0)
     score += 1 if known_s is not None and abs(usual / known_s - 1) < _AGREES else 0
-    return score + (3 if unit_of_name(column) in _PER_SECOND else 0)
+    score += 3 if unit_of_name(column) in _PER_SECOND else 0
+    return score or int(known_s is None and _is_clock(column, steps, float(usual)))
+
+
+def _is_clock(column: Column, steps: FloatArray, usual: float) -> bool:
+    """Whether a signal without a telling name rises in equal steps, as only clocks do; counters rise by one."""
+    if read_name(column).role or usual == 1 or np.abs(steps / usual - 1).max() > _EVEN:
+        return False
+    return _USUAL_HZ[0] <= 1 / usual <= _USUAL_HZ[1]
 
 
 def _unit(column: Column, usual: float, known_s: float | None) -> tuple[str, bool]:

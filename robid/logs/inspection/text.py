@@ -15,6 +15,10 @@ from robid.logs.inspection.sampling import Sampling
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z]+)?")
 _WORDS = ("true", "false", "yes", "no", "on", "off", "null", "y", "n")
 _UNITS = ("s", "ms", "us")
+_ONE_SHOT = (
+    "nothing repeats, so it is taken for a record without a response; for one say excitation:"
+    " {signal: arbitrary, low_hz: .., high_hz: .., resolution_hz: ..} in place of this"
+)
 _NOTHING = "state it by its name; nothing looks like"
 _REFERENCES = "references are matched to an excitation that robid has designed; leave them out where others have"
 _ROBOT = "my_robot.yaml # for fits that need to know the robot: its joints' names are then those of the channels"
@@ -46,9 +50,7 @@ def write_experiment(
     lines += [f"{inside}dialect: {_flow(dialect)}"] if dialect else []
     lines += [f"{inside}{one}" for one in _sampling(found.sampling, found.step_s)]
     lines += [f"{inside}resample: {made.resample}{_comment(_resampled(found))}"] if made.resample else []
-    lines += [
-        f"{inside}one_shot: true # check: nothing repeats, so there is no response, only a record"
-    ] * made.one_shot
+    lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
         lines += [f"{inside}take: last # the log holds {found.shared.held if found.shared else 0:.4g} periods"]

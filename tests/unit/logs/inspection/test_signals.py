@@ -166,3 +166,26 @@ def test_a_derivative_is_told_with_factor_sign_and_delay(factor, late):
     assert like.delay == pytest.approx(late + 0.5, abs=0.05)
     other = sosfilt(butter(4, 0.05, output="sos"), RNG.normal(size=N))
     assert compare(spectrum_of(angle, STEP), spectrum_of(other, STEP), 1, STEP).correlation < 0.5
+
+
+def test_binary_noise_drives_and_a_flag_does_not():
+    assert not judge(np.sign(NOISE)).is_still
+    assert judge(np.repeat([0.0, 1.0, 0.0], N // 3)).is_still
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("trq_mNm", "mN m"), ("Force_kN", "kN"), ("phi1_mrad", "mrad"), ("torque_kNm", "kN m")]
+)
+def test_names_end_with_units_that_have_prefixes(name, unit):
+    assert read_name(Column(name, NOISE)).unit == unit
+
+
+def test_equal_steps_without_a_name_are_a_time_and_counters_are_none():
+    counter, noise = Column("1", np.arange(float(N))), Column("3", NOISE)
+    found = find_sampling([counter, Column("2", np.round(TIME, 9)), noise], {})
+    assert (found.variable, found.unit, found.is_stated, found.step_s) == ("2", "s", False, STEP)
+    assert find_sampling([counter, noise, Column("ref_angle", TIME)], {}).step_s is None
+
+
+def test_the_same_time_again_is_no_signal():
+    assert find_sampling([Column("exp1.t", TIME), Column("exp2.t", TIME)], {}).others == ("exp2.t",)
