@@ -16,7 +16,7 @@ from robid.logs.checks import check_mapping, check_shot, still_note
 from robid.logs.columns import check_lengths, check_motion, read_columns
 from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
-from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
+from robid.logs.match import Match, PlayedExcitation, check_size, explain_mismatch, find_periods
 from robid.logs.period import measure_repetition
 from robid.logs.period_checks import Stated, check_period
 from robid.logs.resample import resample_to_period, resample_to_time
@@ -304,13 +304,21 @@ def _match(
     stop = match.start + match.count * n_sample
     steady = logged[match.start : stop, int(np.argmax(np.ptp(logged, axis=0)))]
     problems, notes = check_period(where, steady, stated, log.clock)
-    sizes, size_notes = check_size(match.gain, names, np.sqrt(np.mean(played.expected**2, axis=0)))
-    if sizes:
-        what = f"The references differ in size from the excitation: {'; '.join(sizes)}."
-        remedy = "Correct their unit or scale, or set excitation.rms to what was played and design again."
-        problems.append(DataError(what, where=where, remedy=remedy))
+    sizes, size_notes = _sizes(mapping, match, played)
+    problems += sizes
     first = match.count - stated.periods if mapping.take == "last" else stated.dropped
     return match.start + first * n_sample, problems, [*notes, *size_notes]
+
+
+def _sizes(mapping: LogMapping, match: Match, played: PlayedExcitation) -> tuple[list[DataError], list[str]]:
+    """Says which logged references differ in size from the excitation, as a wrong unit or scale makes them."""
+    names = tuple(channel.name for channel in mapping.references)
+    sizes, notes = check_size(match.gain, names, np.sqrt(np.mean(played.expected**2, axis=0)))
+    if not sizes:
+        return [], notes
+    what = f"The references differ in size from the excitation: {'; '.join(sizes)}."
+    remedy = "Correct their unit or scale, or set excitation.rms to what was played and design again."
+    return [DataError(what, where=f"{mapping.file}: references", remedy=remedy)], notes
 
 
 def _unmatched(
@@ -334,8 +342,11 @@ def _unmatched(
         f"The excitation is there from sample {match.start} to {stop}, {match.count} whole periods, fewer than the"
         f" {stated.dropped + stated.periods} that were said ({stated.dropped} dropped and {stated.periods} used)."
     )
-    remedy = f"Look for lost samples after sample {stop}, or set periods to {match.count - stated.dropped}."
-    return [DataError(what, where=where, remedy=remedy)]
+    fewer = match.count - stated.dropped
+    shorter = f"set periods to {fewer}" if fewer > 0 else "record longer"
+    remedy = f"Look for lost samples after sample {stop}, or {shorter}."
+    # A wrong size would only come up once the count is right.
+    return [DataError(what, where=where, remedy=remedy), *_sizes(mapping, match, played)[0]]
 
 
 def _played_channels(mapping: LogMapping, played: PlayedExcitation) -> tuple[Channel, ...]:
