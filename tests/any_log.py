@@ -285,7 +285,8 @@ def _rounded(plan: Plan, values: np.ndarray, unit: str, name: str) -> np.ndarray
     if unit.startswith("counts"):
         return np.round(values).astype(np.int64 if plan.kind not in MESSAGES else float)
     if plan.precision == "single":
-        return values.astype(np.float32) if plan.kind not in ("csv", *MESSAGES) else values.astype(np.float32) * 1.0
+        single = values.astype(np.float32)
+        return single if plan.kind not in ("csv", *MESSAGES) else single.astype(float)
     if plan.precision == "rounded" and not name.startswith("ref"):
         quantum = 10.0 ** np.floor(np.log10(3e-4 * values.std()))
         return np.round(values / quantum) * quantum

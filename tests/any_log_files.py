@@ -71,7 +71,7 @@ def _acquire(logs: Logs, variables: dict[str, str]) -> dict[str, Any]:
     return acquire
 
 
-def _prefix(plan: Plan) -> str:
+def prefix_of(plan: Plan) -> str:
     """What the names of variables begin with, numbers to be put in."""
     mark = "/" if plan.kind == "hdf5" else "_"
     every = ("c{configuration}", "r{realization}", "e{experiment:02d}")
@@ -81,7 +81,7 @@ def _prefix(plan: Plan) -> str:
 
 def _write_tables(logs: Logs, folder: Path) -> dict[str, str]:
     """Writes all files; returns what the mapping calls each column."""
-    plan, prefix = logs.plan, _prefix(logs.plan)
+    plan, prefix = logs.plan, prefix_of(logs.plan)
     variables: dict[str, str] = {}
     for part in ("", "out_") if plan.split else ("",):
         tables: dict[str, dict[str, np.ndarray]] = {}

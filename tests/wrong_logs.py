@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from any_log_files import prefix_of
 from linear_loop import LINES, N_SAMPLE
 
 WRONG = {}
@@ -67,7 +68,7 @@ def dead_channel(logs):
 def missing_variable(logs):
     """A variable has another name in the log."""
     _, name = chosen(logs)
-    channel_of(logs.channels, name)["variable"] = f"{name}_filtered"
+    channel_of(logs.channels, name)["variable"] = f"{prefix_of(logs.plan)}{name}_filtered"
     return [f"{name}_filtered", "no such variable"]
 
 
@@ -88,7 +89,9 @@ def lost_sample(logs):
     for name in columns:
         columns[name] = np.delete(np.asarray(columns[name]), at)
     if "t" in columns:
-        return [logs.file_name(index), "1 gap", f"after sample {at - 1}"]
+        # The gap of whole periods shows too, where the lost sample moves it away from a period's end.
+        told = ["missing samples"] if logs.plan.gaps else ["1 gap", f"after sample {at - 1}"]
+        return [logs.file_name(index), *told]
     return []
 
 
@@ -104,7 +107,9 @@ def shorter_channel(logs):
 def too_short(logs):
     """A log ends before its last period does."""
     index, _ = chosen(logs)
-    stop = logs.begin[index] + (logs.plan.periods - 1) * N_SAMPLE + 60
+    # What was played before the part that is used must not stand in for what is missing.
+    enough = (logs.drop_periods + logs.plan.periods) * N_SAMPLE
+    stop = min(logs.begin[index] + (logs.plan.periods - 1) * N_SAMPLE + 60, enough - 1)
     logs.columns[index] = {name: values[:stop] for name, values in logs.columns[index].items()}
     return [logs.file_name(index)]
 

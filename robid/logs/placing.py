@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.mapping import LogMapping
-from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
+from robid.logs.match import Match, PlayedExcitation, check_size, explain_mismatch, find_periods
 from robid.logs.period import measure_repetition
 from robid.logs.period_checks import Stated, check_period
 from robid.logs.timing import Clock, check_count
@@ -81,13 +81,21 @@ def match_periods(
     stop = match.start + match.count * n_sample
     steady = logged[match.start : stop, int(np.argmax(np.ptp(logged, axis=0)))]
     problems, notes = check_period(where, steady, stated, log.clock)
-    sizes, size_notes = check_size(match.gain, names, np.sqrt(np.mean(played.expected**2, axis=0)))
-    if sizes:
-        what = f"The references differ in size from the excitation: {'; '.join(sizes)}."
-        remedy = "Correct their unit or scale, or set excitation.rms to what was played and design again."
-        problems.append(DataError(what, where=where, remedy=remedy))
+    sizes, size_notes = _sizes(mapping, match, played)
+    problems += sizes
     first = match.count - stated.periods if mapping.take == "last" else stated.dropped
     return match.start + first * n_sample, problems, [*notes, *size_notes]
+
+
+def _sizes(mapping: LogMapping, match: Match, played: PlayedExcitation) -> tuple[list[DataError], list[str]]:
+    """Says which logged references differ in size from the excitation, as a wrong unit or scale makes them."""
+    names = tuple(channel.name for channel in mapping.references)
+    sizes, notes = check_size(match.gain, names, np.sqrt(np.mean(played.expected**2, axis=0)))
+    if not sizes:
+        return [], notes
+    what = f"The references differ in size from the excitation: {'; '.join(sizes)}."
+    remedy = "Correct their unit or scale, or set excitation.rms to what was played and design again."
+    return [DataError(what, where=f"{mapping.file}: references", remedy=remedy)], notes
 
 
 def _unmatched(
@@ -111,5 +119,8 @@ def _unmatched(
         f"The excitation is there from sample {match.start} to {stop}, {match.count} whole periods, fewer than the"
         f" {stated.dropped + stated.periods} that were said ({stated.dropped} dropped and {stated.periods} used)."
     )
-    remedy = f"Look for lost samples after sample {stop}, or set periods to {match.count - stated.dropped}."
-    return [DataError(what, where=where, remedy=remedy)]
+    fewer = match.count - stated.dropped
+    shorter = f"set periods to {fewer}" if fewer > 0 else "record longer"
+    remedy = f"Look for lost samples after sample {stop}, or {shorter}."
+    # A wrong size would only come up once the count is right.
+    return [DataError(what, where=where, remedy=remedy), *_sizes(mapping, match, played)[0]]

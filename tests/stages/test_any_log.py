@@ -56,8 +56,8 @@ def plans(draw, **fixed):
     kind = fixed.get("kind") or draw(st.sampled_from([*KINDS, "csv", "csv"]))
     message = kind in MESSAGES
     text = draw(texts()) if kind == "csv" else Text()
-    step_s = 1e-3 if message else draw(st.sampled_from([1e-3, 4e-3]))
-    references = step_s == 1e-3 and draw(st.booleans())
+    step_s = fixed.get("step_s") or (1e-3 if message else draw(st.sampled_from([1e-3, 4e-3])))
+    references = fixed.get("references", step_s == 1e-3 and draw(st.booleans()))
     start = draw(st.sampled_from(["record", "earlier", "before", "anywhere"]))
     if references and start == "anywhere":
         start = "before"  # then the references say where the record begins
