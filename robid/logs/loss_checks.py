@@ -72,9 +72,7 @@ def lost_samples(
     told = ", ".join(f"{_counted(one.samples)} after about sample {one.after}" for one in inside)
     what = f"Its periods are whole, but move apart on the way, as no other clock makes them: {told}."
     return [
-        DataError(
-            what, where=f"{where}, about sample {inside[0].after}", remedy=_remedy(losses, length, stated, part)
-        )
+        DataError(what, where=f"{where}, about sample {inside[0].after}", remedy=_remedy(losses, length, stated, part))
     ]
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.logs.loss_checks import Part
 from robid.logs.mapping import LogMapping
 from robid.logs.match import Match, PlayedExcitation, check_size, explain_mismatch, find_periods
-from robid.logs.loss_checks import Part
 from robid.logs.period import measure_repetition
 from robid.logs.period_checks import check_period
 from robid.logs.stated import Stated

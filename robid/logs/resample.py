@@ -13,8 +13,8 @@ from scipy.signal.windows import hann
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.logs.mapping import LogMapping
 from robid.logs.loss_checks import Part, part_losses
+from robid.logs.mapping import LogMapping
 from robid.logs.period import measure_repetition
 from robid.logs.stated import Stated
 from robid.logs.timing import RESAMPLED_RATE, Clock
