@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
@@ -87,7 +88,7 @@ def _remedy(losses: list[Loss], length: int, stated: Stated, part: Part) -> str:
     origin = part.start if part.matched else 0
     edges = [origin, *(one.after + 1 for one in losses), total]
     choices: list[tuple[int, str]] = []
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         dropped = max(-(-(begin - origin) // size), stated.dropped)
         periods = (end - origin) // size - dropped
         settings = [*(["take to first"] if part.last else [])]

@@ -72,7 +72,8 @@ def find_losses(signal: FloatArray, period: int, lines: IntArray, measured: floa
     energy = 2 * float((flat[used] ** 2).sum())
     if not explained or left >= _clock_cost(flat, measured, used) or left > _UNLIKE * energy:
         return []
-    return _merged([_loss(flat, period, first, block, lags, at) for at in np.flatnonzero(np.diff(lags)) + 1], block)
+    jumps = (np.flatnonzero(np.diff(lags)) + 1).tolist()
+    return _merged([_loss(flat, period, first, block, lags, at) for at in jumps], block)
 
 
 def _costs(flat: FloatArray, period: int, first: int, count: int, block: int, most: int) -> FloatArray:
@@ -107,7 +108,8 @@ def _clock_cost(flat: FloatArray, measured: float | None, used: slice) -> float:
     index = np.arange(used.start, min(used.stop, int(len(flat) - measured) - 1))
     if not len(index):
         return float("inf")
-    apart = make_interp_spline(np.arange(float(len(flat))), flat, k=3)(index + measured) - flat[index]
+    curve = make_interp_spline(np.arange(float(len(flat))), flat, k=3)
+    apart: FloatArray = np.asarray(curve(index + measured) - flat[index])
     return float(np.mean(apart**2)) * (used.stop - used.start)
 
 
