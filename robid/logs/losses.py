@@ -110,7 +110,7 @@ def _clock_cost(flat: FloatArray, measured: float | None, used: slice) -> float:
         return float("inf")
     curve = make_interp_spline(np.arange(float(len(flat))), flat, k=3)
     apart: FloatArray = np.asarray(curve(index + measured) - flat[index])
-    return float(np.mean(apart**2)) * (used.stop - used.start)
+    return float(np.mean(apart**2) * (used.stop - used.start))
 
 
 def _loss(flat: FloatArray, period: int, first: int, block: int, lags: IntArray, at: int) -> Loss:
