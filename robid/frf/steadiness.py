@@ -31,6 +31,12 @@ _BIAS = 0.01
 _GAIN = 0.5
 """Variance of the mean without its first period, over that with it, below which that period is a transient."""
 
+_SIZED = 0.5
+"""Share of how the first periods differ that the outputs' own shape has, above which it is a size and no transient."""
+
+_LEFT_LINES = 8
+"""Lines from which on two periods that are left tell their own variance."""
+
 _DRIFT_GAIN = 0.1
 """The same where slopes count: drift that comes and goes makes large ones by chance."""
 
@@ -90,6 +96,8 @@ def measure_steadiness(
     residual = (moved_out - response @ moved_in) / unit[:, None]
     factor = output_factor(record, blocks.lines, accelerations=accelerations)
     leading, gain = _transient(residual, _without_slope(residual, factor, unit, blocks.lines, record.inputs.shape[4]))
+    if leading and _is_size(residual, blocks.outputs / unit, leading):
+        leading, gain = 0, 1.0
     steady = slice(leading, None)
     rest = residual[:, steady] - residual[:, steady].mean(axis=1, keepdims=True)
     inputs, outputs = _scatter_share(moved_in, blocks.inputs), _scatter_share(moved_out, blocks.outputs)
@@ -177,12 +185,21 @@ def _transient(residual: _Deviations, level: _Deviations) -> tuple[int, float]:
 
 def _leading(moved: _Deviations, gain: float) -> int:
     """Periods at the beginning of which each, left out, lowers the variance of the mean to less than a share of it."""
-    # Two periods that are left would say little of their own variance.
-    tried = [_variance(moved[:, first:]) for first in range(max(moved.shape[1] - 2, 1))]
+    # Two periods that are left say little of their own variance at a few lines.
+    kept = 2 if moved.shape[2] >= _LEFT_LINES else 3
+    tried = [_variance(moved[:, first:]) for first in range(max(moved.shape[1] - kept + 1, 1))]
     leading = 0
     while leading + 1 < len(tried) and tried[leading + 1] < gain * tried[leading]:
         leading += 1
     return leading
+
+
+def _is_size(residual: _Deviations, outputs: ComplexArray, leading: int) -> bool:
+    """Whether the first periods differ as their outputs times a factor, beyond noise: an input of another size."""
+    apart = residual[:, :leading].mean(axis=1) - residual[:, leading:].mean(axis=1)
+    power = (np.abs(outputs) ** 2).sum(axis=(0, 1, 3))
+    along = np.abs((apart * outputs.conj()).sum(axis=(0, 1, 3))) ** 2 / np.maximum(power, np.finfo(float).tiny)
+    return bool(along.sum() > _SIZED * (np.abs(apart) ** 2).sum() and _alike(residual, outputs) > _CHANGING)
 
 
 def _variance(moved: _Deviations) -> float:

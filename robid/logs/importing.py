@@ -17,10 +17,10 @@ from robid.logs.columns import check_lengths, check_motion, read_columns
 from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation
-from robid.logs.period_checks import Stated
 from robid.logs.placing import Log, match_periods, place_periods, strongest_channel
 from robid.logs.resample import resample_to_period, resample_to_time
 from robid.logs.samples import channel_values, sample_channels
+from robid.logs.stated import Stated
 from robid.logs.timing import check_segment, check_steps, clock_problems, read_clock
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record

@@ -109,7 +109,7 @@ def measure_repetition(signal: FloatArray, stated: int, lines: IntArray) -> Repe
     # Slow drift is told from the excitation only where the first lines are left out.
     low = lines.min() / stated if lines.min() > _DRIFT_LINES else 0.0
     level = np.asarray(detrend(signal))
-    flat = _limit_band(level, low, lines.max() / stated)
+    flat = limit_band(level, low, lines.max() / stated)
     mismatch = _mismatch(flat)
     reachable = stated < len(mismatch)
     outside = np.flatnonzero(mismatch > _UNLIKE)
@@ -212,7 +212,7 @@ def _mismatch(signal: FloatArray) -> FloatArray:
     return np.asarray(1 - 2 * correlation[shifts] / np.maximum(both, np.finfo(float).tiny))
 
 
-def _limit_band(signal: FloatArray, low: float, high: float) -> FloatArray:
+def limit_band(signal: FloatArray, low: float, high: float) -> FloatArray:
     """Keeps half the lowest to twice the highest stated frequency, unless little of the energy is there."""
     spectrum = rfft(signal)
     frequency = np.arange(len(spectrum)) / len(signal)

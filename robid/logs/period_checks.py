@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.logs.lines import check_lines
+from robid.logs.loss_checks import Part, lost_samples, part_losses
 from robid.logs.period import Repetition, measure_repetition, measure_share
+from robid.logs.stated import Stated
 from robid.logs.timing import RESAMPLED_RATE, Clock, clock_problems
 
 _WHOLE = 5e-7
@@ -19,49 +19,38 @@ _SURE = 0.05
 """Standard deviation of a measured period up to which it says what to resample to [samples]."""
 
 
-@dataclass(frozen=True)
-class Stated:
-    """What was said of the period.
-
-    Attributes:
-        sampling_period_s: Sampling period of the log [s].
-        samples: Samples of one period.
-        periods: Periods that are used.
-        dropped: Periods that are dropped before.
-        lines (n_freq,): Lines that are excited.
-        find: Whether they are only those among which the excited ones are looked for.
-    """
-
-    sampling_period_s: float
-    samples: int
-    periods: int
-    dropped: int
-    lines: IntArray
-    find: bool = False
-
-    @property
-    def period_s(self) -> float:
-        """The period [s]."""
-        return self.samples * self.sampling_period_s
-
-
 def check_period(
-    where: str, steady: FloatArray, stated: Stated, clock: Clock | None = None
+    where: str, steady: FloatArray, stated: Stated, clock: Clock | None = None, part: Part | None = None
 ) -> tuple[list[DataError], list[str]]:
     """Measures the period of an excited channel and compares it, and the log's clock, with what was said.
 
-    Period and clock are judged together, so that what is advised for one does not spoil the other. Then the excited
-    lines are checked.
+    Period and clock are judged together, so that what is advised for one does not spoil the other. Lost samples are no
+    other period: they are named where they are used. Then the excited lines are checked.
 
     Args:
         where: File and variable.
         steady (n_sample,): The channel without its dropped periods.
         stated: What was said.
         clock: The log's own time, if it has one.
+        part: Which part of the log the channel is; its first periods from sample 0 on when not given.
 
     Returns:
         Problems and notes.
     """
+    part = Part() if part is None else part
+    losses, whole = ([], steady) if clock is not None and clock.is_off else part_losses(steady, stated, part)
+    if losses:
+        return lost_samples(where, losses, len(steady), stated, part, clock), []
+    problems, notes = _check_whole(where, whole, stated, clock)
+    if len(whole) < len(steady) and not problems:
+        notes.append("Samples are lost beside the periods that are used.")
+    return problems, notes
+
+
+def _check_whole(
+    where: str, steady: FloatArray, stated: Stated, clock: Clock | None
+) -> tuple[list[DataError], list[str]]:
+    """Checks a channel that lost no sample."""
     found = measure_repetition(steady, stated.samples, stated.lines)
     notes = [] if found.reachable else ["The log holds one period: its length could not be checked by repetition."]
     if found.samples is None and found.reachable:

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.logs.loss_checks import Part
 from robid.logs.mapping import LogMapping
 from robid.logs.match import Match, PlayedExcitation, check_size, explain_mismatch, find_periods
 from robid.logs.period import measure_repetition
-from robid.logs.period_checks import Stated, check_period
+from robid.logs.period_checks import check_period
+from robid.logs.stated import Stated
 from robid.logs.timing import Clock, check_count
 from robid.signals.log_channels import LogChannel
 
@@ -52,10 +54,11 @@ def place_periods(mapping: LogMapping, log: Log, stated: Stated) -> tuple[int, l
     problems = check_count(mapping, log.n_sample, stated.samples, stated.periods) if log.n_sample else []
     if mapping.take == "last":
         start = max(log.n_sample - stated.periods * stated.samples, 0)
-    strongest = strongest_channel(mapping, log, mapping.inputs, 0 if problems else start)
+    part = Part(0 if problems else start, mapping.take == "last")
+    strongest = strongest_channel(mapping, log, mapping.inputs, part.start)
     if strongest is None:
         return start, problems, []
-    found, notes = check_period(*strongest, stated, log.clock)
+    found, notes = check_period(*strongest, stated, log.clock, part)
     # A wrong period is why a log holds too few of it.
     return start, found or problems, notes
 
@@ -80,7 +83,8 @@ def match_periods(
         return 0, _unmatched(mapping, logged, played, stated, log.clock), []
     stop = match.start + match.count * n_sample
     steady = logged[match.start : stop, int(np.argmax(np.ptp(logged, axis=0)))]
-    problems, notes = check_period(where, steady, stated, log.clock)
+    part = Part(match.start, mapping.take == "last", matched=True)
+    problems, notes = check_period(where, steady, stated, log.clock, part)
     sizes, size_notes = _sizes(mapping, match, played)
     problems += sizes
     first = match.count - stated.periods if mapping.take == "last" else stated.dropped
@@ -111,7 +115,7 @@ def _unmatched(
     steady = logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))]
     # Where samples were lost on the way nothing repeats, and the count says more.
     if measure_repetition(steady, n_sample, stated.lines).samples is not None:
-        problems, _ = check_period(where, steady, stated, clock)
+        problems, _ = check_period(where, steady, stated, clock, Part(match.start, matched=True))
         if problems:
             return problems
     stop = match.start + match.count * n_sample

@@ -13,9 +13,10 @@ from scipy.signal.windows import hann
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.logs.loss_checks import Part, part_losses
 from robid.logs.mapping import LogMapping
 from robid.logs.period import measure_repetition
-from robid.logs.period_checks import Stated
+from robid.logs.stated import Stated
 from robid.logs.timing import RESAMPLED_RATE, Clock
 
 _DEGREE = 7
@@ -75,8 +76,14 @@ def resample_to_period(
         The columns, and what to say about it; unchanged where the period cannot be measured.
 
     Raises:
-        DataError: If the period is too far from the stated one.
+        DataError: If the period is too far from the stated one, or samples are lost within what is used.
     """
+    part = Part(stated.dropped * stated.samples, mapping.take == "last")
+    losses, steady = ([], steady) if mapping.references else part_losses(steady, stated, part)
+    if losses:
+        what = f"Samples are missing or too many after about sample {losses[0].after}, which is no other clock."
+        remedy = "Leave out `resample`: what to set instead is then told."
+        raise DataError(what, where=where, remedy=remedy)
     found = measure_repetition(steady, stated.samples, stated.lines)
     if found.samples is None:
         return dict(columns), []

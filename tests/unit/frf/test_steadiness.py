@@ -8,6 +8,7 @@ import pytest
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.frf.steadiness import _transient
 from robid.signals.quantities import Channel
 from robid.signals.record import Record
 
@@ -138,3 +139,30 @@ def test_a_drift_that_comes_and_goes_is_no_transient():
         found = estimate_frf(replace(record, outputs=record.outputs + 0.02 * walk), OPTIONS).notes
         told += any("transient" in one for one in found)
     assert told <= 3
+
+
+@pytest.mark.parametrize("periods", [3, 4, 8])
+def test_a_transient_is_named_from_three_periods_on(periods):
+    assert "the first period is a transient" in notes_of(periods=periods, leading=3.0)
+
+
+@pytest.mark.parametrize("periods", [3, 4, 8])
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.1])
+def test_an_input_of_another_size_in_the_first_period_is_no_transient(periods, noise):
+    gains = np.ones(periods)
+    gains[0] = 2.0
+    with pytest.raises(DataError, match="changes from period to period") as caught:
+        estimate_frf(record_of(periods=periods, gains=gains, output_noise=noise, follow=False), OPTIONS)
+    assert "input drive" in str(caught.value)
+
+
+@pytest.mark.parametrize("periods", [3, 4])
+def test_noise_of_eight_lines_is_hardly_ever_a_transient(periods):
+    generator, trials = np.random.default_rng(11), 2000
+    told = 0
+    for _ in range(trials):
+        noise = generator.normal(size=(2, 1, periods, 8, 1, 1))
+        residual = noise[0] + 1j * noise[1]
+        residual -= residual.mean(axis=1, keepdims=True)
+        told += _transient(residual, residual)[0] > 0
+    assert told < 0.01 * trials

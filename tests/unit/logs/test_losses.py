@@ -1,0 +1,98 @@
+"""Lost samples of a log without time: told from another clock, named, and a remedy that holds when followed."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from robid.errors import DataError
+from robid.logs.importing import import_log
+from robid.logs.losses import find_losses
+from robid.logs.mapping import LogMapping
+from robid.logs.period import measure_repetition
+from robid.signals.log_channels import InputChannel, OutputChannel
+
+PERIOD, LINES = 1000, np.arange(10, 200)
+PHASES = np.random.default_rng(3).uniform(0, 2 * np.pi, len(LINES))
+
+
+def wave(periods, rate=1.0):
+    at = np.arange(int(periods * PERIOD * rate)) / rate
+    return np.cos(2 * np.pi * np.outer(at / PERIOD, LINES) + PHASES).sum(axis=1) / 10
+
+
+def import_waves(folder, signal, periods, **settings):
+    savemat(folder / "log.mat", {"u": signal[:, None], "q": np.roll(signal, 3)[:, None]})
+    mapping = LogMapping(
+        file=folder / "log.mat",
+        sampling_period_s=1e-3,
+        inputs=(InputChannel("motor", "u", "N m"),),
+        outputs=(OutputChannel("motor", "q"),),
+        **settings,
+    )
+    return import_log(
+        mapping, samples_per_period=PERIOD, periods=periods, excited_lines=LINES, configurations=np.zeros((1, 1))
+    )
+
+
+def without(signal, *after, count=1):
+    return np.delete(signal, [at + 1 + more for at in after for more in range(count)])
+
+
+def lost_of(signal):
+    return find_losses(signal, PERIOD, LINES, measure_repetition(signal, PERIOD, LINES).samples)
+
+
+@pytest.mark.parametrize("after", [300, 1281, 2900, 4500])
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_loss_is_found_where_it_is(after, count):
+    noise = 0.1 * np.random.default_rng(after).normal(size=5 * PERIOD - count)
+    (found,) = lost_of(without(wave(5), after, count=count) + noise)
+    assert found.samples == count
+    assert found.after == pytest.approx(after, abs=10)
+
+
+def test_a_sample_too_many_and_two_losses_are_told_as_they_are():
+    (found,) = lost_of(np.insert(wave(5), 2300, 0.0))
+    assert (found.samples, found.after) == (-1, pytest.approx(2300, abs=10))
+    assert [one.samples for one in lost_of(without(wave(6), 1400, 3700))] == [1, 1]
+
+
+@pytest.mark.parametrize("fraction", [0.05, 0.26, 0.5, 0.9, -1.3])
+def test_another_clock_loses_nothing(fraction):
+    assert lost_of(wave(5, 1 + fraction / PERIOD)) == []
+
+
+def followed(folder, signal, periods, **settings):
+    with pytest.raises(DataError, match="missing after about sample") as caught:
+        import_waves(folder, signal, periods, **settings)
+    assert "different clocks" not in str(caught.value)
+    told = dict(re.findall(r"(drop_periods|periods|take) to (\w+)", caught.value.remedy))
+    kept = int(told.pop("periods"))
+    changed = {name: int(value) if value.isdigit() else value for name, value in told.items()}
+    return import_waves(folder, signal, kept, **{**settings, **changed}), kept
+
+
+@pytest.mark.parametrize(
+    ("after", "settings", "best"),
+    [
+        ((2281,), {"drop_periods": 1}, 2),
+        ((3700,), {"drop_periods": 1}, 2),
+        ((1300,), {"take": "last"}, 3),
+        ((3700,), {"take": "last"}, 3),
+        ((800, 4300), {}, 3),
+    ],
+)
+def test_the_remedy_of_a_loss_holds(tmp_path, after, settings, best):
+    periods = 4 if settings.get("take") else 3 if settings else 4
+    record, kept = followed(tmp_path, without(wave(5), *after), periods, **settings)
+    assert kept == best
+    blocks = record.inputs[0, 0, 0, :, :, 0]
+    np.testing.assert_allclose(blocks, np.broadcast_to(blocks[0], blocks.shape), atol=1e-9)
+
+
+def test_a_loss_is_not_resampled_away(tmp_path):
+    with pytest.raises(DataError, match="no other clock") as caught:
+        import_waves(tmp_path, without(wave(5), 2281), 3, drop_periods=1, resample="period")
+    assert "Leave out `resample`" in caught.value.remedy
