@@ -63,7 +63,9 @@ def place_periods(mapping: LogMapping, log: Log, stated: Stated) -> tuple[int, l
 
 def _next_gap(log: Log, used: int) -> int | None:
     """Where the first gap at or after the end of what is used begins: what comes later need not fit it."""
-    gaps = () if log.clock is None else log.clock.gaps[log.clock.gaps >= used - 1]
+    if log.clock is None:
+        return None
+    gaps = log.clock.gaps[log.clock.gaps >= used - 1]
     return int(gaps[0]) + 1 if len(gaps) else None
 
 

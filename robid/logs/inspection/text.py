@@ -101,9 +101,10 @@ def _renamed(found: Findings, place: str) -> Findings:
         signals = [replace(one.signal, column=column) for one, column in zip(entries, columns, strict=True)]
         return tuple(replace(one, signal=signal) for one, signal in zip(entries, signals, strict=True))
 
-    lists = {key: renamed(getattr(made, key)) for key in ("inputs", "outputs", "references")}
+    inputs, outputs, references = map(renamed, (made.inputs, made.outputs, made.references))
     sampling = replace(found.sampling, variable=write(found.sampling.variable, place))
-    return replace(found, sampling=sampling, proposal=replace(made, **lists))
+    made = replace(made, inputs=inputs, outputs=outputs, references=references)
+    return replace(found, sampling=sampling, proposal=made)
 
 
 def _estimate(found: Findings, experiments: int) -> list[str]:
