@@ -106,7 +106,7 @@ def _over_frequency(found: Findings, signal: Signal) -> Figure:
     if found.shared is None or found.shared.held < 2:
         spectra = spectra_of_all(values, found.step_s)
     else:
-        blocks = cut_periods(values, found.shared.whole, last=from_end(found.shared))
+        blocks = cut_periods(values[found.unbroken], found.shared.whole, last=from_end(found.shared))
         spectra = spectra_of_periods(blocks, found.step_s)
     frequency = tuple(spectra.frequency_hz.tolist())
     curves = [

@@ -35,11 +35,11 @@ class Log:
 
 
 def strongest_channel(
-    mapping: LogMapping, log: Log, channels: Sequence[LogChannel], start: int
+    mapping: LogMapping, log: Log, channels: Sequence[LogChannel], start: int, stop: int | None = None
 ) -> tuple[str, FloatArray] | None:
-    """The channel that moves most from a sample on: where it comes from, and its samples."""
+    """The channel that moves most from a sample on, up to another: where it comes from, and its samples there."""
     usable = [channel for channel in channels if channel.column in log.columns]
-    signals = [channel.factor * log.columns[channel.column][start:].astype(float) for channel in usable]
+    signals = [channel.factor * log.columns[channel.column][start:stop].astype(float) for channel in usable]
     finite = [(np.ptp(values), index) for index, values in enumerate(signals) if len(values) > 2]
     finite = [(size, index) for size, index in finite if np.isfinite(size) and size > 0]
     if not finite:
@@ -55,12 +55,21 @@ def place_periods(mapping: LogMapping, log: Log, stated: Stated) -> tuple[int, l
     if mapping.take == "last":
         start = max(log.n_sample - stated.periods * stated.samples, 0)
     part = Part(0 if problems else start, mapping.take == "last")
-    strongest = strongest_channel(mapping, log, mapping.inputs, part.start)
+    stop = None if problems else _next_gap(log, start + stated.periods * stated.samples)
+    strongest = strongest_channel(mapping, log, mapping.inputs, part.start, stop)
     if strongest is None:
         return start, problems, []
     found, notes = check_period(*strongest, stated, log.clock, part)
     # A wrong period is why a log holds too few of it.
     return start, found or problems, notes
+
+
+def _next_gap(log: Log, used: int) -> int | None:
+    """Where the first gap at or after the end of what is used begins: what comes later need not fit it."""
+    if log.clock is None:
+        return None
+    gaps = log.clock.gaps[log.clock.gaps >= used - 1]
+    return int(gaps[0]) + 1 if len(gaps) else None
 
 
 def match_periods(

@@ -127,7 +127,11 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
         keys = [key for node in nodes for key in node.get("properties", {})]
         return _other_member(nodes, *detail["loc"][-2:]) or f"unknown key; {suggest(str(field[-1]), keys)}"
     if detail["type"] == "missing":
-        return "is missing"
+        return "is missing" + _wanted_entries(schema, field)
+    if detail["type"] in ("too_short", "tuple_type", "list_type") and not detail["input"]:
+        wanted = _wanted_entries(schema, field)
+        if wanted:
+            return "is empty" + wanted
     if detail["type"] == "value_error":
         return str(detail["ctx"]["error"])
     message = detail["msg"][0].lower() + detail["msg"][1:]
@@ -136,6 +140,17 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
     value = detail["input"]
     shown = "nothing" if value is None else repr(value)
     return message if len(shown) > _LONGEST_VALUE else f"{message} (found {shown})"
+
+
+def _wanted_entries(schema: dict[str, Any], field: FieldPath) -> str:
+    """Says what to fill in where a list of sections has to have entries; nothing of other fields."""
+    for node in _nodes_at(schema, field[:-1]):
+        place = node.get("properties", {}).get(field[-1], {})
+        keys = [key for item in _resolve(schema, place.get("items", {})) for key in item.get("required", ())]
+        if place.get("minItems") and keys:
+            entry = ", ".join(f"{key}: .." for key in dict.fromkeys(keys))
+            return f": fill in one line `- {{{entry}}}` for each. {place.get('description', '')}".rstrip()
+    return ""
 
 
 def _other_member(nodes: Sequence[dict[str, Any]], member: str | int, key: str | int = "") -> str | None:

@@ -249,3 +249,72 @@ def test_the_page_draws_every_signal(shop):
     at = [frequency for frequency, size in zip(amplitude["x"], amplitude["y"], strict=True) if size > 0.5]
     assert (min(at), max(at)) == (10, 198)
     assert "Proposed mapping" in page
+
+
+def test_experiments_side_by_side_are_no_mixture(shop):
+    """Two joints in two experiments: the first torque is a copy, the second one has the other sign."""
+    one, time = make_columns(), STEP * np.arange(6 * PERIOD)
+    signs = {"exp1": (1, 1), "exp2": (1, -1)}
+    pair = {key: (one[key], np.roll(one[key], 137)) for key in ("tau", "theta_motor")}
+    log = {
+        name: {
+            "X": {"t": time},
+            "Y": {
+                "torque": np.stack(pair["tau"], axis=1) * both,
+                "enc": np.stack(pair["theta_motor"], axis=1) * both,
+            },
+        }
+        for name, both in signs.items()
+    }
+    savemat(shop.folder / "log.mat", log)
+    answer = shop.robid("inspect", "log.mat", "--propose", "both.yaml")
+    assert answer.code == 0, answer.err
+    campaign = load_experiment(shop.folder / "both.yaml").experiment.campaigns["log"]
+    acquire = campaign.source.acquire
+    assert campaign.experiments == 2
+    assert acquire.time.variable == "exp{experiment}.X.t"
+    assert [one.variable for one in acquire.inputs] == [f"exp{{experiment}}.Y.torque(:,{axis})" for axis in (1, 2)]
+    assert [one.variable for one in acquire.outputs] == [f"exp{{experiment}}.Y.enc(:,{axis})" for axis in (1, 2)]
+    for stage in ("design-excitation", "simulate-or-acquire"):
+        done = shop.robid(stage, "both.yaml")
+        assert done.code == 0, done.err
+    record = record_from_artifact(read_artifact(shop.folder / "runs/both/log/record.h5", RECORD))
+    np.testing.assert_allclose(record.inputs[0, 0, 1], record.inputs[0, 0, 0] * [1, -1])
+
+
+def test_what_was_not_found_is_a_line_to_fill_in(shop):
+    time = STEP * np.arange(6 * PERIOD)
+    savemat(shop.folder / "log.mat", {"t": time, "theta_motor": make_columns()["theta_motor"]})
+    answer = shop.robid("inspect", "log.mat", "--propose", "half.yaml")
+    assert answer.code == 0, answer.err
+    text = (shop.folder / "half.yaml").read_text()
+    assert "[]" not in text
+    assert shop.robid("simulate-or-acquire", "half.yaml").code == 2
+    filled = text.replace("# inputs: [{name: drive, variable: NAME,", "inputs: [{name: drive, variable: theta_motor,")
+    assert filled != text
+    (shop.folder / "half.yaml").write_text(filled)
+    load_experiment(shop.folder / "half.yaml")
+
+
+@pytest.mark.parametrize(
+    ("cuts", "drop", "periods", "take"),
+    [
+        ([(4 * PERIOD + 100, 5 * PERIOD + 100)], 0, 4, "first"),  # the first part is the longest
+        ([(2 * PERIOD + 100, 3 * PERIOD + 100)], 3, 4, "first"),  # the second one
+        ([(PERIOD + 100, PERIOD + 131)], 0, 6, "last"),  # counted from the end it holds one more
+        ([(100, 100 + PERIOD), (6 * PERIOD + 10, 6 * PERIOD + 20)], 1, 4, "first"),  # one between two gaps
+    ],
+)
+def test_the_longest_part_without_a_gap_is_used(shop, cuts, drop, periods, take):
+    columns = make_columns(8)
+    columns = {"t": STEP * np.arange(8 * PERIOD), **{key: columns[key] for key in ("tau", "theta_motor")}}
+    lost = np.concatenate([np.arange(*cut) for cut in cuts])
+    savemat(shop.folder / "log.mat", {key: np.delete(one, lost) for key, one in columns.items()})
+    answer = shop.robid("inspect", "log.mat", "--propose", "gap.yaml")
+    assert answer.code == 0, answer.err
+    campaign = load_experiment(shop.folder / "gap.yaml").experiment.campaigns["log"]
+    acquire = campaign.source.acquire
+    assert (acquire.drop_periods, campaign.periods, acquire.take) == (drop, periods, take)
+    for stage in ("design-excitation", "simulate-or-acquire"):
+        done = shop.robid(stage, "gap.yaml")
+        assert done.code == 0, done.err

@@ -12,6 +12,7 @@ from robid.arrays import FloatArray, IntArray
 from robid.logs.inspection.channels import Chosen, choose, propose_inputs, propose_outputs, propose_references
 from robid.logs.inspection.contents import Column, Contents, join_contents, read_contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_names
+from robid.logs.inspection.numbered import Numbered, part_numbered
 from robid.logs.inspection.proposal import Proposal, is_broad, propose_band, propose_lines
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.repetition import (
@@ -55,6 +56,7 @@ class Findings:
         lines: Lines of it that carry energy.
         proposal: The mapping that is proposed.
         n_sample: Samples of the signals.
+        numbered: The recordings of which they are the first one; None where the log is a single one.
     """
 
     contents: Contents
@@ -66,6 +68,7 @@ class Findings:
     lines: IntArray
     proposal: Proposal
     n_sample: int
+    numbered: Numbered | None = None
 
     @property
     def step_s(self) -> float:
@@ -76,6 +79,11 @@ class Findings:
     def duration_s(self) -> float:
         """How long the log lasts, gaps included [s]."""
         return (self.n_sample + self.sampling.missing) * self.step_s
+
+    @property
+    def unbroken(self) -> slice:
+        """The longest part without a gap."""
+        return slice(*self.sampling.longest) if self.sampling.gaps else slice(0, self.n_sample)
 
 
 def inspect_log(
@@ -99,6 +107,10 @@ def inspect_log(
     """
     tell("reading")
     contents = join_contents([read_contents(file, format_, dialect) for file in files])
+    numbered, single = part_numbered(contents.columns)
+    if numbered is not None:
+        told = f"{numbered.told}: the first one is looked at."
+        contents = replace(contents, columns=tuple(single), notes=(*contents.notes, told))
     group = _main_group(contents.columns)
     others = tuple(one for one in contents.columns if one not in group)
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
@@ -118,6 +130,7 @@ def inspect_log(
         np.zeros(0, int),
         Proposal((), (), (), None),
         len(group[0].values),
+        numbered,
     )
     found = _with_periods(found, chosen)
     return replace(found, proposal=_propose(found, chosen, comparison))
@@ -144,12 +157,13 @@ def _with_periods(found: Findings, chosen: Chosen) -> Findings:
     looked = list(dict.fromkeys([*leading, *(one.name for one in chosen.outputs)]))
     looked += [one.name for one in found.signals if one.name not in looked and _is_of_interest(one)]
     by_name = {one.name: one for one in found.signals}
-    periods = {name: measure_period(_filled(by_name[name].column.values)) for name in looked[:_MEASURED]}
-    shared = share_period(periods, [name for name in leading if name in periods], found.n_sample)
+    part = found.unbroken
+    periods = {name: measure_period(_filled(by_name[name].column.values[part])) for name in looked[:_MEASURED]}
+    shared = share_period(periods, [name for name in leading if name in periods], part.stop - part.start)
     if shared is None or shared.held < 2 or not chosen.inputs:
         return replace(found, periods=periods)
     blocks = {
-        one.name: cut_periods(_filled(one.column.values), shared.whole, last=from_end(shared))
+        one.name: cut_periods(_filled(one.column.values[part]), shared.whole, last=from_end(shared))
         for one in (*chosen.inputs, *chosen.outputs)
     }
     transient = tuple(name for name, block in blocks.items() if is_unsettled(block))
@@ -184,18 +198,30 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
             return replace(made, excitation=propose_band(band, found.duration_s))
         return replace(made, one_shot=True)
     shared = found.shared
-    count = int(shared.held + 1e-3)
-    drop = 1 if shared.transient and not from_end(shared) and count > 2 else 0
+    drop, count, last = _place(found, shared)
     repetition = Repetition(shared.samples, shared.std_samples, reachable=True)
-    drifts = repetition.drifts(count - drop, shared.whole, found.lines)
+    drifts = repetition.drifts(count, shared.whole, found.lines)
     return replace(
         made,
         excitation=propose_lines(shared, found.lines, found.step_s),
-        periods=count - drop,
+        periods=count,
         drop_periods=drop,
-        take_last=from_end(shared),
+        take_last=last,
         resample="period" if drifts and not made.resample else made.resample,
     )
+
+
+def _place(found: Findings, shared: Shared) -> tuple[int, int, bool]:
+    """Periods to drop and to use, and whether they are counted from the end: those without a gap."""
+    part, whole = found.unbroken, shared.whole
+    drop, count, last = 0, int(shared.held + 1e-3), from_end(shared)
+    if found.sampling.gaps:
+        drop = -(-part.start // whole)
+        inside = part.stop // whole - drop
+        last = part.stop == found.n_sample and count > inside
+        drop, count = (0, count) if last else (drop, max(inside, 1))
+    settles = bool(shared.transient) and not (last or part.start) and count > 2
+    return drop + settles, count - settles, last
 
 
 def _band(found: Findings, chosen: Chosen) -> tuple[float, float]:

@@ -48,6 +48,7 @@ class Sampling:
         gaps: Places where samples are missing.
         missing: Samples that are missing there, about.
         first_gap: Sample before the first of them.
+        longest: First sample of the longest part without one, and the sample after its last.
         backward: Steps at which time stands still or goes back.
         told_by: What else says so, as a number of the log.
         others: Further times, as of the moment of writing.
@@ -61,6 +62,7 @@ class Sampling:
     gaps: int = 0
     missing: int = 0
     first_gap: int = 0
+    longest: tuple[int, int] = (0, 0)
     backward: int = 0
     told_by: str = ""
     others: tuple[str, ...] = ()
@@ -142,6 +144,8 @@ def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sam
     inside = np.delete(steps, gaps)
     inside = inside[inside > 0]
     mean = float(inside.mean())
+    edges = np.concatenate([[0], gaps + 1, [len(steps) + 1]])
+    longest = int(np.argmax(np.diff(edges)))
     return Sampling(
         variable,
         "s",
@@ -151,6 +155,7 @@ def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sam
         gaps=len(gaps),
         missing=round(float(np.sum(steps[gaps] / mean - 1))),
         first_gap=int(gaps[0]) if len(gaps) else 0,
+        longest=(int(edges[longest]), int(edges[longest + 1])),
         backward=int(np.count_nonzero(steps <= 0)),
     )
 

@@ -19,7 +19,11 @@ _ONE_SHOT = (
     "nothing repeats, so it is taken for a record without a response; for one say excitation:"
     " {signal: arbitrary, low_hz: .., high_hz: .., resolution_hz: ..} in place of this"
 )
-_NOTHING = "state it by its name; nothing looks like"
+_NOTHING = "put the name of a variable in place of NAME and take the mark away: nothing looks like"
+_PLACEHOLDERS = {
+    "inputs": "{name: drive, variable: NAME, unit: N m}",
+    "outputs": "{name: drive, variable: NAME, unit: rad}",
+}
 _REFERENCES = "references are matched to an excitation that robid has designed; leave them out where others have"
 _ROBOT = "my_robot.yaml # for fits that need to know the robot: its joints' names are then those of the channels"
 
@@ -40,39 +44,75 @@ def write_experiment(
         format_: Format to state, None where the file tells it.
         dialect: How a table is written, as far as that is to be stated.
     """
+    counts, numbering = _recordings(found)
+    found = _renamed(found, next(iter(counts), ""))
     made, inside = found.proposal, " " * 8
     lines = ["schema_version: 1", f"name: {_name(name)}"]
     lines += [f"# robot: {_ROBOT}"]
     lines += ["campaigns:", "  log:"]
     lines += _campaign(found)
-    lines += ["    source:", "      acquire:", f"{inside}file: {_text(_braced(path(found.contents.file)))}"]
+    lines += [f"    realizations: {counts['realization']}"] if "realization" in counts else []
+    lines += [
+        "    source:",
+        "      acquire:",
+        f"{inside}file: {_text(_braced(path(found.contents.file)))}{_comment(numbering)}",
+    ]
     lines += [f"{inside}format: {format_}"] if format_ else []
     lines += [f"{inside}dialect: {_flow(dialect)}"] if dialect else []
-    lines += [f"{inside}{one}" for one in _sampling(found.sampling, found.step_s)]
+    lines += [f"{inside}{one}" for one in _sampling(found.sampling, found.step_s, made.periods)]
     lines += [f"{inside}resample: {made.resample}{_comment(_resampled(found))}"] if made.resample else []
     lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
-        lines += [f"{inside}take: last # the log holds {found.shared.held if found.shared else 0:.4g} periods"]
-    lines += _entries("inputs", made.inputs, inside, f"{_NOTHING} a torque, a current or a command", path)
-    lines += _entries("outputs", made.outputs, inside, f"{_NOTHING} an angle or a speed", path)
+        reason = "the longest part without a gap is at its end" if found.sampling.gaps else _held(found)
+        lines += [f"{inside}take: last # {reason}"]
+    lines += _entries("inputs", made.inputs, inside, "a torque, a current or a command", path)
+    lines += _entries("outputs", made.outputs, inside, "an angle or a speed", path)
     if made.references:
         mark = "" if made.one_shot else "# "
         lines += _entries("references", made.references, inside + mark, "", path)
         lines += [] if made.one_shot else [f"{inside}# ({_REFERENCES})"]
-    if len(made.inputs) > 1 and not made.one_shot:
+    if "experiment" in counts:
+        lines += [f"    experiments: {counts['experiment']}"]
+    elif len(made.inputs) > 1 and not made.one_shot:
         lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
-    lines += _estimate(found)
+    lines += _estimate(found, counts.get("experiment", 1))
     lines += ["execution: {backend: serial} # a single log is one task"]
     return "\n".join(lines) + "\n"
 
 
-def _estimate(found: Findings) -> list[str]:
+def _recordings(found: Findings) -> tuple[dict[str, int], tuple[str, ...]]:
+    """How many configurations, realizations or experiments one log holds by number, and what to check about that."""
+    if found.numbered is None:
+        return {}, ()
+    place, check = found.numbered.place_among(len(found.proposal.inputs))
+    count = found.numbered.count
+    return {place: count} if count > 1 else {}, (check,)
+
+
+def _renamed(found: Findings, place: str) -> Findings:
+    """What was found, the name of a place in variables' names where numbers were."""
+    if found.numbered is None or not place:
+        return found
+    write, made = found.numbered.write, found.proposal
+
+    def renamed(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
+        columns = [replace(one.signal.column, name=write(one.signal.column.name, place)) for one in entries]
+        signals = [replace(one.signal, column=column) for one, column in zip(entries, columns, strict=True)]
+        return tuple(replace(one, signal=signal) for one, signal in zip(entries, signals, strict=True))
+
+    inputs, outputs, references = map(renamed, (made.inputs, made.outputs, made.references))
+    sampling = replace(found.sampling, variable=write(found.sampling.variable, place))
+    made = replace(made, inputs=inputs, outputs=outputs, references=references)
+    return replace(found, sampling=sampling, proposal=made)
+
+
+def _estimate(found: Findings, experiments: int) -> list[str]:
     made = found.proposal
     if made.one_shot:
         return []
     arbitrary = made.excitation is not None and made.excitation.is_arbitrary
-    local = ", estimator: local_periodic" if len(made.inputs) > 1 and not arbitrary else ""
+    local = ", estimator: local_periodic" if len(made.inputs) > experiments and not arbitrary else ""
     return [f"    estimate: {{compensation: none{local}}}"]
 
 
@@ -86,7 +126,7 @@ def _campaign(found: Findings) -> list[str]:
     return lines
 
 
-def _sampling(sampling: Sampling, step_s: float) -> list[str]:
+def _sampling(sampling: Sampling, step_s: float, periods: int | None) -> list[str]:
     checks: tuple[str, ...] = ()
     if sampling.step_s is None:
         checks = ("nothing in the log tells it",)
@@ -98,9 +138,8 @@ def _sampling(sampling: Sampling, step_s: float) -> list[str]:
             () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
         )
         if sampling.gaps:
-            told += (
-                f"samples are missing at {sampling.gaps} places, first after {sampling.first_gap}: use a part without",
-            )
+            places = f"samples are missing at {sampling.gaps} places, first after {sampling.first_gap}"
+            told += (f"{places}: {'use a part without' if periods is None else 'the longest part without is used'}",)
         if sampling.backward:
             told += (f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out",)
         lines.append(f"time: {{variable: {_text(sampling.variable)}, unit: {sampling.unit}}}{_comment(told)}")
@@ -113,14 +152,21 @@ def _resampled(found: Findings) -> tuple[str, ...]:
     return ("the period is no whole number of samples",)
 
 
+def _held(found: Findings) -> str:
+    return f"the log holds {found.shared.held if found.shared else 0:.4g} periods"
+
+
 def _dropped(found: Findings) -> tuple[str, ...]:
+    if found.unbroken.start:
+        return (f"the longest part without a gap begins at sample {found.unbroken.start}",)
     names = found.shared.transient if found.shared else ()
     return (f"the first period of {', '.join(names)} differs from the others",)
 
 
 def _entries(key: str, entries: tuple[Entry, ...], inside: str, none: str, path: Callable[[Path], str]) -> list[str]:
     if not entries:
-        return [f"{inside}{key}: [] # check: {none}"]
+        # An empty list would only be refused.
+        return [f"{inside}# {key}: [{_PLACEHOLDERS[key]}] # check: {_NOTHING} {none}"]
     common = tuple(one for one in entries[0].checks if len(entries) > 1 and all(one in e.checks for e in entries))
     rest = [replace(one, checks=tuple(check for check in one.checks if check not in common)) for one in entries]
     head = f"{inside}{key}:{_comment(common)}"

@@ -471,3 +471,13 @@ def test_campaigns_of_one_fit_carry_the_same_payload(tmp_path):
     experiment = _replaced(experiment, "  fresh:\n", "  fresh:\n    payload_kg: 3\n")
     with pytest.raises(SettingsError, match="different payloads"):
         load_experiment(_write(tmp_path, experiment))
+
+
+@pytest.mark.parametrize("written", ["inputs: []", "inputs:", ""])
+def test_a_list_of_channels_without_entries_says_what_to_fill_in(tmp_path, written):
+    log = _replaced(LOG, "inputs: [{name: one, variable: u1}, {name: two, variable: u2}]", written)
+    problems = _refused(_write(tmp_path, _replaced(EXPERIMENT, "source: *source\n", log)))
+    (told,) = [one for one in problems if ".inputs: " in one]
+    assert "campaigns.fresh.source.acquire.inputs: is " in told
+    assert "fill in one line `- {name: .., variable: ..}` for each. What drives the robot" in told
+    assert "tuple" not in told
