@@ -12,6 +12,7 @@ from robid.logs.losses import find_losses
 from robid.logs.mapping import LogMapping
 from robid.logs.period import measure_repetition
 from robid.signals.log_channels import InputChannel, OutputChannel
+from robid.signals.log_options import TimeChannel
 
 PERIOD, LINES = 1000, np.arange(10, 200)
 PHASES = np.random.default_rng(3).uniform(0, 2 * np.pi, len(LINES))
@@ -22,8 +23,9 @@ def wave(periods, rate=1.0):
     return np.cos(2 * np.pi * np.outer(at / PERIOD, LINES) + PHASES).sum(axis=1) / 10
 
 
-def import_waves(folder, signal, periods, **settings):
-    savemat(folder / "log.mat", {"u": signal[:, None], "q": np.roll(signal, 3)[:, None]})
+def import_waves(folder, signal, periods, time_s=None, **settings):
+    columns = {"u": signal[:, None], "q": np.roll(signal, 3)[:, None]}
+    savemat(folder / "log.mat", columns if time_s is None else {**columns, "t": time_s[:, None]})
     mapping = LogMapping(
         file=folder / "log.mat",
         sampling_period_s=1e-3,
@@ -96,3 +98,11 @@ def test_a_loss_is_not_resampled_away(tmp_path):
     with pytest.raises(DataError, match="no other clock") as caught:
         import_waves(tmp_path, without(wave(5), 2281), 3, drop_periods=1, resample="period")
     assert "Leave out `resample`" in caught.value.remedy
+
+
+def test_a_loss_that_the_time_shows_is_told_once(tmp_path):
+    time_s = 1e-3 * np.arange(5.0 * PERIOD)
+    lossy = [without(values, 2281, count=3) for values in (wave(5), time_s)]
+    with pytest.raises(DataError, match="1 gap, about 3 missing samples; the first after sample 2281") as caught:
+        import_waves(tmp_path, lossy[0], 3, lossy[1], drop_periods=1, time=TimeChannel("t", "s"))
+    assert "problems" not in str(caught.value)
