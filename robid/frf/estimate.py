@@ -3,78 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.errors import DataError
 from robid.frf.block_checks import place_of, solvable_lines
-from robid.frf.blocks import ESTIMATORS, NEEDS_REFERENCE, BlockEstimate
+from robid.frf.blocks import ESTIMATORS, BlockEstimate
 from robid.frf.channels import response_channels, to_accelerations
 from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
 from robid.frf.coefficients import coefficients
-from robid.frf.compensation import Disturbance, disturbance, no_disturbance, record_motion
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
-from robid.frf.distortion import explained_coherence, multiple_coherence, silent_levels, silent_lines
+from robid.frf.distortion import explained_coherence, multiple_coherence, silent_levels
 from robid.frf.dropped import completed, lost_inputs, require_lines, weak_inputs
 from robid.frf.frf import Frf
-from robid.frf.local import LOCAL, local_fit
+from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
-from robid.frf.spectra import Blocks, record_blocks
+from robid.frf.reading import Spectra, read_spectra, silent_of
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
-from robid.frf.transient import robust_blocks
-from robid.frf.windows import Windows, bin_windows, half_width, line_windows
+from robid.frf.windows import Windows
 from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 
-READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
-"""Estimators that look at what was injected, if it was recorded."""
-
 UNSTEADY = frozenset({"local", "robust_local"})
 """Estimators that need no period to repeat another one."""
-
-
-@dataclass(frozen=True)
-class _Spectra:
-    """What an estimator reads: blocks without the removed torque, that torque, silent lines and windows over lines."""
-
-    blocks: Blocks
-    removed: Disturbance
-    silent: Blocks
-    windows: Windows | None = None
-
-    @property
-    def removed_torque(self) -> ComplexArray:
-        """The removed torque at the lines (n_real, n_freq, n_in, n_exp)."""
-        return self.removed.torque if self.windows is None else self.removed.torque[:, self.windows.lines]
-
-    @property
-    def at_lines(self) -> Blocks:
-        """The blocks at the lines themselves."""
-        return self.blocks if self.windows is None else self.blocks.select(self.windows.lines)
-
-    def at(self, chosen: BoolArray) -> _Spectra:
-        """Returns what is read of some of the lines."""
-        if self.windows is not None:
-            return replace(self, windows=self.windows.at(chosen))
-        index = np.flatnonzero(chosen)
-        return replace(self, blocks=self.blocks.select(index), removed=self.removed.select(index))
-
-    def around(self, spectrum: ComplexArray, record: Record) -> ComplexArray:
-        """A spectrum (n_real, n_bin, n_channel, n_exp) at the lines; of an arbitrary signal its RMS in the windows."""
-        if self.windows is None:
-            return spectrum
-        if not record.is_arbitrary:
-            return spectrum[:, self.windows.lines]
-        power = (np.abs(spectrum[:, self.windows.index]) ** 2).mean(axis=2)
-        return np.asarray(np.exp(1j * np.angle(spectrum[:, self.windows.lines])) * np.sqrt(power))
-
-    def amplitude(self, record: Record) -> ComplexArray:
-        """Inputs at the lines (n_freq, n_in, n_block); of an arbitrary signal with the power of a whole resolution."""
-        inputs = self.around(self.blocks.inputs, record) * np.sqrt(max(record.segments, 1))
-        return np.concatenate(list(inputs), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -125,7 +77,7 @@ def estimate_frf(
     record.require_periods("A frequency response")
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
-    spectra = _spectra(record, options, laws, delay_s)
+    spectra = read_spectra(record, options, laws, delay_s)
     findings = check_record(record, periodic=options.estimator != "local")
     # Periods that differ in size look like jitter, too: the steadiness below tells which it is.
     if any(one.fatal and one.kind != "jitter" for one in findings):
@@ -153,7 +105,7 @@ def estimate_frf(
     return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
 
 
-def _steadiness(record: Record, spectra: _Spectra, found: _Found, options: EstimateOptions) -> Steadiness | None:
+def _steadiness(record: Record, spectra: Spectra, found: _Found, options: EstimateOptions) -> Steadiness | None:
     """How the periods differ, for estimators that average them."""
     if options.estimator in UNSTEADY:
         return None
@@ -161,7 +113,7 @@ def _steadiness(record: Record, spectra: _Spectra, found: _Found, options: Estim
     return measure_steadiness(spectra.at_lines, found.estimate.response, record, accelerations=accelerations)
 
 
-def _found(record: Record, spectra: _Spectra, options: EstimateOptions) -> tuple[_Found, BoolArray]:
+def _found(record: Record, spectra: Spectra, options: EstimateOptions) -> tuple[_Found, BoolArray]:
     """An estimate at the lines that can be solved, and which of all they are (n_freq,)."""
     if spectra.windows is not None:
         return _by_windows(spectra, spectra.windows, options)
@@ -172,7 +124,7 @@ def _found(record: Record, spectra: _Spectra, options: EstimateOptions) -> tuple
 def _frf(
     record: Record,
     lines: IntArray,
-    spectra: _Spectra,
+    spectra: Spectra,
     found: _Found,
     options: EstimateOptions,
     laws: tuple[TorqueLaw, ...] | None,
@@ -217,7 +169,7 @@ def _frf(
     )
 
 
-def _coherence(spectra: _Spectra, response: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
+def _coherence(spectra: Spectra, response: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
     """Multiple coherence (n_freq, n_out); of a local model without the transient."""
     if spectra.windows is None or covariance is None:
         return multiple_coherence(spectra.at_lines.outputs, covariance)
@@ -233,44 +185,7 @@ def _used(laws: tuple[TorqueLaw, ...] | None, options: EstimateOptions) -> str:
     return "silent_lines" if any(law.identified_std is not None for law in laws) else "nominal"
 
 
-def _spectra(record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> _Spectra:
-    """Transforms the record at the lines that the estimator reads and at the silent ones."""
-    n_freq = len(record.excited_lines)
-    lines = np.concatenate([record.excited_lines, _silent_lines(record)])
-    accelerations = to_accelerations(record, options)
-    transform = partial(record_blocks, with_reference=options.estimator in READS_REFERENCE, accelerations=accelerations)
-    blocks = transform(record, lines)
-    removed = _removed(record, lines, laws, delay_s)
-    silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
-    blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.select(np.arange(n_freq)), None
-    if options.estimator == "robust_local":
-        blocks = robust_blocks(record, record.excited_lines, options, accelerations=accelerations)
-    if options.estimator in LOCAL:
-        n_in, n_out = len(record.input_names), len(record.output_names)
-        half = half_width(options, record.inputs.shape[1] * record.inputs.shape[2], n_in, n_out, record.segments)
-        if options.estimator == "local_periodic":
-            windows = line_windows(record.excited_lines, half)
-        else:
-            source = record.as_one_period()
-            lines, windows = bin_windows(source.excited_lines, half, source.inputs.shape[4] // 2)
-            blocks = transform(source, lines)
-            removed = _removed(source, lines, laws, delay_s)
-    if not (np.isfinite(blocks.inputs).all() and np.isfinite(blocks.outputs).all()):
-        message = "the record holds NaN or infinite samples"
-        raise DataError(message, where=place_of(record), remedy="acquire the record again")
-    return _Spectra(_without(blocks, removed), removed, silent, windows)
-
-
-def _removed(record: Record, lines: IntArray, laws: tuple[TorqueLaw, ...] | None, delay_s: float) -> Disturbance:
-    """Torque of the laws along the motion at some lines, zero without laws."""
-    return no_disturbance(record, lines) if laws is None else disturbance(record_motion(record, lines, delay_s), laws)
-
-
-def _without(blocks: Blocks, removed: Disturbance) -> Blocks:
-    return replace(blocks, inputs=blocks.inputs - removed.torque)
-
-
-def _by_blocks(spectra: _Spectra, options: EstimateOptions) -> _Found:
+def _by_blocks(spectra: Spectra, options: EstimateOptions) -> _Found:
     """An estimate whose blocks each excite every input; its covariance is that of the realizations."""
     blocks = spectra.blocks
     estimate = ESTIMATORS[options.estimator](blocks)
@@ -283,7 +198,7 @@ def _by_blocks(spectra: _Spectra, options: EstimateOptions) -> _Found:
     return _Found(estimate, scale, total, freedom, spectra.removed.derivative, each, freedom_share=share)
 
 
-def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -> tuple[_Found, BoolArray]:
+def _by_windows(spectra: Spectra, windows: Windows, options: EstimateOptions) -> tuple[_Found, BoolArray]:
     """An estimate over neighbouring lines, whose covariance is that of the local fits' residuals; where it holds."""
     fit = local_fit(spectra.blocks, windows, options)
     derivative = windows.at(fit.determined).joined(spectra.removed.derivative)
@@ -292,7 +207,7 @@ def _by_windows(spectra: _Spectra, windows: Windows, options: EstimateOptions) -
     return found, fit.determined
 
 
-def _uncompensated(spectra: _Spectra, options: EstimateOptions) -> ComplexArray:
+def _uncompensated(spectra: Spectra, options: EstimateOptions) -> ComplexArray:
     """The response (n_freq, n_out, n_in) of the torque as recorded."""
     measured = replace(spectra.blocks, inputs=spectra.blocks.inputs + spectra.removed.torque)
     if spectra.windows is None:
@@ -320,11 +235,6 @@ def _rms(torque: ComplexArray) -> FloatArray:
     return np.asarray(np.sqrt(2 * (np.abs(torque) ** 2).sum(axis=1).mean(axis=(0, -1))))
 
 
-def _silent_lines(record: Record) -> IntArray:
-    """Lines of the band that are not excited; an arbitrary signal leaves none."""
-    return np.zeros(0, int) if record.is_arbitrary else silent_lines(record.excited_lines)
-
-
 def _notes(total: ComplexArray | None, record: Record, windows: Windows | None) -> tuple[str, ...]:
     """What the data cannot tell."""
     notes, excited = [], record.excited_lines
@@ -336,7 +246,7 @@ def _notes(total: ComplexArray | None, record: Record, windows: Windows | None) 
         )
     if total is None:
         notes.append("One realization: the covariance holds noise only, no distortion by nonlinearities.")
-    if not _silent_lines(record).size:
+    if not silent_of(record).size:
         notes.append(
             "Every line of the band is excited: distortion by nonlinearities cannot be told from the response."
         )

@@ -19,11 +19,12 @@ from robid.errors import DataError
 from robid.families.friction import friction_from_artifact
 from robid.frf.checks import is_finding
 from robid.frf.compensation import shows_friction
-from robid.frf.estimate import READS_REFERENCE, estimate_frf
+from robid.frf.estimate import estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
 from robid.frf.laws import LawEstimate, combine_laws, with_levels
 from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.quality import dropped_lines
+from robid.frf.reading import READS_REFERENCE
 from robid.frf.silent import identify_laws, start_laws
 from robid.robot.description import Motor
 from robid.settings.acquire import Acquire
