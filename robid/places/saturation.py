@@ -72,7 +72,7 @@ def saturate(information: FloatArray, between: FloatArray) -> FloatArray:
 
 
 def inverted(total: FloatArray) -> tuple[FloatArray, float]:
-    """Returns the inverse of information (n_param, n_param), zero along what it does not see, and its log determinant."""
+    """Returns the inverse of information (n_param, n_param) and its log-determinant; zero along what is unseen."""
     scale = np.sqrt(np.where(np.diag(total) > 0, np.diag(total), 1.0))
     values, vectors = np.linalg.eigh(total / (scale[:, None] * scale))
     kept = values > _UNSEEN * values[-1]
