@@ -15,7 +15,7 @@ _DAMPING = 0.04 * np.sqrt(_STIFFNESS)
 _NEAR, _FAR = 0.48, 0.4  # inertia before and beyond the bend
 _NOISE, _ASSUMED = 0.003, 0.02
 _STEP = 1e-5
-_DESCENT, _WEIGHED = 5, 3
+_DESCENT, _WEIGHED = 4, 2
 TRUE = np.array([0.02, 0.1])
 """Logarithms of stiffness and damping of the gear over their nominal values."""
 

@@ -62,7 +62,7 @@ def restricted_deviance(evidence: Evidence, between: FloatArray) -> tuple[float,
     shift = covariance @ slope
     value = own.log_determinant.sum() + own.square.sum() - slope @ shift + logarithm
     left = own.score - own.information @ shift
-    spread = np.einsum("cij,jk,cki->ci", own.information, covariance, own.information)
+    spread = ((own.information @ covariance) * own.information).sum(axis=2)
     expected = np.diagonal(own.information, axis1=1, axis2=2) - spread
     return float(value), np.asarray((expected - left**2).sum(axis=0))
 
@@ -135,7 +135,8 @@ def _search(
 
     begin = np.clip(np.log(start[where] / unit[where]), low, high[where])
     limits = [(low, top) for top in high[where].tolist()]
-    end = minimize(both, begin, jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": iterations})
+    options = {"maxiter": iterations, "ftol": 1e-11, "gtol": 1e-4}
+    end = minimize(both, begin, jac=True, method="L-BFGS-B", bounds=limits, options=options)
     found = start.copy()
     found[where] = unit[where] * np.exp(end.x)
     return found, bool(end.success)

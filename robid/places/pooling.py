@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
+from scipy.stats import norm, t
 
 from robid.arrays import FloatArray
 from robid.places.evidence import Evidence
@@ -36,9 +36,13 @@ class Pooled:
     dependence: FloatArray
 
     def reach(self, confidence: float) -> FloatArray:
-        """Half width (n_param,) of the intervals of a level."""
+        """Half width (n_param,) of the intervals of a level.
+
+        Errors that are assumed but not there do not make places differ, so it is never below what is assumed.
+        """
         tail = 0.5 + 0.5 * confidence
-        return np.asarray(t.ppf(tail, self.degrees_of_freedom) * np.sqrt(np.diag(self.covariance)))
+        differing = t.ppf(tail, self.degrees_of_freedom) * np.sqrt(np.diag(self.covariance))
+        return np.asarray(np.maximum(differing, norm.ppf(tail) * np.sqrt(np.diag(self.assumed))))
 
 
 def pool(evidence: Evidence, between: FloatArray) -> Pooled:
