@@ -247,15 +247,34 @@ def tell_status(
 
 @app.command("inspect")
 def inspect_file(
-    artifact: Annotated[Path, typer.Argument(metavar="ARTIFACT", help="An artifact, as in record.h5.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="An artifact, as in record.h5; or a log, or the files of one."),
+    ],
+    output: Annotated[Path | None, typer.Option("--output", help="Draw the log here, as a page.html.")] = None,
+    propose: Annotated[
+        Path | None, typer.Option("--propose", help="Write the proposed experiment file here, as a new bench.yaml.")
+    ] = None,
+    format_: Annotated[
+        Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"] | None,
+        typer.Option("--format", help="Format of the log; told from the file when not given."),
+    ] = None,
+    dialect: Annotated[
+        list[str] | None,
+        typer.Option("--dialect", help="How a table of text is written, as `header_line=3`; told when not given."),
+    ] = None,
+    sampling_period_s: Annotated[
+        float | None, typer.Option("--sampling-period", help="Sampling period of a log that has no time [s].")
+    ] = None,
     as_json: AsJson = False,
     debug: Debug = False,
 ) -> int:
-    """Describes an artifact: what it holds, in which units, and how it came about."""
+    """Says what is in an artifact; of a log also what its variables look like, and how to import it."""
     del debug
-    from robid.commands.inspect import describe_artifact
+    from robid.commands.inspect import LogInspection, describe, read_dialect
 
-    return describe_artifact(artifact, as_json=as_json)
+    options = LogInspection(format_, sampling_period_s, output, propose, read_dialect(dialect or []))
+    return describe(files, options, as_json=as_json)
 
 
 @app.command("schema")

@@ -1,12 +1,85 @@
-"""Describing an artifact."""
+"""Describing an artifact, or a log that nobody has described yet."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from robid.artifacts.store import inspect_artifact
+from robid.artifacts.store import inspect_artifact, kind_of
 from robid.commands.output import print_json
+from robid.errors import SettingsError
 from robid.stages.terminal import channel_lines, dataset_table, make_console
+
+_DIALECT = {"delimiter": "tab", "decimal": ",", "header_line": "3", "encoding": "utf-16"}
+"""What can be said of a table on the command line, with examples."""
+
+
+@dataclass(frozen=True)
+class LogInspection:
+    """What the command line says about a log.
+
+    Attributes:
+        format: Its format; None where the file tells it.
+        sampling_period_s: Its sampling period, None where the log tells it [s].
+        page: Where to draw it; None for nowhere.
+        experiment: Where to write the proposed experiment file; None for nowhere.
+        dialect: How a table of text is written, by key; what is not given is told from it.
+    """
+
+    format: str | None = None
+    sampling_period_s: float | None = None
+    page: Path | None = None
+    experiment: Path | None = None
+    dialect: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Options that were given."""
+        named = {
+            "--format": self.format,
+            "--sampling-period": self.sampling_period_s,
+            "--output": self.page,
+            "--propose": self.experiment,
+            "--dialect": self.dialect or None,
+        }
+        return tuple(name for name, value in named.items() if value is not None)
+
+
+def read_dialect(given: Sequence[str]) -> dict[str, Any]:
+    """Reads what is said of a table, as `header_line=3`.
+
+    Raises:
+        SettingsError: If it is none of what can be said.
+    """
+    found: dict[str, Any] = {}
+    for one in given:
+        key, _, value = one.partition("=")
+        if key not in _DIALECT or not value or (key == "header_line" and not value.isdigit()):
+            remedy = f"say {', '.join(f'`{name}={example}`' for name, example in _DIALECT.items())}"
+            raise SettingsError(f"`--dialect {one}` says nothing about a table.", remedy=remedy)
+        found[key] = int(value) if key == "header_line" else value
+    return found
+
+
+def describe(paths: Sequence[Path], options: LogInspection, *, as_json: bool) -> int:
+    """Describes an artifact, or a log in one or several files, told apart by their content; returns the exit code."""
+    if not is_artifact(paths[0]):
+        from robid.commands.inspect_log import describe_log
+
+        return describe_log(paths, options, as_json=as_json)
+    if len(paths) > 1 or options.given:
+        what = (
+            f"{', '.join(options.given)} belongs to logs." if options.given else "Artifacts are described one by one."
+        )
+        raise SettingsError(what, where=str(paths[0]), remedy="`robid inspect ARTIFACT` takes nothing but `--json`")
+    return describe_artifact(paths[0], as_json=as_json)
+
+
+def is_artifact(path: Path) -> bool:
+    """Whether a file is an artifact, or, where it is missing, is named like one."""
+    return bool(kind_of(path)) if path.is_file() else path.suffix == ".h5" and not path.exists()
 
 
 def describe_artifact(artifact: Path, *, as_json: bool) -> int:

@@ -32,6 +32,9 @@ STILL_SHARE = 0.25
 _WHERE = "configuration at"
 _STILL_SPEED = 0.05
 _FAR_MORE = 3
+_BINARY = 0.99
+"""Share of samples at either limit from which a signal has two values by design, as binary noise."""
+
 _NEAR = 0.01
 _MOVED = 1.5
 _SHOWN = 3
@@ -173,6 +176,8 @@ def _saturation(record: Record) -> list[Finding]:
     findings = []
     for motor in np.flatnonzero(worst.max(axis=(0, 1)) > SATURATED_SHARE):
         share = worst[..., motor]
+        if share.max() > _BINARY:
+            continue
         place = _worst_place(share)
         saturated = f"{record.input_names[motor]}: {record.input_channels[motor].title} saturates"
         what = f"{saturated} for {100 * share.max():.2g} % of the time ({place})"

@@ -10,7 +10,8 @@ from scipy.stats import f
 from robid.arrays import FloatArray
 from robid.frf.alignment import Aligned, align
 from robid.frf.frf import Frf
-from robid.frf.quality import middle
+from robid.frf.overlap import mean_correlation
+from robid.frf.quality import dropped_lines, middle
 
 LEVEL = 0.95
 
@@ -115,7 +116,8 @@ def _overlap(frf: Frf) -> float:
     """How many lines share the information of one, from the correlation of neighbours."""
     if frf.line_correlation is None:
         return 1.0
-    return float(1 + 2 * (frf.line_correlation.mean(axis=(0, 1)) ** 2).sum())
+    shared = mean_correlation(frf.line_correlation, np.logical_not(dropped_lines(frf).all(axis=2)))
+    return float(1 + 2 * (shared.mean(axis=0) ** 2).sum())
 
 
 def _freedom(aligned: Aligned, first: float, second: float) -> FloatArray:

@@ -53,9 +53,10 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
     blocks = max((frf.input_amplitude.shape[-1] for frf in frfs if frf.input_amplitude is not None), default=0)
     told: tuple[str, ...] = ()
     aligned = [_aligned(frf, first, blocks) for frf in frfs]
-    if any(not np.array_equal(frf.frequency_hz, first.frequency_hz) for frf in frfs):
+    if not all(_same_lines(frf, first) for frf in frfs):
         told = (_lines_note(frfs, names),)
         aligned = _on_all_lines(aligned, names)
+    aligned = _equally_correlated(aligned)
     whole: dict[str, Any] = {}
     for key in CONFIGURATION_WISE:
         parts = [getattr(frf, key) for frf in aligned]
@@ -72,6 +73,24 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
         noise_degrees_of_freedom=min(frf.noise_degrees_of_freedom for frf in frfs),
         notes=(*dict.fromkeys(note for frf in frfs for note in frf.notes), *told),
     )
+
+
+def _same_lines(frf: Frf, first: Frf) -> bool:
+    same = frf.frequency_hz.shape == first.frequency_hz.shape
+    return same and bool(np.allclose(frf.frequency_hz, first.frequency_hz, rtol=_SAME_FREQUENCY, atol=0))
+
+
+def _equally_correlated(frfs: Sequence[Frf]) -> list[Frf]:
+    """Responses whose correlation of lines reaches equally far, with zeros where it does not."""
+    held = [frf.line_correlation for frf in frfs]
+    reach = max((each.shape[2] for each in held if each is not None), default=0)
+    made = []
+    for frf, own in zip(frfs, held, strict=True):
+        whole = np.zeros((*frf.response.shape[:2], reach))
+        if own is not None:
+            whole[:, :, : own.shape[2]] = own
+        made.append(replace(frf, line_correlation=whole if reach else None))
+    return made
 
 
 def _none_dropped(frf: Frf) -> BoolArray:
@@ -117,14 +136,18 @@ def _common_period(frfs: Sequence[Frf], names: Sequence[str]) -> float:
     Raises:
         DataError: If it is much longer than theirs.
     """
-    periods_s = [float(frf.lines[-1] / frf.frequency_hz[-1]) for frf in frfs]
+    # Of an arbitrary signal the log's whole length is counted, of which its resolution needs a part.
+    periods_s = [float(frf.lines[-1] / np.gcd.reduce(frf.lines) / frf.frequency_hz[-1]) for frf in frfs]
     ratios = [Fraction(period_s / periods_s[0]).limit_denominator(_COMMON_PERIODS) for period_s in periods_s]
     common = Fraction(lcm(*(one.numerator for one in ratios)), gcd(*(one.denominator for one in ratios)))
     off = [abs(float(one) * periods_s[0] / period_s - 1) for one, period_s in zip(ratios, periods_s, strict=True)]
     if max(off) > _SAME_FREQUENCY or max(float(common / one) for one in ratios) > _COMMON_PERIODS:
         shown = ", ".join(f"`{name}` {period_s:.9g} s" for name, period_s in zip(names, periods_s, strict=True))
         message = f"the lines have no common grid: {shown} are the periods"
-        remedy = "give the campaigns periods (`period_s`) that are small whole multiples of one time, or fit them apart"
+        remedy = (
+            "give the campaigns periods (`period_s`, or one over `resolution_hz`) that are small whole multiples of one"
+            " time, or fit them apart"
+        )
         raise DataError(message, where=names[-1], remedy=remedy)
     return float(common) * periods_s[0]
 

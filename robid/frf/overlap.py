@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 _FEWEST = 1e-9  # share of a realization's own variance that the fit left
 
@@ -67,3 +67,19 @@ def realization_scale(
     expected = level[:, :, None] * kept[:, None, :]
     usable = (expected > 0) & (kept > _FEWEST * own)[:, None, :]
     return np.asarray(np.divide(added, expected, out=np.ones_like(added), where=usable).mean(axis=0))
+
+
+def mean_correlation(correlation: FloatArray, told: BoolArray) -> FloatArray:
+    """Mean correlation (n_conf, n_next) of a line's error with those of the next lines, where both tell something.
+
+    Args:
+        correlation (n_conf, n_freq, n_next): Of each line's error with those of the next lines.
+        told (n_conf, n_freq): Lines that tell something; nothing is correlated with the others.
+    """
+    n_conf, n_freq, n_next = correlation.shape
+    mean = np.zeros((n_conf, n_next))
+    for ahead in range(1, min(n_next, n_freq - 1) + 1):
+        both = told[:, :-ahead] & told[:, ahead:]
+        shared = (correlation[:, :-ahead, ahead - 1] * both).sum(axis=1)
+        mean[:, ahead - 1] = shared / np.maximum(both.sum(axis=1), 1)
+    return mean

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.fft import rfft
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.checks import Finding
 from robid.frf.spectra import Blocks, output_factor
 from robid.signals.record import Record
@@ -30,6 +30,9 @@ _BIAS = 0.01
 
 _GAIN = 0.5
 """Variance of the mean without its first period, over that with it, below which that period is a transient."""
+
+_DRIFT_GAIN = 0.1
+"""The same where slopes count: drift that comes and goes makes large ones by chance."""
 
 _SHOWN = 4
 """Channels of a side that are told one by one."""
@@ -86,7 +89,7 @@ def measure_steadiness(
     unit = np.sqrt(power)
     residual = (moved_out - response @ moved_in) / unit[:, None]
     factor = output_factor(record, blocks.lines, accelerations=accelerations)
-    leading, gain = _transient(residual, _without_slope(residual, factor, unit, record))
+    leading, gain = _transient(residual, _without_slope(residual, factor, unit, blocks.lines, record.inputs.shape[4]))
     steady = slice(leading, None)
     rest = residual[:, steady] - residual[:, steady].mean(axis=1, keepdims=True)
     inputs, outputs = _scatter_share(moved_in, blocks.inputs), _scatter_share(moved_out, blocks.outputs)
@@ -166,12 +169,20 @@ def _transient(residual: _Deviations, level: _Deviations) -> tuple[int, float]:
         residual (n_real, n_period, n_freq, n_channel, n_exp): Deviations of the periods from their mean.
         level (n_real, n_period, n_freq, n_channel, n_exp): The same without their slopes.
     """
+    leading, used = _leading(level, _GAIN), level
+    if not leading:  # a slow decay is a slope in its first period mostly
+        leading, used = _leading(residual, _DRIFT_GAIN), residual
+    return leading, _variance(used[:, leading:]) / max(_variance(residual), float(np.finfo(float).tiny))
+
+
+def _leading(moved: _Deviations, gain: float) -> int:
+    """Periods at the beginning of which each, left out, lowers the variance of the mean to less than a share of it."""
     # Two periods that are left would say little of their own variance.
-    tried = [_variance(level[:, first:]) for first in range(max(residual.shape[1] - 2, 1))]
+    tried = [_variance(moved[:, first:]) for first in range(max(moved.shape[1] - 2, 1))]
     leading = 0
-    while leading + 1 < len(tried) and tried[leading + 1] < _GAIN * tried[leading]:
+    while leading + 1 < len(tried) and tried[leading + 1] < gain * tried[leading]:
         leading += 1
-    return leading, tried[leading] / max(_variance(residual), float(np.finfo(float).tiny))
+    return leading
 
 
 def _variance(moved: _Deviations) -> float:
@@ -218,11 +229,10 @@ def _unfollowed(moved_in: _Deviations, response: ComplexArray, residual: _Deviat
 
 
 def _without_slope(
-    residual: _Deviations, factor: FloatArray | ComplexArray, unit: FloatArray, record: Record
+    residual: _Deviations, factor: FloatArray | ComplexArray, unit: FloatArray, lines: IntArray, n_sample: int
 ) -> _Deviations:
     """Deviations of each period without what a slope makes of it: the drift that is removed spreads over periods."""
-    n_sample = record.inputs.shape[4]
-    ramp = rfft((np.arange(n_sample) + 0.5) / n_sample)[record.excited_lines]
+    ramp = rfft((np.arange(n_sample) + 0.5) / n_sample)[lines]
     shape = (ramp[:, None] * factor)[None, None, :, :, None] / unit[:, None]
     part = (shape.conj() * residual).sum(axis=2, keepdims=True) / (np.abs(shape) ** 2).sum(axis=2, keepdims=True)
     return np.asarray(residual - part * shape)

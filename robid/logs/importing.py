@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,12 @@ from robid.logs.checks import check_mapping, check_shot, still_note
 from robid.logs.columns import check_lengths, check_motion, read_columns
 from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
-from robid.logs.match import PlayedExcitation, check_size, explain_mismatch, find_periods
-from robid.logs.period import measure_repetition
-from robid.logs.period_checks import Stated, check_period
+from robid.logs.match import PlayedExcitation
+from robid.logs.period_checks import Stated
+from robid.logs.placing import Log, match_periods, place_periods, strongest_channel
 from robid.logs.resample import resample_to_period, resample_to_time
 from robid.logs.samples import channel_values, sample_channels
-from robid.logs.timing import Clock, check_count, check_segment, check_steps, clock_problems, read_clock
-from robid.signals.log_channels import LogChannel
+from robid.logs.timing import check_segment, check_steps, clock_problems, read_clock
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
 
@@ -66,9 +65,9 @@ def import_log(
         log, told = _to_period(mapping, log, stated)
         notes += told
     if played is not None and mapping.references:
-        start, found, told = _match(mapping, log, played, stated)
+        start, found, told = match_periods(mapping, log, played, stated)
     else:
-        start, found, told = _place(mapping, log, stated)
+        start, found, told = place_periods(mapping, log, stated)
     used, columns = slice(start, start + periods * samples_per_period), log.columns
     notes += told
     found += [] if log.clock is None else check_steps(log.clock, used, samples_per_period)
@@ -159,67 +158,7 @@ def import_arbitrary(
     )
 
 
-def join_shots(records: list[Record], n_experiment: int = 1) -> Record:
-    """Joins repeated shots, realization by realization, cut to the shortest, which is noted."""
-    lengths = {record.inputs.shape[4] for record in records}
-    shortest = min(lengths)
-    cut = [
-        replace(
-            record,
-            inputs=record.inputs[..., :shortest, :],
-            outputs=record.outputs[..., :shortest, :],
-            reference=None if record.reference is None else record.reference[..., :shortest, :],
-        )
-        for record in records
-    ]
-    joined = join_experiments(cut, n_experiment)
-    told = f"The shots have {shortest} to {max(lengths)} samples; all were cut to the shortest."
-    return joined if len(lengths) == 1 else replace(joined, notes=(*joined.notes, told))
-
-
-def join_experiments(records: list[Record], n_experiment: int) -> Record:
-    """Joins records of single experiments in one configuration.
-
-    Args:
-        records: One record of each experiment, realization by realization.
-        n_experiment: Experiments in a realization.
-
-    Returns:
-        The record (1, n_real, n_exp, ...), its angles relative to the first experiment's offset.
-    """
-    first = records[0]
-    if len(records) == 1:
-        return first
-
-    def joined(parts: list[FloatArray]) -> FloatArray:
-        return np.stack(parts).reshape(1, -1, n_experiment, *parts[0].shape[3:])
-
-    offset = first.output_offset
-    return replace(
-        first,
-        inputs=joined([record.inputs for record in records]),
-        outputs=joined([record.outputs + (record.output_offset - offset) for record in records]),
-        reference=None
-        if first.reference is None
-        else joined([r.reference for r in records if r.reference is not None]),
-        notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
-    )
-
-
-@dataclass(frozen=True)
-class _Log:
-    """The columns of a log, and its own time where it has one that can be read."""
-
-    columns: dict[str, NDArray[Any]]
-    clock: Clock | None
-
-    @property
-    def n_sample(self) -> int:
-        """Samples of the shortest column."""
-        return min((len(column) for column in self.columns.values()), default=0)
-
-
-def _read(mapping: LogMapping) -> tuple[_Log, list[DataError], list[str]]:
+def _read(mapping: LogMapping) -> tuple[Log, list[DataError], list[str]]:
     """Reads a log, checks each column for itself, their lengths and the time, and resamples it to that if asked to."""
     columns, problems = read_columns(mapping)
     problems += check_lengths(mapping, columns)
@@ -232,45 +171,17 @@ def _read(mapping: LogMapping) -> tuple[_Log, list[DataError], list[str]]:
     notes: list[str] = []
     if mapping.resample == "time" and clock is not None and not problems:
         columns, clock, notes = resample_to_time(mapping, columns, clock)
-    return _Log(columns, clock), problems, notes
+    return Log(columns, clock), problems, notes
 
 
-def _strongest(
-    mapping: LogMapping, log: _Log, channels: Sequence[LogChannel], start: int
-) -> tuple[str, FloatArray] | None:
-    """The channel that moves most from a sample on: where it comes from, and its samples."""
-    usable = [channel for channel in channels if channel.column in log.columns]
-    signals = [channel.factor * log.columns[channel.column][start:].astype(float) for channel in usable]
-    finite = [(np.ptp(values), index) for index, values in enumerate(signals) if len(values) > 2]
-    finite = [(size, index) for size, index in finite if np.isfinite(size) and size > 0]
-    if not finite:
-        return None
-    strongest = max(finite)[1]
-    return mapping.place(usable[strongest].column), signals[strongest]
-
-
-def _to_period(mapping: LogMapping, log: _Log, stated: Stated) -> tuple[_Log, list[str]]:
+def _to_period(mapping: LogMapping, log: Log, stated: Stated) -> tuple[Log, list[str]]:
     """Resamples a log so that the period of its strongest reference or input has its stated number of samples."""
     measured = mapping.references or mapping.inputs
-    found = _strongest(mapping, log, measured, stated.dropped * stated.samples)
+    found = strongest_channel(mapping, log, measured, stated.dropped * stated.samples)
     if found is None:
         return log, []
     columns, notes = resample_to_period(mapping, log.columns, found[1], stated, found[0])
-    return _Log(columns, None), notes
-
-
-def _place(mapping: LogMapping, log: _Log, stated: Stated) -> tuple[int, list[DataError], list[str]]:
-    """First sample that is used where the log has no references; checks the period on the input that moves most."""
-    start = stated.dropped * stated.samples
-    problems = check_count(mapping, log.n_sample, stated.samples, stated.periods) if log.n_sample else []
-    if mapping.take == "last":
-        start = max(log.n_sample - stated.periods * stated.samples, 0)
-    strongest = _strongest(mapping, log, mapping.inputs, 0 if problems else start)
-    if strongest is None:
-        return start, problems, []
-    found, notes = check_period(*strongest, stated, log.clock)
-    # A wrong period is why a log holds too few of it.
-    return start, found or problems, notes
+    return Log(columns, None), notes
 
 
 def _found_lines(
@@ -281,61 +192,6 @@ def _found_lines(
     found = find_lines([values.reshape(periods, -1) for values in inputs.T], candidates)
     _raise(mapping.file, check_found(f"{mapping.file}: inputs", found, candidates))
     return found, found_note(found, len(candidates))
-
-
-def _match(
-    mapping: LogMapping, log: _Log, played: PlayedExcitation, stated: Stated
-) -> tuple[int, list[DataError], list[str]]:
-    """First sample that is used, where the logged references show which periods were played."""
-    names = tuple(channel.name for channel in mapping.references)
-    where = f"{mapping.file}: references"
-    found = [log.columns.get(channel.column) for channel in mapping.references]
-    kept = [column for column in found if column is not None and np.all(np.isfinite(column))]
-    if len(kept) < len(names) or len({len(column) for column in kept}) > 1:
-        return 0, [], []
-    logged = np.stack(kept, axis=-1).astype(float) * [channel.factor for channel in mapping.references]
-    n_sample = len(played.expected)
-    wanted = stated.dropped + stated.periods
-    if len(logged) < wanted * n_sample:
-        return 0, check_count(mapping, len(logged), n_sample, stated.periods), []
-    match = find_periods(logged, played.expected)
-    if match.count < wanted:
-        return 0, _unmatched(mapping, logged, played, stated, log.clock), []
-    stop = match.start + match.count * n_sample
-    steady = logged[match.start : stop, int(np.argmax(np.ptp(logged, axis=0)))]
-    problems, notes = check_period(where, steady, stated, log.clock)
-    sizes, size_notes = check_size(match.gain, names, np.sqrt(np.mean(played.expected**2, axis=0)))
-    if sizes:
-        what = f"The references differ in size from the excitation: {'; '.join(sizes)}."
-        remedy = "Correct their unit or scale, or set excitation.rms to what was played and design again."
-        problems.append(DataError(what, where=where, remedy=remedy))
-    first = match.count - stated.periods if mapping.take == "last" else stated.dropped
-    return match.start + first * n_sample, problems, [*notes, *size_notes]
-
-
-def _unmatched(
-    mapping: LogMapping, logged: FloatArray, played: PlayedExcitation, stated: Stated, clock: Clock | None
-) -> list[DataError]:
-    """Says why a log does not hold the periods that are needed."""
-    names = tuple(channel.name for channel in mapping.references)
-    where, n_sample = f"{mapping.file}: references", len(played.expected)
-    match = find_periods(logged, played.expected)
-    if match.count == 0:
-        what, remedy = explain_mismatch(logged, played, names)
-        return [DataError(what, where=where, remedy=remedy)]
-    steady = logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))]
-    # Where samples were lost on the way nothing repeats, and the count says more.
-    if measure_repetition(steady, n_sample, stated.lines).samples is not None:
-        problems, _ = check_period(where, steady, stated, clock)
-        if problems:
-            return problems
-    stop = match.start + match.count * n_sample
-    what = (
-        f"The excitation is there from sample {match.start} to {stop}, {match.count} whole periods, fewer than the"
-        f" {stated.dropped + stated.periods} that were said ({stated.dropped} dropped and {stated.periods} used)."
-    )
-    remedy = f"Look for lost samples after sample {stop}, or set periods to {match.count - stated.dropped}."
-    return [DataError(what, where=where, remedy=remedy)]
 
 
 def _played_channels(mapping: LogMapping, played: PlayedExcitation) -> tuple[Channel, ...]:

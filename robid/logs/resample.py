@@ -39,10 +39,13 @@ def resample_to_time(
         The columns, their new time, and what to say about it.
 
     Raises:
-        DataError: If the log has gaps, or its rate is too far from the stated one.
+        DataError: If the log has gaps or hardly any samples, or its rate is too far from the stated one.
     """
     stated = mapping.sampling_period_s
     _refuse_far(clock.step_s / stated, clock.where)
+    if len(clock.time_s) <= _DEGREE:
+        what = f"It has {len(clock.time_s)} samples, and resampling needs {_DEGREE + 1} at least."
+        raise DataError(what, where=clock.where, remedy="Check that it was copied completely, or record longer.")
     if len(clock.gaps):
         what = f"{len(clock.gaps)} gaps, the first after sample {clock.gaps[0]}: resampling cannot fill them."
         raise DataError(

@@ -11,7 +11,8 @@ import numpy as np
 from robid.arrays import IntArray
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.logs.columns import check_turns
-from robid.logs.importing import import_arbitrary, import_log, import_shot, join_experiments, join_shots
+from robid.logs.importing import import_arbitrary, import_log, import_shot
+from robid.logs.joining import join_experiments, join_shots
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation
 from robid.settings.acquire import Acquire

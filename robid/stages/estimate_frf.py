@@ -23,6 +23,7 @@ from robid.frf.estimate import READS_REFERENCE, estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
 from robid.frf.laws import LawEstimate, combine_laws, with_levels
 from robid.frf.options import IDENTIFYING, EstimateOptions
+from robid.frf.quality import dropped_lines
 from robid.frf.silent import identify_laws, start_laws
 from robid.robot.description import Motor
 from robid.settings.acquire import Acquire
@@ -232,5 +233,7 @@ def _phrase(briefs: Sequence[_Brief]) -> str:
 
 
 def _relative(level: FloatArray, frf: Frf) -> FloatArray:
-    own, size = (np.diagonal(each, axis1=-2, axis2=-1) for each in (level, np.abs(frf.response)))
+    """A level over the size of the motors' own responses, of those that the lines tell of."""
+    told = ~np.diagonal(np.broadcast_to(dropped_lines(frf)[:, :, None], level.shape), axis1=-2, axis2=-1)
+    own, size = (np.diagonal(each, axis1=-2, axis2=-1)[told] for each in (level, np.abs(frf.response)))
     return np.asarray(own / size)

@@ -53,8 +53,8 @@ class Copy:
 def find_copy(old: Record, new: Record) -> Copy | None:
     """Looks for stretches of a new record in an old one, whatever the scale of each channel.
 
-    Two recordings of the same motion differ by the noise of both. Where what they differ by is far below the scatter
-    between periods, or below rounding, in every channel that moves, they are one recording.
+    Two recordings of the same motion differ by the noise of both. Where what they differ by is far below what
+    successive periods differ by, or below rounding, in every channel that moves, they are one recording.
 
     Args:
         old: Record of one configuration that the fit has seen.
@@ -111,12 +111,14 @@ def _moves(stream: FloatArray) -> FloatArray:
 
 
 def _noise_share(record: Record) -> FloatArray:
-    """Share of each channel's energy (n_channel,) that differs between periods; 0 with a single one."""
+    """Share of each channel's energy (n_channel,) that differs between successive periods; 0 with a single one.
+
+    The two that differ least count: a transient of the first periods comes back in every recording, as no noise does.
+    """
     both = detrend(np.concatenate([record.inputs[0], record.outputs[0]], axis=-1), axis=3)
-    n_period = both.shape[2]
-    if n_period < 2:
+    if both.shape[2] < 2:
         return np.zeros(both.shape[-1])
-    scatter = both.var(axis=2, ddof=1).mean(axis=(0, 1, 2))
+    scatter = 0.5 * (np.diff(both, axis=2) ** 2).mean(axis=(0, 1, 3)).min(axis=0)
     return np.asarray(scatter / np.maximum((both**2).mean(axis=(0, 1, 2, 3)), np.finfo(float).tiny))
 
 

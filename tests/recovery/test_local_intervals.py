@@ -8,6 +8,7 @@ import pytest
 from exact_systems import exact_frf, two_mass_robot
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions, Weights
+from robid.frf.dropped import completed
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.signals.multisine import time_signal
@@ -73,3 +74,19 @@ def test_claimed_deviation_is_the_one_over_noise(estimator):
     np.testing.assert_allclose(ratio, 1.0, atol=0.15)
     # Five per cent of right models are blamed for correlated residuals; three binomial deviations above.
     assert np.mean(blamed) < 0.12
+
+
+def test_lines_that_were_never_excited_blame_no_right_model():
+    """Residuals of overlapping windows are correlated; that lines of another campaign are not says nothing of them."""
+    options = EstimateOptions("local_periodic", local_half_width_lines=5, compensation="none")
+    n_line, step = LINES.size, int(LINES[1] - LINES[0])
+    lines = np.concatenate([LINES, LINES[-1] + step * np.arange(1, 3 * n_line)])
+    dropped = (np.arange(lines.size) >= n_line)[:, None]
+    for seed in range(3):
+        frf = estimate_frf(make_record("local_periodic", seed), options)
+        amplitude = np.zeros((lines.size, *frf.input_amplitude.shape[2:]), complex)
+        more = completed(frf, dropped, lines, lines / PERIOD_S, amplitude, frf.line_correlation.shape[2])
+        own, joined = (fit_elastic(ROBOT, each, OPTIONS, DELAY_S).model_error for each in (frf, more))
+        np.testing.assert_allclose(joined.correlation, own.correlation, atol=1e-3)
+        np.testing.assert_allclose(joined.correlation_limit, own.correlation_limit, rtol=1e-3)
+        assert joined.share_correlated == own.share_correlated

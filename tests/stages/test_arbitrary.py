@@ -121,6 +121,13 @@ REFUSED = [
     ("high_hz: 60", "high_hz: 500", 2, "lower high_hz", ("500", "60")),
     ("        # ref", "        drop_periods: 1\n        # ref", 2, "has no periods", ("drop_periods: 1", "")),
     ("        # ref", "        one_shot: true\n        # ref", 2, "leave one of them out", ("one_shot: true", "")),
+    (
+        "        # ref",
+        "        resample: period\n        # ref",
+        2,
+        "no period to resample to",
+        ("resample: period", ""),
+    ),
     ("compensation: none", "estimator: joint", 2, "read by `local`", ("estimator: joint", "")),
     ("on: none", "on: silent_lines", 2, "use `compensation: nominal` or `none`", ("silent_lines", "none")),
 ]
@@ -191,3 +198,30 @@ def test_lines_are_found_over_all_configurations_and_weak_ones_left_out_where_th
     assert not frf.dropped[0].any()
     np.testing.assert_array_equal(np.flatnonzero(frf.dropped[1].all(axis=1)), np.searchsorted(lines, lost))
     np.testing.assert_allclose(frf.response[0], np.broadcast_to(np.eye(2), (23, 2, 2)), atol=0.05)
+
+
+def test_a_log_is_read_anew_where_its_signal_is_another_one_on_the_same_lines(shop):
+    """Lines that are found, all lines and those of an arbitrary signal may have one grid, and so one excitation."""
+    one = FOUND.replace("[[20, 30], [0, 0]]", "[[20, 30]]").replace("{configuration}{experiment}", "{experiment}")
+    (shop.folder / "noise.yaml").write_text(one.replace("none}", "none, weak_line_std: 1.0e+9}"))
+    (shop.folder / "logs").mkdir()
+    shop.experiment, shop.runs = "noise.yaml", shop.folder / "runs" / "noise"
+    generator = np.random.default_rng(3)
+    for experiment in (1, 2):
+        torque = np.tile(generator.standard_normal((1000, 2)), (4, 1))
+        columns = {name: torque + 1e-2 * generator.standard_normal(torque.shape) for name in "uq"}
+        savemat(shop.folder / "logs" / f"{experiment}.mat", columns)
+    record = shop.runs / "log" / "record.h5"
+
+    def notes(signal):
+        shop.change(signal[0], signal[1], "noise.yaml")
+        assert shop.robid("run", "noise.yaml").code == 0
+        found = record_from_artifact(read_artifact(record, RECORD))
+        return found.segments, any("found to be excited" in note for note in found.notes)
+
+    periodic = "{period_s: 1, low_hz: 2, high_hz: 60, grid: full, lines: found}"
+    every, arbitrary = periodic.replace("found", "all"), "{signal: arbitrary, low_hz: 2, high_hz: 60, resolution_hz: 1}"
+    assert notes((periodic, periodic)) == (0, True)
+    assert notes((periodic, every)) == (0, False)
+    assert notes((every, arbitrary)) == (4, False)
+    assert notes((arbitrary, periodic)) == (0, True)

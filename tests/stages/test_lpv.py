@@ -169,6 +169,12 @@ def test_a_file_that_holds_no_whole_model_is_refused_by_name(made, tmp_path):
         "without.json": (json.dumps({**content, "A": None}).encode(), "do not make a model"),
         "shapes.json": (json.dumps({**content, "B": content["B"][:1]}).encode(), "do not make a model"),
         "fewer.json": (json.dumps({key: content[key] for key in content if key != "C"}).encode(), "it has no `C`"),
+        "infinite.json": (json.dumps({**content, "scale": [None]}).encode(), "do not make a model"),
+        "timeless.json": (json.dumps({**content, "sampling_period_s": 0}).encode(), "do not make a model"),
+        "turned.json": (
+            json.dumps({**content, "lower": content["upper"], "upper": content["lower"]}).encode(),
+            "do not",
+        ),
         "cut.h5": (whole[: len(whole) // 2], "damaged|no position-dependent model"),
         "text.h5": (b"hello", "no position-dependent model"),
         "frf.h5": ((made.runs / "estimation" / "frf.h5").read_bytes(), "no position-dependent model"),

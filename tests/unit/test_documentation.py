@@ -49,6 +49,12 @@ def commands(text):
     return [line.removeprefix(".venv/bin/") for line in [*blocks, *inline] if re.match(r"(\.venv/bin/)?robid ", line)]
 
 
+def written(text):
+    """Files that a page has its reader write, and those that its commands write."""
+    code = "\n".join(block for _, block in FENCE.findall(text))
+    return {*re.findall(r"^# (\w+\.yaml)$", code, re.MULTILINE), *re.findall(r"--(?:propose|output) (\S+)", code)}
+
+
 def outputs_of(example):
     loaded = load_experiment(example)
     return {f"runs/{loaded.experiment.name}/{path}" for node in graph(loaded) for path in node.plan.outputs}
@@ -86,6 +92,7 @@ def test_tables_are_those_of_the_schema(page):
 def test_commands_parse_and_name_files_that_exist(name):
     group = typer.main.get_command(app)
     made = {path for example in EXAMPLES for path in outputs_of(example)}
+    made |= written(text_of(ROOT / name))
     for command in commands(text_of(ROOT / name)):
         _, stage, *arguments = shlex.split(command)
         assert stage in group.commands, command

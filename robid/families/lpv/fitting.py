@@ -27,6 +27,7 @@ from robid.validation.lpv.grading import assess_lpv
 from robid.validation.lpv.validating import validate_lpv
 
 _SAME = 1e-3  # rad, or m
+_STILL = 0.1  # of the range, up to which an output that schedules may move in one position
 
 
 def fit(data: Data, work: Work) -> Artifact:
@@ -54,7 +55,7 @@ def fit(data: Data, work: Work) -> Artifact:
             identifiable_relative_std=settings.identifiable_relative_std,
         )
     work.progress.advance()
-    return model_of(solution, assess_lpv(solution, list(_moving(frf, data.loaded, settings))))
+    return model_of(solution, assess_lpv(solution, list(doubts_of_scheduling(frf, data.loaded, settings))))
 
 
 @contextmanager
@@ -190,6 +191,25 @@ def _unit(frf: Frf, loaded: LoadedExperiment, name: str) -> str:
         return "rad" if frf.joint_units is None else frf.joint_units[joints.index(name)]
     channels = frf.measured_channels or frf.output_channels
     return channels[frf.output_names.index(name)].unit
+
+
+def doubts_of_scheduling(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
+    """Yields doubts about where the responses were measured."""
+    yield from _moving(frf, loaded, settings)
+    yield from _restless(frf, loaded, settings)
+
+
+def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
+    """Yields a doubt where an output moves about its mean by much of the range that the means span."""
+    if frf.mean_output is None or frf.motion_rms is None:
+        return
+    for name in (one for one in settings.scheduling if one not in _joints(frf, loaded)):
+        column = frf.output_names.index(name)
+        width = max(float(np.ptp(frf.mean_output[:, column])), np.finfo(float).tiny)
+        moved = float(np.nanmax(frf.motion_rms[:, column], initial=0.0))
+        if moved > _STILL * width:
+            told = f"{name} moved by {moved / width:.0%} (rms) of its range while it was measured, limit {_STILL:.0%}"
+            yield Doubt("unsteady", told, decisive=moved > width, strength=moved / (_STILL * width))
 
 
 def _moving(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:

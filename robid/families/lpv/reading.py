@@ -12,7 +12,7 @@ import numpy as np
 from robid.artifacts.layout import DAMAGE
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import kind_of, read_artifact
-from robid.errors import ArtifactError
+from robid.errors import ArtifactError, DataError
 from robid.families.lpv.files import solution_from_artifact
 from robid.fit.lpv.model import LpvModel
 from robid.fit.lpv.solution import BasisTable
@@ -69,11 +69,14 @@ def _whole(path: Path, content: dict[str, Any]) -> LpvModel:
     """The model of an export, whose entries may be missing or of shapes that do not agree."""
     try:
         model = _model(content)
-        model.at(model.basis.lower[None])
+        found = model.at(np.stack([model.basis.lower, model.basis.upper]))
     except KeyError as error:
         raise _refused(path, f"it has no `{error.args[0]}`") from error
-    except (TypeError, ValueError, IndexError) as error:
+    except (TypeError, ValueError, IndexError, DataError) as error:
         raise _refused(path, f"its entries do not make a model ({error})") from error
+    finite = all(np.isfinite(matrix).all() for matrix in (*found.matrices, model.parameters))
+    if not (finite and np.isfinite(model.sampling_period_s) and model.sampling_period_s > 0):
+        raise _refused(path, "its entries do not make a model (one of them is not finite, or no sampling period)")
     return model
 
 

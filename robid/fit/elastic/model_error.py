@@ -10,6 +10,7 @@ from scipy.stats import f, norm
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.uncertainty import Influence, influence, structured_covariance
+from robid.frf.overlap import mean_correlation
 
 _LEVEL = 0.95
 _BISECTIONS = 60
@@ -79,7 +80,7 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     correlation, pairs = _correlation(np.where(used, residual / np.sqrt(variance), 0.0), used)
     if frf.line_correlation is not None:
         # Windows that overlap correlate residuals without any error of the model.
-        alike = frf.line_correlation.mean(axis=1)
+        alike = mean_correlation(frf.line_correlation, used.any(axis=(2, 3)))
         correlation = correlation - alike[:, :1, None]
         pairs = pairs / (1 + 2 * (alike**2).sum(axis=1))[:, None, None]
     return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(kind.parts * np.maximum(pairs, 1)))

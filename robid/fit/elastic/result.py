@@ -67,7 +67,11 @@ def make_solution(
         ),
         internal=Internal(internal, spread.covariance, _singular_values(problem, internal)),
         costs=Costs(
-            best.cost, problem.configuration_cost(modelled, internal), expected_cost(problem, modelled), dropped
+            best.cost,
+            problem.configuration_cost(modelled, internal),
+            expected_cost(problem, modelled),
+            dropped,
+            _told(problem),
         ),
         misfit=excess,
         starts=Starts(
@@ -217,6 +221,11 @@ def distinct_minima(costs: FloatArray) -> IntArray:
     return labels
 
 
+def _told(problem: Problem) -> int:
+    """Number of elements that their lines tell of; a line that was not excited says nothing of its noise."""
+    return int(np.isfinite(problem.frf.element_variance()).sum())
+
+
 def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error: ModelError | None) -> str:
     parameters = problem.parameters
     advice = []
@@ -233,7 +242,7 @@ def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error:
     held = parameters.at_bound(best.parameters)
     if held:
         advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
-    dropped_share = dropped / problem.weight.size
+    dropped_share = dropped / _told(problem)
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:

@@ -33,12 +33,14 @@ class Costs:
         configuration (n_conf,): Cost of each configuration.
         expected (n_conf,): What the response's covariance alone would give.
         dropped: Response elements below 10 dB that the logarithm dropped.
+        told: Response elements that their lines tell of, those included.
     """
 
     total: float
     configuration: FloatArray
     expected: FloatArray
     dropped: int
+    told: int
 
 
 @dataclass(frozen=True)

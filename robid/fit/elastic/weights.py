@@ -31,9 +31,9 @@ def make_weights(
         level (n_conf, n_out, n_in): Relative model error of each element that `estimated` adds, see `assumed_error`.
 
     Returns:
-        Weights (n_conf, n_freq, n_out, n_in) and the number of dropped elements. Without a covariance the
-        model error takes the place of the noise. User weights of plain residuals are constant over lines and
-        configurations like the others: relative to the element's mean power.
+        Weights (n_conf, n_freq, n_out, n_in), and the number of elements dropped though their lines tell of them.
+        Without a covariance the model error takes the place of the noise. User weights of plain residuals are constant
+        over lines and configurations like the others: relative to the element's mean power.
 
     Source:
         Wernholt and Moberg (2008), eq. 6, 8 and sec. 6; METHODS sec. 5.
@@ -57,8 +57,9 @@ def make_weights(
         base = np.full(power.shape, 1 / (weights.model_error**2 or 1.0))
     shown = np.abs(residual.per_relative(size + 0j)) ** 2
     base = np.divide(base, shown, out=np.zeros(power.shape), where=shown > 0)
-    dropped = below & residual.drops_noise
-    keep = ~dropped & np.isfinite(variance) & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
+    told = np.isfinite(variance)
+    dropped = below & told & residual.drops_noise
+    keep = ~dropped & told & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
     return np.where(keep, base, 0.0), int(dropped.sum())
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 
 _DEVIATIONS = 2.0
+_CHANCE = 3.0  # deviations of a mean square by which noise may exceed what is expected of it
 
 
 @dataclass(frozen=True)
@@ -20,9 +21,9 @@ class Agreement:
         error_ratio: Root mean square of the error over its deviation; NaN where that is unknown.
         error_db: Median distance of the magnitudes [dB].
         relative_error: Root mean square of the error over that of the response.
-        excess: The same of what noise does not explain, however uncertain the model is, over the response at all
-            positions, or what is natural to the element by the others of its row and column where that is larger:
-            coupling that is hardly there need not be known.
+        excess: The same of what noise, and its chance, do not explain, however uncertain the model is, over the
+            response at all positions, or what is natural to the element by the others of its row and column where that
+            is larger: coupling that is hardly there need not be known.
     """
 
     share_within: FloatArray
@@ -47,17 +48,29 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise
     size = np.abs(modelled - response)
     ratio = np.divide(size, std, out=np.full(size.shape, np.nan), where=known)
     tiny = np.finfo(float).tiny
-    decibels = 20 * np.abs(np.log10(np.maximum(np.abs(modelled), tiny) / np.maximum(np.abs(response), tiny)))
+    levels = [20 * np.log10(np.maximum(np.abs(one), tiny)) for one in (modelled, response)]
+    decibels = np.abs(levels[0] - levels[1])
     power = _mean(np.abs(response) ** 2, counts)
     error = _mean(size**2, counts)
-    expected = np.nan_to_num(_mean(np.where(known, noise, 0.0) ** 2, counts))
+    expected, chance = _of_noise(np.where(known, noise, np.nan), counts)
     return Agreement(
         share_within=_mean((ratio <= _DEVIATIONS).astype(float), known),
         error_ratio=np.sqrt(_mean(ratio**2, known)),
         error_db=_median(decibels, counts),
         relative_error=np.sqrt(error / power),
-        excess=np.sqrt(np.maximum(error - expected, 0)) / _natural(power),
+        excess=np.sqrt(np.maximum(error - expected - chance, 0)) / _natural(power),
     )
+
+
+def hidden_error(response: ComplexArray, std: FloatArray) -> FloatArray:
+    """Returns the error (n_pos, n_out, n_in), as of `Agreement.excess`, that chance could hide.
+
+    Args:
+        response (n_pos, n_freq, n_out, n_in): What was measured.
+        std (n_pos, n_freq, n_out, n_in): Its deviation; NaN where it is unknown, infinite where it is left out.
+    """
+    counts = ~np.isinf(std)
+    return np.asarray(np.sqrt(_of_noise(std, counts)[1]) / _natural(_mean(np.abs(response) ** 2, counts)))
 
 
 def expected_share(degrees_of_freedom: float, deviations: float = _DEVIATIONS) -> float:
@@ -69,6 +82,13 @@ def expected_share(degrees_of_freedom: float, deviations: float = _DEVIATIONS) -
     if degrees_of_freedom <= 0:
         return float("nan")
     return float(-np.expm1(-degrees_of_freedom * np.log1p(deviations**2 / degrees_of_freedom)))
+
+
+def _of_noise(noise: FloatArray, counts: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Mean square that noise of each line alone makes, and by how much chance may exceed it."""
+    squared = np.where(counts, np.nan_to_num(noise, posinf=0.0), 0.0) ** 2
+    expected, fourth = (np.nan_to_num(_mean(power, counts)) for power in (squared, squared**2))
+    return expected, np.asarray(_CHANCE * np.sqrt(fourth / np.maximum(counts.sum(axis=1), 1)))
 
 
 def _natural(power: FloatArray) -> FloatArray:

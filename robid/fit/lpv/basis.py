@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import BSpline
 
-from robid.arrays import BoolArray, FloatArray, check_shape
+from robid.arrays import BoolArray, FloatArray, IntArray, check_shape
 from robid.errors import DataError
 from robid.fit.lpv.options import BasisOptions
 
@@ -137,6 +137,19 @@ def is_outside(points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bool
     """Tells which points (n_point, n_scheduling) lie outside a range, but for what repeated measurements differ."""
     room = _MARGIN * (upper - lower)
     return np.asarray(~np.all((points >= lower - room) & (points <= upper + room), axis=1))
+
+
+def different_positions(points: FloatArray) -> IntArray:
+    """Returns the first of each of the positions (n_pos, n_scheduling) that are more than measured again.
+
+    Positions that were logged never repeat exactly; what lies between two of one place is nothing but noise.
+    """
+    room = _MARGIN * np.ptp(points, axis=0)
+    chosen: list[int] = []
+    for index, point in enumerate(points):
+        if not np.any(np.all(np.abs(points[chosen] - point) <= room, axis=1)):
+            chosen.append(index)
+    return np.array(chosen, int)
 
 
 def make_basis(points: FloatArray, options: BasisOptions) -> Basis:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.lpv.alignment import align_neighbours, middle_position
 from robid.fit.lpv.bands import model_response, rescaled
-from robid.fit.lpv.basis import Basis
+from robid.fit.lpv.basis import Basis, different_positions
 from robid.fit.lpv.blocks import spread
 from robid.fit.lpv.local import LocalModels, fit_local_models
 from robid.fit.lpv.model import LpvModel, Stability, add_integrators, check_stability
@@ -88,7 +88,7 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
         make_problem(one, basis, options.order, scales, weighted=options.weighted, window=options.weight_window)
         for one in (reduced, held_out)
     )
-    check_positions(problem.values)
+    check_positions(problem.values[different_positions(responses.points)])
     local = fit_local_models(problem)
     aligned = align_neighbours(local.systems, responses.points)
     path = follow_path(

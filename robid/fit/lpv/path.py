@@ -116,9 +116,17 @@ def _point(
 
 
 def choose_point(points: list[PathPoint], allowance: float) -> int:
-    """Returns the index of the fewest blocks within the allowance; of those the least cost, then the least price."""
+    """Returns the index of the fewest blocks within the allowance; of those the least cost, then the least price.
+
+    A fit that has not converged is taken only where none within the allowance has.
+    """
     limit = (1 + allowance) * min(point.validation_cost for point in points)
     return min(
         (index for index, point in enumerate(points) if point.validation_cost <= limit),
-        key=lambda index: (np.count_nonzero(points[index].kept), points[index].refit_cost, index),
+        key=lambda index: (
+            points[index].status != "converged",
+            np.count_nonzero(points[index].kept),
+            points[index].refit_cost,
+            index,
+        ),
     )

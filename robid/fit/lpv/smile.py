@@ -21,7 +21,7 @@ def check_positions(values: FloatArray) -> None:
     n_pos, n_function = values.shape
     if n_pos < n_function:
         raise DataError(
-            f"{n_pos} positions cannot tell {n_function} basis functions apart (the constant one counted).",
+            f"{n_pos} different positions cannot tell {n_function} basis functions apart (the constant one counted).",
             remedy="Fit more positions, or take fewer functions (`basis`).",
         )
     if np.linalg.matrix_rank(values / np.linalg.norm(values, axis=0)) < n_function:

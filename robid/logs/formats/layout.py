@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -59,9 +60,11 @@ class Layout:
 
 
 def split(line: str, separator: str) -> list[str]:
-    """Splits a line into its cells, without quotes."""
+    """Splits a line into its cells, without quotes, within which separators are text."""
     line = line.strip("\r\n")
     parts = line.split() if separator == " " else line.split(separator)
+    if '"' in line and separator != " " and len(line) < csv.field_size_limit():
+        parts = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     return [part.strip().strip('"').strip() for part in parts]
 
 
@@ -98,7 +101,8 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     before = [] if stated == 0 else cells[:first]
     if before and not stated and len(before[-1][1]) == 1 < width:
         before = []  # a line of text above the numbers, no names
-    names, units, header = _names(before, width, lines, dialect, separator, cells[first][0])
+    fewest = width - (kinds[-1] == "")
+    names, units, header = _names(before, (fewest, width), lines, dialect, separator, cells[first][0])
     if kinds[-1] == "" and len(names) == width - 1:
         kinds = kinds[:-1]
     if len(names) != len(kinds):
@@ -117,7 +121,7 @@ def _tell_separator(lines: Sequence[str], decimal: str | None) -> str:
     best, found = 0.0, " "
     for separator in _DELIMITERS:
         cells = [split(line, separator) for line in lines]
-        comma = separator != "," and decimal != "."
+        comma = decimal == "," if decimal else separator != ","
         rows = [c for c in cells if len(c) > 1 and any(_is_number(cell, comma) for cell in c)]
         if not rows:
             continue
@@ -157,15 +161,16 @@ def _fits(cells: Sequence[str], kinds: Sequence[str], comma: bool) -> bool:
 
 def _names(
     before: list[tuple[int, list[str]]],
-    width: int,
+    widths: tuple[int, int],
     lines: Sequence[str],
     dialect: Dialect,
     separator: str,
     first: int,
 ) -> tuple[list[str], list[str], int]:
     """Names and units of the columns by the lines before the first row, and the line that they stand in."""
+    width = widths[1]
     if not before:
-        commented = None if dialect.header_line == 0 else _commented(lines[:first], width, dialect, separator)
+        commented = None if dialect.header_line == 0 else _commented(lines[:first], widths, dialect, separator)
         names = commented or [str(i) for i in range(1, width + 1)]
         return names, _units(names), first
     if dialect.header_line:
@@ -187,14 +192,15 @@ def _names(
     return [name or str(i) for i, name in enumerate(names, start=1)], units, line
 
 
-def _commented(lines: Sequence[str], width: int, dialect: Dialect, separator: str) -> list[str] | None:
-    """Names in the last comment before the first row, as numpy and gnuplot write them."""
+def _commented(lines: Sequence[str], widths: tuple[int, int], dialect: Dialect, separator: str) -> list[str] | None:
+    """Names in the last comment before the first row, as numpy and gnuplot write them; the last one may be empty."""
     comments = [line for line in lines if line.startswith(tuple(dialect.comments))]
     if not comments:
         return None
     mark = next(mark for mark in dialect.comments if comments[-1].startswith(mark))
     names = split(comments[-1].removeprefix(mark).strip(), separator)
-    return names if len(names) == width and all(names) else None
+    names = names[:-1] if names and not names[-1] else names
+    return names if widths[0] <= len(names) <= widths[1] and all(names) else None
 
 
 def _units(names: Sequence[str]) -> list[str]:

@@ -41,8 +41,9 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
             yield (*inside, "drop_periods"), "one shot has no periods"
     if acquire.resample == "time" and acquire.time is None:
         yield (*inside, "resample"), "there is no `time` to resample to"
-    if acquire.resample == "period" and acquire.one_shot:
-        yield (*inside, "resample"), "one shot has no period to resample to"
+    if acquire.resample == "period" and (acquire.one_shot or campaign.is_arbitrary):
+        kind = "one shot" if acquire.one_shot else "an arbitrary signal"
+        yield (*inside, "resample"), f"{kind} has no period to resample to: leave it out, or resample to `time`"
     every: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
         ("inputs", acquire.inputs),
         ("outputs", acquire.outputs),

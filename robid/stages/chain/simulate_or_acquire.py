@@ -31,6 +31,9 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     inputs = {} if campaign.is_one_shot else {"excitation": f"{owner}/excitation.h5"}
     if campaign.source is not None and campaign.source.acquire is not None:
         settings |= {f"{section}.{key}": getattr(campaign, key) for key in ("realizations", "experiments")}
+        # The excitation's file holds the lines, and not whether they are candidates, or those of any signal.
+        settings |= {f"{section}.excitation.lines": "found"} if campaign.finds_lines else {}
+        settings |= {f"{section}.excitation.signal": "arbitrary"} if campaign.is_arbitrary else {}
         return Plan((record,), settings, inputs, log_files(loaded, campaign, campaign.source.acquire))
     settings[f"{section}.payload_kg"] = campaign.payload_kg
     settings[f"{section}.outputs"] = loaded.plain["campaigns"][owner]["outputs"]

@@ -45,7 +45,7 @@ def _unusable(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, 
     found = [doubt.message for doubt in doubts if doubt.decisive]
     if solution.estimate.status != "converged":
         found.append("the fit has not converged")
-    share = solution.costs.dropped / solution.responses.modelled.size
+    share = solution.costs.dropped / solution.costs.told
     if share > _DROPPED_LIMIT:
         found.append(f"{share:.0%} of the response lies below 10 dB")
     springs = np.array([kind == "stiffness" for kind in solution.estimate.kinds])

@@ -16,6 +16,9 @@ UNUSABLE = 0.3
 DOUBTFUL = 0.1
 """The same from which on it is to be doubted."""
 
+MISFIT = 2.0
+"""Errors on a fit's own data over their deviation, of the median element, from which single poles are to be doubted."""
+
 
 def assess_lpv(solution: LpvSolution, told: Sequence[Doubt] = ()) -> Grade:
     """Gathers the doubts about a fit and grades it by itself: it predicts at best.
@@ -24,7 +27,9 @@ def assess_lpv(solution: LpvSolution, told: Sequence[Doubt] = ()) -> Grade:
         solution: What the fit found.
         told: Further doubts about its data.
     """
-    doubts = ordered([*_unstable(solution), *told, *error_doubts(solution.own, solution.ports, "the fit's own data")])
+    own = error_doubts(solution.own, solution.ports, "the fit's own data")
+    choosing = error_doubts(solution.choosing, solution.ports, "what chooses the structure")
+    doubts = ordered([*_unstable(solution), *_unexplained(solution.own), *told, *own, *choosing])
     return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
 
 
@@ -52,6 +57,18 @@ def worst_place(held: Held, ports: Ports) -> str:
     """Names the element and position with the largest error beyond noise."""
     position, output, port = np.unravel_index(int(np.nanargmax(held.agreement.excess)), held.agreement.excess.shape)
     return f"{ports.outputs[output]} by {ports.inputs[port]} at {ports.place(held.points[position])}"
+
+
+def _unexplained(held: Held) -> Iterator[Doubt]:
+    """Yields a doubt where errors are not of the size that the covariance says, however small they are."""
+    ratio = held.agreement.error_ratio
+    typical = float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else 0.0
+    if typical > MISFIT:
+        told = (
+            f"the fit is off by {typical:.3g} deviations of its own data (limit {MISFIT:g}): it may predict as well as"
+            " is said, but its poles may be off by more than their intervals"
+        )
+        yield Doubt("model", told, decisive=False, strength=typical / MISFIT)
 
 
 def _unstable(solution: LpvSolution) -> Iterator[Doubt]:

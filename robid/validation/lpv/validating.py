@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray
 from robid.errors import DataError
-from robid.fit.lpv.agreement import expected_share
+from robid.fit.lpv.agreement import expected_share, hidden_error
 from robid.fit.lpv.fitting import hold
 from robid.fit.lpv.responses import LocalResponses
 from robid.fit.lpv.solution import Held, LpvSolution, Ports
@@ -72,7 +72,7 @@ def validate_lpv(
         else ()
     )
     found = [doubt for doubt in error_doubts(held, ports, "new data") if not doubt.decisive]
-    every = [*doubts, *found, *_seen(new)]
+    every = [*doubts, *found, *_seen(new), *_hidden(held)]
     return LpvValidation(
         outcome=Outcome(
             ok=not failures,
@@ -89,6 +89,13 @@ def _seen(new: BoolArray) -> Iterator[Doubt]:
     if not new.any():
         told = "every position of the validation is one of the fit: nothing was tested in between"
         yield Doubt("same_motion", told, decisive=False, strength=2.0)
+
+
+def _hidden(held: Held) -> Iterator[Doubt]:
+    worst = float(np.nanmax(hidden_error(held.response, held.std), initial=0.0))
+    if worst > UNUSABLE:
+        told = f"noise of the new data could hide an error of {worst:.0%}, limit {UNUSABLE:.0%}"
+        yield Doubt("excitation", told, decisive=False, strength=worst / UNUSABLE)
 
 
 def _refuse_other(own: Ports, found: Ports) -> None:

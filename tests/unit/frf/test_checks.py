@@ -120,6 +120,10 @@ def test_saturated_torque_is_named(good):
     assert "realization 3, experiment 2" in found.what
 
 
+def test_a_signal_of_two_values_is_not_saturated(good):
+    assert check_record(replace(good, inputs=np.sign(good.inputs))) == []
+
+
 @pytest.mark.parametrize("levels", [40, 400])
 def test_coarse_torque_is_not_saturated(good, levels):
     step = np.ptp(good.inputs) / levels

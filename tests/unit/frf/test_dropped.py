@@ -78,8 +78,9 @@ def test_a_notch_of_one_motor_costs_its_responses_there_and_no_others(estimator)
     assert not estimate_frf(record(), options).dropped.any()
 
 
-def test_lines_without_any_power_are_left_out_of_an_exact_record():
-    frf = estimate_frf(record(NOTCH, size=0.0, noise=0.0, realizations=1, periods=1), PLAIN)
+@pytest.mark.parametrize("periods", [1, 3])
+def test_lines_without_any_power_are_left_out_of_an_exact_record(periods):
+    frf = estimate_frf(record(NOTCH, size=0.0, noise=0.0, realizations=1, periods=periods), PLAIN)
     assert frf.dropped.sum() == 2 * len(NOTCH)  # neither motor's response can be solved there
     kept = ~frf.dropped[0].any(axis=1)
     np.testing.assert_allclose(frf.response[0][kept], exact(frf.frequency_hz)[kept], rtol=1e-8)

@@ -75,6 +75,32 @@ def test_lines_that_were_dropped_before_stay_dropped():
     assert same.dropped.sum() == 1
 
 
+def test_arbitrary_signals_of_one_resolution_have_the_same_lines_however_long_their_logs_are():
+    resolution_hz, own = 1 / (333 * 0.003), np.arange(5, 60)
+    frfs = [on_grid(own * segments, segments / resolution_hz) for segments in (30, 31, 47)]
+    assert not np.array_equal(frfs[0].frequency_hz, frfs[1].frequency_hz)  # they differ by rounding
+    joined = join(frfs, ["a", "b", "c"])
+    assert joined.dropped is None
+    np.testing.assert_allclose(joined.frequency_hz, own * resolution_hz, rtol=1e-12)
+    coarse = on_grid(np.arange(4, 20) * 37, 37 / (0.5 * resolution_hz))
+    both = join([frfs[0], coarse], ["a", "b"])
+    assert len(both.frequency_hz) == len(np.union1d(2 * own, np.arange(4, 20)))
+
+
+@pytest.mark.parametrize("other", [np.arange(4, 40), np.arange(4, 40, 3)])
+def test_lines_that_share_windows_stay_correlated_beside_others_that_do_not(other):
+    first, second = on_grid(np.arange(4, 40), 2.0), on_grid(other, 2.0)
+    first = replace(first, line_correlation=np.full((2, 36, 3), 0.4))
+    second = replace(second, line_correlation=np.full((2, len(other), 2), 0.3))
+    for beside in (second, replace(second, line_correlation=None)):
+        found = join([first, beside], ["a", "b"]).line_correlation
+        np.testing.assert_array_equal(found[:2, :30, :3], 0.4)
+        step = other[1] - other[0]
+        assert (found[2, 0, step - 1] == 0.3) == (beside is second)
+        turned = join([beside, first], ["b", "a"]).line_correlation
+        np.testing.assert_array_equal(found, turned[[2, 3, 0, 1]])
+
+
 def test_lines_without_a_common_grid_are_refused():
     with pytest.raises(DataError, match=r"no common grid: `a` 2 s, `b` 2\.0371 s") as caught:
         join([on_grid(np.arange(4, 40), 2.0), on_grid(np.arange(4, 40), 2.0371)], ["a", "b"])
@@ -84,6 +110,8 @@ def test_lines_without_a_common_grid_are_refused():
 def test_a_fit_takes_of_each_campaign_the_lines_that_it_has():
     from robid.fit.elastic.fitting import fit_elastic
     from robid.fit.elastic.options import ElasticOptions
+    from robid.fit.elastic.weights import make_weights
+    from robid.frf.residual import LOGARITHM
 
     nominal = with_spring_factors(two_joint_robot(), 1.3)
     low, high = on_grid(np.arange(4, 60), 2.0), on_grid(np.arange(40, 400, 5), 3.0, CONFIGURATIONS + 0.2)
@@ -91,10 +119,13 @@ def test_a_fit_takes_of_each_campaign_the_lines_that_it_has():
     spoiled = joined.response.copy()
     spoiled[np.isinf(joined.element_variance())] *= -5.0  # what was never measured must not matter
     options = ElasticOptions(free=("stiffness", "damping"), starts=1)
+    below = [make_weights(each, options.weights, LOGARITHM)[1] for each in (joined, low, high)]
+    assert below[0] == below[1] + below[2]  # what was never measured does not lie below 10 dB
     fits = [fit_elastic(nominal, replace(joined, response=each), options, 0.0) for each in (joined.response, spoiled)]
     for fit in fits:
         true = {spring.name: spring.stiffness for spring in two_joint_robot().springs}
         found = dict(zip(fit.estimate.names, fit.estimate.value, strict=True))
         for name, value in true.items():
             assert found[f"{name}.stiffness"] == pytest.approx(value, rel=1e-3)
+        assert fit.costs.told == low.response.size + high.response.size
     np.testing.assert_allclose(fits[0].estimate.value, fits[1].estimate.value, rtol=1e-6)

@@ -106,3 +106,35 @@ def test_a_transient_in_the_first_period_is_named_with_what_dropping_it_gains():
     ]
     assert told == pytest.approx(variances[0] / variances[1], rel=0.4)
     assert "transient" not in notes_of(leading=0.0)
+
+
+def decaying(size: float, periods: int = 4) -> Record:
+    """A record whose outputs return slowly, over more than one period, as where a motor turns freely."""
+    record = record_of(periods=periods)
+    decay = size * record.outputs.std() * np.exp(-np.arange(periods * N) / (0.4 * N))
+    return replace(record, outputs=record.outputs + decay.reshape(1, 1, 1, periods, N, 1))
+
+
+def test_a_slow_decay_is_a_transient_too():
+    def transient(record: Record) -> bool:
+        return any("first period is a transient" in one for one in estimate_frf(record, OPTIONS).notes)
+
+    def error(record: Record) -> float:
+        response = estimate_frf(record, OPTIONS).response[0, :, 0, 0]
+        return float(np.median(np.abs(response * (1 + 1j * LINES / 20) - 1)))
+
+    whole = decaying(1.0)
+    part = {name: getattr(whole, name)[:, :, :, 1:] for name in ("inputs", "outputs")}
+    assert transient(whole)
+    assert error(replace(whole, **part)) < 0.5 * error(whole)
+    assert not transient(decaying(0.0))
+
+
+def test_a_drift_that_comes_and_goes_is_no_transient():
+    told = 0
+    for seed in range(40):
+        record = record_of(periods=4, output_noise=1e-3)
+        walk = np.cumsum(np.random.default_rng(seed).normal(size=4 * N)).reshape(1, 1, 1, 4, N, 1)
+        found = estimate_frf(replace(record, outputs=record.outputs + 0.02 * walk), OPTIONS).notes
+        told += any("transient" in one for one in found)
+    assert told <= 3

@@ -7,7 +7,8 @@ import pytest
 from scipy.io import savemat
 
 from robid.errors import DataError
-from robid.logs.importing import import_log, join_experiments
+from robid.logs.importing import import_log
+from robid.logs.joining import join_experiments
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation, correlation, find_periods
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
@@ -150,6 +151,21 @@ def test_another_size_is_measured(tmp_path, factor, words):
     assert "lift" in message
     assert words in message
     assert "turn" not in message
+
+
+def test_another_size_is_measured_where_periods_lack_too(tmp_path):
+    log = log_of(designed()[1, 0], periods=2, lead=490, after=490)
+    log["r"] = log["r"] * [1, 180 / np.pi]
+    message = refused(tmp_path, log)
+    assert "2 whole periods, fewer than the 3" in message
+    assert "or set periods to 1." in message
+    assert "lift 57.3 times, as deg for rad" in message
+
+
+def test_a_log_with_no_more_periods_than_are_dropped_is_recorded_longer(tmp_path):
+    message = refused(tmp_path, log_of(designed()[1, 0], periods=1, lead=490, after=490))
+    assert "1 whole periods, fewer than the 3" in message
+    assert "or record longer." in message
 
 
 def test_a_size_that_is_nearly_right_is_noted(tmp_path):

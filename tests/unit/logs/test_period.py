@@ -72,6 +72,13 @@ def test_the_deviation_of_a_period_is_that_of_repeated_measurements():
     assert 0.6 < errors.std() / told < 1.6
 
 
+@pytest.mark.parametrize("lines", [np.arange(2, 6), np.array([3, 5, 7]), np.arange(2, 12)])
+def test_few_lines_and_periods_repeat_all_the_same(lines):
+    phases = np.random.default_rng(0).uniform(0, 2 * np.pi, len(lines))
+    wave = np.tile(np.cos(2 * np.pi * np.outer(np.arange(500), lines) / 500 + phases).sum(axis=1), 4)
+    assert measure_repetition(wave, 500, lines).agrees(500, lines)
+
+
 @pytest.mark.parametrize("kind", ["white", "smooth", "walk"])
 def test_what_never_repeats_has_no_period(kind):
     generator = np.random.default_rng(4)

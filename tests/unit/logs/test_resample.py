@@ -118,6 +118,7 @@ def test_angles_are_unwrapped_before_they_are_resampled(tmp_path):
     [
         (1.3 * STEP * np.arange(PERIODS * PERIOD), "resampling bridges 5% at most"),
         (1.01 * STEP * (np.arange(3000) + 40 * (np.arange(3000) > 1700)), "resampling cannot fill"),
+        (1.001 * STEP * np.arange(5), "5 samples, and resampling needs 8"),
     ],
 )
 def test_what_resampling_cannot_mend_is_refused(tmp_path, time_s, words):

@@ -78,3 +78,15 @@ def test_a_missing_module_names_what_installs_it():
         require_module("no_such_module", "some", "Counting")
     assert caught.value.what == "Counting needs the package no_such_module, which is not installed"
     assert caught.value.remedy == "install it with `pip install 'robid[some]'`"
+
+
+def test_the_phrase_of_an_estimate_is_about_the_lines_that_tell():
+    from robid.stages.estimate_frf import _brief, _phrase
+
+    frf = bench_report().fit.frf
+    most = np.arange(len(frf.lines))[None, :, None] % 3 > 0
+    for dropped in (None, most):
+        told = _phrase([_brief(replace(frf, dropped=dropped))])
+        assert "standard deviation" in told
+        assert "inf" not in told
+        assert "nan" not in told

@@ -58,6 +58,13 @@ def test_a_repeated_measurement_is_no_copy(noise, one_shot):
     assert find_copy(record_of(1, noise, one_shot=one_shot), record_of(2, noise, one_shot=one_shot)) is None
 
 
+def test_a_transient_that_comes_back_makes_no_copy():
+    settling = 0.3 * np.exp(-np.arange(N * P) / N)[:, None]
+    first, second = (samples_of(record_of(seed, 1e-3)) * (1 + settling) for seed in (1, 2))
+    assert find_copy(cut(first), cut(second)) is None
+    assert find_copy(cut(first), cut(2 * first)) is not None
+
+
 CHANGES = {
     "the same": lambda x: x,
     "scaled and turned": lambda x: x * [2.0, -0.3, 57.3],

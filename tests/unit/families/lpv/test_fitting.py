@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.families.lpv.fitting import responses_of
+from robid.families.lpv.fitting import doubts_of_scheduling, responses_of
 
 LOADED = SimpleNamespace(robot=SimpleNamespace(joints=[SimpleNamespace(name="turn"), SimpleNamespace(name="lift")]))
 
@@ -56,3 +56,14 @@ def test_what_is_missing_is_left_out_and_an_unknown_variance_is_none():
     silent = frf()
     silent.element_variance = lambda: np.zeros(silent.response.shape)
     assert responses_of(silent, LOADED, settings()).variance is None
+
+
+@pytest.mark.parametrize(("moved", "found"), [(0.1, []), (0.5, [False]), (3.0, [True])])
+def test_an_output_that_schedules_must_stand_still_beside_its_range(moved, found):
+    own = frf()
+    own.motion_rms = np.array([[9.0, 0.01], [9.0, moved], [9.0, 0.02]])
+    own.configurations = np.zeros((3, 2))
+    doubts = list(doubts_of_scheduling(own, LOADED, settings(scheduling=("tool",))))
+    assert [doubt.decisive for doubt in doubts] == found
+    assert all(f"tool moved by {moved / 2:.0%} (rms) of its range" in doubt.message for doubt in doubts)
+    assert not list(doubts_of_scheduling(own, LOADED, settings(scheduling=("lift",))))

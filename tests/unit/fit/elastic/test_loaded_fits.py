@@ -176,10 +176,3 @@ def test_a_response_without_its_torque_is_refused_for_cubic_gears():
     with pytest.raises(DataError, match="torques of its experiments") as caught:
         fit_elastic(two_joint_robot(), frf, ElasticOptions(free=CUBIC), DELAY_S)
     assert "estimate the response again" in caught.value.remedy
-
-
-def test_responses_of_other_lines_are_not_joined():
-    first = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ)
-    second = exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ[1:])
-    with pytest.raises(DataError, match="`low` cannot be joined to `high`: excited lines"):
-        join([first, second], ("high", "low"))

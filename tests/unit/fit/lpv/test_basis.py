@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.fit.lpv.basis import make_basis, polynomial_basis, spline_basis
+from robid.fit.lpv.basis import different_positions, make_basis, polynomial_basis, spline_basis
 from robid.fit.lpv.options import BasisOptions
 from tolerances import IDENTITY
 
@@ -67,3 +67,8 @@ def test_options_make_each_kind_of_basis():
 def test_options_count_the_functions_that_they_make(options, n_scheduling):
     points = np.random.default_rng(1).uniform(size=(5, n_scheduling))
     assert options.count(n_scheduling) == make_basis(points, options).n_function + 1
+
+
+def test_positions_that_differ_by_noise_are_one():
+    points = np.array([[0.0, 5.0], [0.5, 5.0], [0.5 + 1e-5, 5.0 - 1e-5], [0.5, 6.0], [1.0, 6.0]])
+    np.testing.assert_array_equal(different_positions(points), [0, 1, 3, 4])

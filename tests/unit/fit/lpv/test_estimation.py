@@ -83,8 +83,16 @@ def test_intervals_hold_the_true_response(found):
 
 def test_too_few_positions_are_refused_before_the_fit():
     fitted, held_out = _drawn(1)
-    with pytest.raises(DataError, match="5 positions cannot tell 6 basis functions"):
+    with pytest.raises(DataError, match="5 different positions cannot tell 6 basis functions"):
         estimate_lpv(fitted, held_out, polynomial_basis(POSITIONS, 5), SHORT)
+
+
+def test_a_position_that_was_measured_twice_counts_once():
+    points = POSITIONS.copy()
+    points[2] = points[1] + 1e-5
+    options = LpvOptions(order=3)
+    with pytest.raises(DataError, match="4 different positions cannot tell 5 basis functions"):
+        estimate_lpv(local_responses(points), local_responses(LEFT_OUT), polynomial_basis(points, 4), options)
 
 
 def test_validation_outside_the_range_is_refused():

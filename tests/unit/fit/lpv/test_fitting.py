@@ -7,7 +7,7 @@ import pytest
 
 from lpv_systems import LEFT_OUT, POSITIONS, local_responses, true_systems
 from robid.errors import DataError
-from robid.fit.lpv.agreement import agree, expected_share
+from robid.fit.lpv.agreement import agree, expected_share, hidden_error
 from robid.fit.lpv.basis import polynomial_basis, spline_basis
 from robid.fit.lpv.fitting import fit_lpv
 from robid.fit.lpv.options import BasisOptions, LpvOptions, PathOptions
@@ -115,13 +115,26 @@ def test_agreement_tells_what_deviations_do_not_explain():
     response = np.ones((1, 50, 1, 1), complex)
     noise = np.full(response.shape, 0.06)
     found = agree(response, 1.1 * response, noise, noise)
-    assert found.excess.item() == pytest.approx(0.08)
+    explained = 0.06**2 * (1 + 3 / np.sqrt(50))
+    assert found.excess.item() == pytest.approx(np.sqrt(0.1**2 - explained))
+    assert hidden_error(response, noise).item() == pytest.approx(0.06 * np.sqrt(3 / np.sqrt(50)))
     assert found.relative_error.item() == pytest.approx(0.1)
     assert found.share_within.item() == 1
     assert found.error_db.item() == pytest.approx(20 * np.log10(1.1))
     unsure = agree(response, 1.1 * response, 3 * noise, noise)
-    assert unsure.excess.item() == pytest.approx(0.08)  # a model that knows nothing is no better for it
+    assert unsure.excess.item() == pytest.approx(found.excess.item())  # a model that knows nothing is no better for it
     assert unsure.error_ratio.item() == pytest.approx(found.error_ratio.item() / 3)
+
+
+@pytest.mark.parametrize("level", [0.3, 1.0, 3.0])
+def test_a_right_model_is_within_noise_however_much_of_it_there_is(level):
+    generator = np.random.default_rng(1)
+    shape = (100, 99, 2, 1)
+    std = level * np.sqrt(generator.chisquare(12, shape) / 12)
+    noise = level * (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)) / np.sqrt(2)
+    response = np.ones(shape, complex)
+    found = agree(response + noise, response, std, std)
+    assert np.mean(found.excess > 0) < 0.02
 
 
 def test_coupling_that_is_hardly_there_need_not_be_known():

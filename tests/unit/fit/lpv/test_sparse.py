@@ -1,5 +1,7 @@
 """Which blocks vanish, and what is left of the model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -134,6 +136,14 @@ def test_the_choice_is_the_sparsest_within_the_allowance_then_the_best_fit():
     assert choose_point(points, 0.05) == 2
     assert choose_point(points, 0.07) == 3
     assert choose_point(points, 0.0) == 0
+
+
+def test_a_fit_that_has_not_converged_is_chosen_only_where_no_other_is_as_good():
+    points = [_point(16, 90, 100.0), _point(2, 99, 101.0)]
+    points[1] = replace(points[1], status="iteration_limit")
+    assert choose_point(points, 0.05) == 0
+    points[0] = replace(points[0], validation_cost=110.0)
+    assert choose_point(points, 0.05) == 1
 
 
 def test_a_step_that_the_solver_does_not_find_is_tried_shorter(monkeypatch):

@@ -37,6 +37,8 @@ def load(path, text, names=None, encoding="utf-8", **dialect):
         "t;speed [rad/s]\n0;0,001;\n1;-2;\n",
         "Recorder 7.1\nDate;2020-01-01;x\n\nt;speed [rad/s]\n0;0,001\n1;-2\n",
         "# made by hand\n# t, speed [rad/s]\n0, 0.001\n1, -2\n",
+        "# t;speed [rad/s];\n0;0,001;\n1;-2;\n",
+        "# t;speed [rad/s]\n0;0,001;\n1;-2;\n",
         "t,speed [rad/s]\n% in the middle\n0,0.001\n% in the middle\n1,-2\n",
     ],
 )
@@ -46,6 +48,14 @@ def test_dialects_are_told(tmp_path, text):
     assert variables.units == {"speed [rad/s]": "rad/s"}
     np.testing.assert_array_equal(find_variable(variables, "speed [rad/s]"), COLUMN)
     np.testing.assert_array_equal(find_variable(variables, "t"), [0, 1])
+
+
+def test_separators_within_quotes_are_text(tmp_path):
+    variables = load(tmp_path, '"t, s","speed, motor"\n0,0.001\n1,-2\n')
+    np.testing.assert_array_equal(find_variable(variables, "speed, motor"), COLUMN)
+    quoted = load(tmp_path, 't,speed\n"0,0","0,001"\n"1,0","-2,0"\n', decimal=",")
+    np.testing.assert_array_equal(find_variable(quoted, "speed"), COLUMN)
+    assert find_variable(quoted, "t").tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "utf-8", "cp1252"])

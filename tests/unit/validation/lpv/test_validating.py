@@ -51,6 +51,38 @@ def test_limits_are_absolute(solution, factor, grade):
     np.testing.assert_allclose(together, 1 - 1 / factor, atol=0.02)
 
 
+@pytest.mark.parametrize(("excess", "grade"), [(0.05, 2), (0.2, 1), (0.6, 0)])
+def test_what_only_chooses_the_structure_must_be_met_too(solution, excess, grade):
+    agreement = solution.choosing.agreement
+    far = replace(agreement, excess=np.full_like(agreement.excess, excess))
+    off = replace(solution, choosing=replace(solution.choosing, agreement=far))
+    alone = assess_lpv(off)
+    assert validate_lpv(off, PORTS, new_responses(), 3.0, alone.doubts).outcome.grade.value == grade
+    assert ("on what chooses the structure" in alone.sentence) == (grade < 2)
+
+
+@pytest.mark.parametrize(("ratio", "grade"), [(1.5, 2), (5.0, 1)])
+def test_errors_beyond_their_deviations_put_single_poles_in_doubt(solution, ratio, grade):
+    agreement = solution.own.agreement
+    far = replace(agreement, error_ratio=np.full_like(agreement.error_ratio, ratio))
+    alone = assess_lpv(replace(solution, own=replace(solution.own, agreement=far)))
+    assert validate_lpv(solution, PORTS, new_responses(), 3.0, alone.doubts).outcome.grade.value == grade
+    assert ("poles may be off" in alone.sentence) == (grade < 2)
+
+
+@pytest.mark.parametrize(("level", "grade"), [(0.3, 2), (3.0, 1)])
+def test_noise_that_would_hide_an_error_is_no_proof(solution, level, grade):
+    exact = new_responses()
+    size = level * np.sqrt(np.mean(np.abs(exact.response) ** 2, axis=1, keepdims=True)) + 0 * exact.variance
+    generator = np.random.default_rng(9)
+    noise = size * (generator.standard_normal(size.shape) + 1j * generator.standard_normal(size.shape)) / np.sqrt(2)
+    noisy = replace(exact, response=exact.response + noise, variance=size**2)
+    found = validate_lpv(solution, PORTS, noisy, 3.0)
+    assert found.outcome.ok
+    assert found.outcome.grade.value == grade
+    assert ("could hide an error" in found.outcome.grade.sentence) == (grade < 2)
+
+
 def test_the_same_positions_again_are_no_test(solution):
     found = validate_lpv(solution, PORTS, new_responses(points=POSITIONS), 3.0)
     assert not found.new.any()

@@ -1,0 +1,290 @@
+"""Which signals of a log to import, with names, units and signs; and what the user has to check about them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from robid.logs.inspection.names import DRIVING, MOVING, Role
+from robid.logs.inspection.relations import response_at
+from robid.logs.inspection.roles import Comparison, Signal, derivatives
+from robid.signals.quantities import UNITS
+
+_SENSED = 0.3
+"""Mean cosine from which a sign is told from the data."""
+
+_COUNT = 0.25
+"""Resolution from which an angle without a unit is in counts."""
+
+_NEARLY = 0.05
+"""Distance of a range from a turn in degrees, relative."""
+
+_SLOW = 0.1
+"""Share of the sampling rate up to which delays leave the signs as they are."""
+
+_PLACEHOLDER_COUNTS = 4096
+_GRAVITY = 9.80665
+
+_UNIT: dict[Role, str] = {
+    **{"torque": "N m", "current": "A", "force": "N", "voltage": "N m", "angle": "rad", "position": "rad"},
+    **{"speed": "rad/s", "acceleration": "rad/s^2"},
+}
+_PREFERRED: tuple[Role, ...] = ("torque", "current", "force", "voltage", "position", "angle", "speed", "acceleration")
+_SIDES = {"motor": 0, "": 1, "arm": 2, "tool": 3}
+_BY = {"file": "by the name of the log", "short": "by a single letter of its name"}
+
+Settings: TypeAlias = dict[str, str | float | int | bool]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A channel of the proposed mapping.
+
+    Attributes:
+        signal: The signal.
+        name: Name of the channel.
+        settings: What else is said of it, by key.
+        checks: What the user has to check.
+    """
+
+    signal: Signal
+    name: str
+    settings: Settings
+    checks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The signals of a mapping.
+
+    Attributes:
+        inputs: What drives, a signal for each joint.
+        outputs: What was measured.
+        references: What was commanded besides.
+    """
+
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    references: tuple[Signal, ...]
+
+    @property
+    def by_torque(self) -> bool:
+        """Whether motors are driven, rather than a controller commanded."""
+        return bool(self.inputs) and self.inputs[0].role in DRIVING
+
+    @property
+    def is_single(self) -> bool:
+        """Whether a single joint is driven."""
+        return len(self.inputs) < 2
+
+
+def choose(signals: Sequence[Signal]) -> Chosen:
+    """Chooses the signals of a mapping: measured torques or currents, else commands, and what moves."""
+    moving = [one for one in signals if not (one.twin or one.quality.is_dead or one.quality.is_still)]
+    usable = [one for one in moving if one.role in (*DRIVING, *MOVING)]
+    drives = [one for one in usable if one.role in DRIVING]
+    commands = [one for one in usable if one.role in MOVING and one.commanded]
+    motions = [one for one in usable if one.role in MOVING and not one.commanded]
+    inputs = _one_kind(drives) or _one_kind(commands)
+    outputs: list[Signal] = []
+    for joint in dict.fromkeys(one.hint.joint for one in motions):
+        own = [one for one in motions if one.hint.joint == joint]
+        angles = [one for one in own if one.role in ("angle", "position")]
+        outputs += angles or [one for one in own if one.role == "speed"] or own
+    if len(inputs) == 1 and any(one.hint.joint == inputs[0].hint.joint for one in outputs):
+        outputs = [one for one in outputs if one.hint.joint in ("", inputs[0].hint.joint)]
+    references = [one for one in usable if one.commanded and one not in inputs]
+    return Chosen(tuple(inputs), tuple(outputs), tuple(references))
+
+
+def _one_kind(signals: list[Signal]) -> list[Signal]:
+    """One signal for each joint, all of the kind that most joints have; measured ones before commanded ones."""
+    best: list[Signal] = []
+    ordered = sorted(signals, key=lambda one: (not one.is_sure, one.commanded, _PREFERRED.index(one.role)))
+    for role, commanded in dict.fromkeys((one.role, one.commanded) for one in ordered):
+        own: dict[str, Signal] = {}
+        for one in sorted(signals, key=lambda one: _SIDES[one.hint.side]):
+            if (one.role, one.commanded) == (role, commanded):
+                own.setdefault(one.hint.joint, one)
+        if len(own) > len(best):
+            best = [one for one in signals if own.get(one.hint.joint) is one]
+    return best
+
+
+def propose_inputs(chosen: Chosen, comparison: Comparison, band: tuple[float, float]) -> tuple[Entry, ...]:
+    """Proposes the channels that drive.
+
+    Args:
+        chosen: The signals.
+        comparison: Where they are compared.
+        band: Lowest and highest excited frequency [Hz].
+    """
+    found = [_input(one, joint_name(one.hint.joint, single=chosen.is_single)) for one in chosen.inputs]
+    if chosen.by_torque or len(found) != 1:
+        return tuple(found)
+    return (_with_command_sign(found[0], chosen.outputs, comparison, band),)
+
+
+def propose_outputs(chosen: Chosen, comparison: Comparison, band: tuple[float, float]) -> tuple[Entry, ...]:
+    """Proposes the channels that were measured: those of each axis by the side, the others as they are.
+
+    Args:
+        chosen: The signals.
+        comparison: Where they are compared.
+        band: Lowest and highest excited frequency [Hz].
+    """
+    if not chosen.by_torque:
+        names = _distinct([_short(one.column.name) for one in chosen.outputs])
+        pairs = zip(chosen.outputs, names, strict=True)
+        return tuple(_with(_plain_entry(one, name), side="tool") for one, name in pairs)
+    if chosen.is_single:
+        name = joint_name(chosen.inputs[0].hint.joint, single=True)
+        return tuple(_of_axis(name, chosen.inputs[0], chosen.outputs, comparison, band))
+    drives = {one.hint.joint: one for one in chosen.inputs}
+    entries: list[Entry] = []
+    for joint in dict.fromkeys(one.hint.joint for one in chosen.outputs):
+        own = tuple(one for one in chosen.outputs if one.hint.joint == joint)
+        name = joint_name(joint, single=False)
+        entries += _of_axis(name, drives[joint], own, comparison, band) if joint in drives else _unmatched(name, own)
+    return tuple(entries)
+
+
+def propose_references(chosen: Chosen) -> tuple[Entry, ...]:
+    """Proposes the commands beside what drives."""
+    return tuple(_plain_entry(one, joint_name(one.hint.joint, single=chosen.is_single)) for one in chosen.references)
+
+
+def joint_name(joint: str, *, single: bool) -> str:
+    """Returns a name for a channel by what tells its joint from others."""
+    if joint and not joint.isdigit():
+        return re.sub(r"[^A-Za-z0-9_-]", "_", joint)
+    return "drive" if single else f"joint_{joint}"
+
+
+def _input(signal: Signal, name: str) -> Entry:
+    entry = _plain_entry(signal, name)
+    settings, checks = dict(entry.settings), list(entry.checks)
+    if signal.role == "current":
+        settings |= {"torque_constant_nm_a": 1, "normalised": True}
+        checks.append("results are ratios to K_t; where it is known, state `torque_constant_nm_a`, not `normalised`")
+    if signal.role in DRIVING and not signal.commanded:
+        settings["hold"] = "band_limited"
+        checks.append("hold: `zoh` if it is the controller's command rather than measured")
+    return Entry(signal, name, settings, tuple(checks))
+
+
+def _plain_entry(signal: Signal, name: str) -> Entry:
+    """A channel with its unit."""
+    settings, checks = _unit_of(signal)
+    if not signal.is_sure:
+        reason = "; ".join(signal.reasons) or _BY.get(signal.by, "")
+        article = "an" if signal.role[0] in "aeiou" else "a"
+        checks.insert(0, f"taken for {article} {signal.role}: {reason}")
+    if signal.quality.missing:
+        checks.append(f"{signal.quality.missing} values are missing: the import refuses it until they are cut out")
+    return Entry(signal, name, settings, tuple(checks))
+
+
+def _unit_of(signal: Signal) -> tuple[Settings, list[str]]:
+    unit, quality = signal.hint.unit, signal.quality
+    if unit in UNITS:
+        return {"unit": unit}, []
+    coarse = quality.resolution is not None and quality.resolution >= _COUNT
+    if signal.role in ("angle", "position") and (unit == "counts" or coarse):
+        told = "" if unit == "counts" else "unit not stated, its steps look like counts; "
+        check = f"{told}counts_per_turn is a placeholder (`resolution_m` for a slide)"
+        return {"unit": "counts", "counts_per_turn": _PLACEHOLDER_COUNTS}, [check]
+    if signal.role in ("angle", "position") and quality.turns and not unit:
+        turned = abs((quality.highest - quality.lowest) / 360 - 1) < _NEARLY
+        told = "unit not stated; it jumps by a turn, which is taken out"
+        return {"unit": "deg" if turned else "rad", "unwrap": True}, [told]
+    if signal.role == "acceleration" and signal.column.unit == "g":
+        return {"unit": "m/s^2", "scale": _GRAVITY}, []
+    usual = _UNIT[signal.role]
+    if signal.role == "voltage" or unit == "V":
+        return {"unit": usual}, [f"the log has volts: put {usual} per volt into `scale`"]
+    stated = signal.column.unit or unit
+    told = f"unit `{stated}` not known" if stated else "unit not stated"
+    return {"unit": usual}, [f"{told}, {usual} assumed"]
+
+
+def _of_axis(
+    name: str, drive: Signal, own: tuple[Signal, ...], comparison: Comparison, band: tuple[float, float]
+) -> list[Entry]:
+    """Outputs of an axis: the motor's, its sign by its acceleration, then those behind it, their signs by the motor."""
+    low, high = 2 * np.pi * band[0], 2 * np.pi * min(band[1], max(_SLOW / comparison.step_s, 2 * band[0]))
+    middle = float(np.sqrt(low * high))
+    torque = comparison.spectrum(drive)
+
+    def rank(one: Signal) -> tuple[int, float]:
+        _, size = response_at(torque, torque, comparison.spectrum(one), derivatives(one.role), (middle, high))
+        return _SIDES[one.hint.side], -size
+
+    entries: list[Entry] = []
+    turned = 1
+    for place, one in enumerate(sorted(own, key=rank)):
+        motion, channel = comparison.spectrum(one), [name, f"{name}.arm", f"{name}.{_short(one.column.name)}"]
+        entry = _plain_entry(one, channel[min(place, 2)])
+        if not place:
+            sense, _ = response_at(torque, torque, motion, derivatives(one.role), (middle, high))
+            entries.append(_signed(entry, sense, f"its acceleration at high frequencies against `{drive.name}`"))
+            turned = -1 if entries[0].settings.get("sign") == -1 else 1
+            continue
+        motor = entries[0].signal
+        order = derivatives(one.role) - derivatives(motor.role)
+        sense, _ = response_at(torque, comparison.spectrum(motor), motion, order, (low, middle))
+        if not one.hint.side:
+            side = f"taken for the load's side: at high frequencies it moves less than `{motor.name}`"
+            entry = replace(entry, checks=(*entry.checks, side))
+        entries.append(_signed(entry, turned * sense, f"how it goes with `{motor.name}` at low frequencies"))
+    return entries
+
+
+def _signed(entry: Entry, sense: float, by: str) -> Entry:
+    """A channel with its sign, where the data tell it."""
+    if abs(sense) < _SENSED:
+        return replace(entry, checks=(*entry.checks, "the data do not tell its sign"))
+    told = replace(entry, checks=(*entry.checks, f"sign by {by} (mean cosine {sense:+.2f})"))
+    return _with(told, sign=-1) if sense < 0 else told
+
+
+def _with_command_sign(
+    entry: Entry, outputs: tuple[Signal, ...], comparison: Comparison, band: tuple[float, float]
+) -> Entry:
+    """A command with its sign against what follows it best."""
+    best, follower = 0.0, ""
+    command = comparison.spectrum(entry.signal)
+    for one in outputs:
+        order = derivatives(one.role) - derivatives(entry.signal.role)
+        middle = float(np.sqrt(band[0] * band[1]))
+        sense, _ = response_at(
+            command, command, comparison.spectrum(one), order, (2 * np.pi * band[0], 2 * np.pi * middle)
+        )
+        if abs(sense) > abs(best):
+            best, follower = sense, one.name
+    return _signed(entry, best, f"how `{follower}` follows it at low frequencies")
+
+
+def _unmatched(name: str, own: tuple[Signal, ...]) -> list[Entry]:
+    """Outputs of a joint whose drive was not found."""
+    ordered = sorted(own, key=lambda one: _SIDES[one.hint.side])
+    names = [name, f"{name}.arm", *(f"{name}.{_short(one.column.name)}" for one in ordered[2:])]
+    return [_plain_entry(one, name) for one, name in zip(ordered, names, strict=False)]
+
+
+def _with(entry: Entry, **settings: str | int) -> Entry:
+    return replace(entry, settings={**entry.settings, **settings})
+
+
+def _short(name: str) -> str:
+    """A name for a channel from its variable's."""
+    last = re.sub(r"\.(Data|data|Value)$", "", name).rpartition("/")[2]
+    return re.sub(r"[^A-Za-z0-9]+", "_", last).strip("_")[:60] or "signal"
+
+
+def _distinct(names: list[str]) -> list[str]:
+    return [name if names.count(name) == 1 else f"{name}_{index + 1}" for index, name in enumerate(names)]

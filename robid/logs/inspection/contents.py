@@ -1,0 +1,213 @@
+"""Reads a log whose variables nobody has named: all of a small one, a part of a large one."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.logs.formats.known import open_bytes, tell_format
+from robid.logs.formats.load import load_variables
+from robid.logs.formats.variables import Variables
+from robid.signals.log_dialect import Dialect
+
+_TABLE_BYTES = 1 << 27
+"""Bytes of a table of text that are looked at."""
+
+_VALUES = 1 << 26
+"""Values of a large log that are looked at; whole variables, in their order."""
+
+_WHOLE_BYTES = 1 << 27
+"""Bytes of a binary log up to which all of it is read at once."""
+
+_FEWEST = 8
+"""Samples from which a variable is a signal."""
+
+_COLUMNS = 64
+"""Columns of a matrix that are looked at."""
+
+_TEXT = "It holds text, not numbers."
+_STREAMS = ("mcap", "rosbag")
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A signal of a log.
+
+    Attributes:
+        name: Its name, as a mapping writes it.
+        values (n_sample,): Its samples.
+        unit: Unit that the log states; empty where it states none.
+        title: What else the log calls it.
+        group: What it shares its samples with, as the topic of its messages.
+        file: The log that it is of; None for the first of several.
+        source: Name of its log without what follows the dot.
+    """
+
+    name: str
+    values: FloatArray
+    unit: str = ""
+    title: str = ""
+    group: str = ""
+    file: Path | None = None
+    source: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its name among the signals of several logs."""
+        return self.name if self.file is None else f"{self.name} of {self.file.name}"
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What was read of a log.
+
+    Attributes:
+        file: The log.
+        format: Its format.
+        columns: Its signals.
+        scalars: Its single numbers.
+        texts: Names of its texts.
+        unreadable: What else cannot be read, with the reason.
+        notes: What was not looked at, and damage.
+    """
+
+    file: Path
+    format: str
+    columns: tuple[Column, ...]
+    scalars: Mapping[str, float]
+    texts: tuple[str, ...]
+    unreadable: Mapping[str, str]
+    notes: tuple[str, ...]
+
+
+def read_contents(file: Path, format_: str | None = None, dialect: Dialect | None = None) -> Contents:
+    """Reads the signals of a log.
+
+    Args:
+        file: The log.
+        format_: Its format; told from the file where it is None.
+        dialect: How a table of text is written; told from it where it is None.
+
+    Raises:
+        DataError: If it cannot be read, or holds no numbers.
+    """
+    dialect = dialect or Dialect()
+    variables, notes = _read(file, format_, dialect)
+    columns, scalars, odd = _sort_out(variables)
+    told = format_ or tell_format(file)
+    if told in _STREAMS:
+        columns = list(_labelled(columns))
+    damage = variables.found.damage
+    if not columns and damage is not None:
+        raise DataError(damage.what, where=str(file), remedy=damage.remedy)
+    if not columns:
+        remedy = "Check that it is the right file; state `--format` where it is told wrongly."
+        raise DataError("The log holds no signals.", where=str(file), remedy=remedy)
+    unreadable = {name: one.what for name, one in variables.unreadable.items() if name not in variables.texts}
+    texts = [name for name, one in variables.unreadable.items() if name in variables.texts or one.what == _TEXT]
+    unreadable = {name: what for name, what in unreadable.items() if what != _TEXT}
+    notes += [] if damage is None else [f"{damage.what} {damage.remedy}"]
+    columns = [replace(one, source=file.name.partition(".")[0]) for one in columns]
+    return Contents(file, told, tuple(columns), scalars, tuple(texts), {**unreadable, **odd}, tuple(notes))
+
+
+def join_contents(read: Sequence[Contents]) -> Contents:
+    """Joins what was read of several logs of one recording."""
+    first, *others = read
+    columns, texts = [*first.columns], [*first.texts]
+    unreadable, notes = dict(first.unreadable), list(first.notes)
+    for one in others:
+        columns += [replace(column, file=one.file) for column in one.columns]
+        texts += [f"{name} of {one.file.name}" for name in one.texts]
+        unreadable |= {f"{name} of {one.file.name}": reason for name, reason in one.unreadable.items()}
+        notes += [f"{one.file.name}: {note}" for note in one.notes]
+    scalars = {name: value for one in reversed(read) for name, value in one.scalars.items()}
+    return Contents(first.file, first.format, tuple(columns), scalars, tuple(texts), unreadable, tuple(notes))
+
+
+def _read(file: Path, format_: str | None, dialect: Dialect) -> tuple[Variables, list[str]]:
+    """Reads all of a log, or what of it there is room for."""
+    if not file.exists() or file.is_dir():
+        return load_variables(file, format_, None, dialect), []
+    size, told = file.stat().st_size, format_ or tell_format(file)
+    if told == "csv":
+        return _read_table(file, dialect)
+    if size <= _WHOLE_BYTES:
+        return load_variables(file, format_, None, dialect), []
+    listed = load_variables(file, format_, (), dialect)
+    chosen: list[str] = []
+    room = _VALUES
+    for name, count in listed.sizes.items():
+        if count <= room:
+            chosen.append(name)
+            room -= count
+    left = len(listed.sizes) - len(chosen)
+    notes = [f"Only {len(chosen)} of {len(listed.sizes)} variables were looked at; the log is large."] if left else []
+    return load_variables(file, format_, chosen, dialect), notes
+
+
+def _read_table(file: Path, dialect: Dialect) -> tuple[Variables, list[str]]:
+    """Reads a table of text, the beginning of a large one."""
+    if file.stat().st_size <= _TABLE_BYTES // 8:  # packed ones become larger
+        return load_variables(file, "csv", None, dialect), []
+    with open_bytes(file) as stream:
+        start = stream.read(_TABLE_BYTES)
+        more = bool(stream.read(1))
+    if not more:
+        return load_variables(file, "csv", None, dialect), []
+    with tempfile.TemporaryDirectory() as folder:
+        part = Path(folder) / file.name.removesuffix(".gz")
+        part.write_bytes(start[: start.rfind(b"\n") + 1])
+        found = load_variables(part, "csv", None, dialect)
+    return replace(found, file=file), [f"Only the first {len(start) >> 20} MB of the table were looked at."]
+
+
+def _sort_out(variables: Variables) -> tuple[list[Column], dict[str, float], dict[str, str]]:
+    """Signals, single numbers, and what is neither."""
+    columns: list[Column] = []
+    scalars: dict[str, float] = {}
+    odd: dict[str, str] = {}
+    for name, array in variables.items():
+        if array.dtype.kind not in "fiub":
+            odd[name] = f"It holds {array.dtype} values, not real numbers."
+        elif array.size == 1:
+            scalars[name] = float(array.ravel()[0])
+        elif array.size == max(array.shape, default=0):
+            if array.size >= _FEWEST:
+                columns.append(_column(variables, name, array.ravel()))
+        elif array.ndim == 2 and array.shape[0] >= _FEWEST and array.shape[1] <= _COLUMNS:
+            names = (f"{name}(:,{index + 1})" for index in range(array.shape[1]))
+            columns += [_column(variables, one, part, name) for one, part in zip(names, array.T, strict=True)]
+        else:
+            odd[name] = f"It has shape {array.shape}: a mapping takes single columns, or columns of a matrix."
+    return columns, scalars, odd
+
+
+def _column(variables: Variables, name: str, values: NDArray[Any], matrix: str = "") -> Column:
+    parent, _, last = name.rpartition(".")
+    title = variables.texts.get(f"{parent}.Name", "") if last in ("Data", "Signal", "Value") else ""
+    unit = variables.units.get(matrix or name, "")
+    return Column(name, np.asarray(values, float), unit, title)
+
+
+def _labelled(columns: list[Column]) -> Iterator[Column]:
+    """Signals of messages, each once: by its label where it has one, `effort[elbow]` in place of `effort[0]`."""
+    labelled = {one.name.partition("[")[0] for one in columns if _label(one.name) and not _label(one.name).isdigit()}
+    for one in columns:
+        stem, label = one.name.partition("[")[0], _label(one.name)
+        if label.isdigit() and stem in labelled:
+            continue
+        yield replace(one, group=one.name.partition(".")[0])
+
+
+def _label(name: str) -> str:
+    """What stands in the brackets at the end of a name."""
+    return name.rpartition("[")[2].rstrip("]") if name.endswith("]") else ""

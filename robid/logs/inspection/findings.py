@@ -1,0 +1,213 @@
+"""All that is found in a log, and the mapping that is proposed for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.logs.inspection.channels import Chosen, choose, propose_inputs, propose_outputs, propose_references
+from robid.logs.inspection.contents import Column, Contents, join_contents, read_contents
+from robid.logs.inspection.names import DRIVING, MOVING, read_names
+from robid.logs.inspection.proposal import Proposal, is_broad, propose_band, propose_lines
+from robid.logs.inspection.quality import judge
+from robid.logs.inspection.repetition import (
+    Shared,
+    carrying_lines,
+    cut_periods,
+    energy_band,
+    is_unsettled,
+    measure_period,
+    share_period,
+    shorten,
+)
+from robid.logs.inspection.roles import Comparison, Signal, find_roles
+from robid.logs.inspection.sampling import Sampling, find_sampling
+from robid.logs.period import Repetition
+from robid.signals.log_dialect import Dialect
+
+_MEASURED = 24
+"""Signals whose period is measured at most."""
+
+_JITTER = 0.05
+"""Deviation of time steps from which samples are resampled to the log's time."""
+
+_UNKNOWN_STEP_S = 1e-3
+
+_REST = 0.25
+"""Share of a period beyond whole ones from which the periods are counted from the end."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What is in a log.
+
+    Attributes:
+        contents: What was read.
+        sampling: Its time.
+        signals: The signals that share their samples with the mapping's, and what each is.
+        others: Signals of other lengths or topics.
+        periods: How signals repeat, by name.
+        shared: The period that the inputs have, None where nothing repeats.
+        lines: Lines of it that carry energy.
+        proposal: The mapping that is proposed.
+        n_sample: Samples of the signals.
+    """
+
+    contents: Contents
+    sampling: Sampling
+    signals: tuple[Signal, ...]
+    others: tuple[Column, ...]
+    periods: Mapping[str, Repetition]
+    shared: Shared | None
+    lines: IntArray
+    proposal: Proposal
+    n_sample: int
+
+    @property
+    def step_s(self) -> float:
+        """The sampling period, a guess where nothing tells it [s]."""
+        return self.sampling.step_s or _UNKNOWN_STEP_S
+
+    @property
+    def duration_s(self) -> float:
+        """How long the log lasts, gaps included [s]."""
+        return (self.n_sample + self.sampling.missing) * self.step_s
+
+
+def inspect_log(
+    files: Sequence[Path],
+    format_: str | None = None,
+    dialect: Dialect | None = None,
+    sampling_period_s: float | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Findings:
+    """Finds what is in a log.
+
+    Args:
+        files: The log; several where a recording has several.
+        format_: Its format; told from the file where it is None.
+        dialect: How a table of text is written; told from it where it is None.
+        sampling_period_s: Its sampling period, where that is known [s].
+        tell: Is told what is done.
+
+    Raises:
+        DataError: If it cannot be read, or holds no signals.
+    """
+    tell("reading")
+    contents = join_contents([read_contents(file, format_, dialect) for file in files])
+    group = _main_group(contents.columns)
+    others = tuple(one for one in contents.columns if one not in group)
+    sampling = find_sampling(group, contents.scalars, sampling_period_s)
+    columns = [one for one in group if one.name != sampling.variable and one.key not in sampling.others]
+    tell("comparing signals")
+    comparison = Comparison(sampling.step_s or _UNKNOWN_STEP_S)
+    signals = find_roles(columns, [judge(one.values) for one in columns], comparison)
+    chosen = choose(signals)
+    tell("measuring periods")
+    found = Findings(
+        contents,
+        sampling,
+        tuple(signals),
+        others,
+        {},
+        None,
+        np.zeros(0, int),
+        Proposal((), (), (), None),
+        len(group[0].values),
+    )
+    found = _with_periods(found, chosen)
+    return replace(found, proposal=_propose(found, chosen, comparison))
+
+
+def _main_group(columns: Sequence[Column]) -> list[Column]:
+    """The signals of one length and topic that are most likely the recording."""
+    groups: dict[tuple[int, str], list[Column]] = {}
+    for one in columns:
+        groups.setdefault((len(one.values), one.group), []).append(one)
+
+    def worth(members: list[Column]) -> tuple[int, int]:
+        roles = [hint.role for hint in read_names(members)]
+        driven = any(role in DRIVING for role in roles) + any(role in MOVING for role in roles)
+        return driven, len(members) * len(members[0].values)
+
+    return max(groups.values(), key=worth)
+
+
+def _with_periods(found: Findings, chosen: Chosen) -> Findings:
+    """Measures periods, and the lines that carry energy."""
+    commands = [one for one in chosen.references if one.role in (*MOVING, *DRIVING)]
+    leading = [one.name for one in (*commands, *chosen.inputs)]
+    looked = list(dict.fromkeys([*leading, *(one.name for one in chosen.outputs)]))
+    looked += [one.name for one in found.signals if one.name not in looked and _is_of_interest(one)]
+    by_name = {one.name: one for one in found.signals}
+    periods = {name: measure_period(_filled(by_name[name].column.values)) for name in looked[:_MEASURED]}
+    shared = share_period(periods, [name for name in leading if name in periods], found.n_sample)
+    if shared is None or shared.held < 2 or not chosen.inputs:
+        return replace(found, periods=periods)
+    blocks = {
+        one.name: cut_periods(_filled(one.column.values), shared.whole, last=from_end(shared))
+        for one in (*chosen.inputs, *chosen.outputs)
+    }
+    transient = tuple(name for name, block in blocks.items() if is_unsettled(block))
+    lines = carrying_lines([blocks[one.name] for one in chosen.inputs])
+    if len(lines) == 0:
+        return replace(found, periods=periods)
+    shared, lines = shorten(replace(shared, transient=transient), lines)
+    return replace(found, periods=periods, shared=shared, lines=lines)
+
+
+def _is_of_interest(signal: Signal) -> bool:
+    return not (signal.twin or signal.quality.is_still or signal.quality.missing or signal.role == "other")
+
+
+def from_end(shared: Shared) -> bool:
+    """Returns whether the log begins within a period, so that periods are counted from its end."""
+    return shared.held - int(shared.held) > _REST
+
+
+def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposal:
+    """Proposes the mapping with what was played."""
+    band = _band(found, chosen)
+    made = Proposal(
+        propose_inputs(chosen, comparison, band),
+        propose_outputs(chosen, comparison, band),
+        propose_references(chosen),
+        None,
+        resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "",
+    )
+    if found.shared is None or not len(found.lines):
+        if len(chosen.inputs) == 1 and is_broad(band, found.step_s, found.duration_s):
+            return replace(made, excitation=propose_band(band, found.duration_s))
+        return replace(made, one_shot=True)
+    shared = found.shared
+    count = int(shared.held + 1e-3)
+    drop = 1 if shared.transient and not from_end(shared) and count > 2 else 0
+    repetition = Repetition(shared.samples, shared.std_samples, reachable=True)
+    drifts = repetition.drifts(count - drop, shared.whole, found.lines)
+    return replace(
+        made,
+        excitation=propose_lines(shared, found.lines, found.step_s),
+        periods=count - drop,
+        drop_periods=drop,
+        take_last=from_end(shared),
+        resample="period" if drifts and not made.resample else made.resample,
+    )
+
+
+def _band(found: Findings, chosen: Chosen) -> tuple[float, float]:
+    """Lowest and highest frequency that carries energy of the inputs [Hz]."""
+    if found.shared is not None and len(found.lines):
+        period_s = found.shared.whole * found.step_s
+        return float(found.lines[0] / period_s), float(found.lines[-1] / period_s)
+    bands = [energy_band(_filled(one.column.values), found.step_s) for one in chosen.inputs]
+    nyquist = 0.4 / found.step_s
+    low = min((one[0] for one in bands), default=1 / found.duration_s)
+    return low, min(max((one[1] for one in bands), default=nyquist), nyquist)
+
+
+def _filled(values: FloatArray) -> FloatArray:
+    return np.asarray(np.where(np.isfinite(values), values, np.nanmean(values)))

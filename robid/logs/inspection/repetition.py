@@ -1,0 +1,132 @@
+"""How the signals of a log repeat: the period of each, the one that they share, and the lines that carry energy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.fft import rfft
+from scipy.signal import decimate, detrend
+
+from robid.arrays import FloatArray, IntArray
+from robid.logs.lines import find_lines
+from robid.logs.period import Repetition, line_power, measure_repetition
+
+_LOOKED = 1 << 17
+"""Samples up to which a period is measured on all of them; of longer signals on every second, fourth, ..."""
+
+_SAME = 0.01
+"""Relative distance of periods that are one."""
+
+_ENERGY = 0.95
+_ALL = 0.9999
+"""Share of the energy of the inputs up to the highest line."""
+
+_UNSETTLED = 3.0
+"""Distance of the first period from the mean of the others, in those that they have, from which it is a transient."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """The period that signals share.
+
+    Attributes:
+        samples: Its length, a fraction included.
+        std_samples: Standard deviation of it.
+        held: Periods that the log holds, a fraction included.
+        names: Signals that repeat with it.
+        transient: Signals whose first period differs from the others.
+    """
+
+    samples: float
+    std_samples: float
+    held: float
+    names: tuple[str, ...]
+    transient: tuple[str, ...] = ()
+
+    @property
+    def whole(self) -> int:
+        """Its length in whole samples."""
+        return round(self.samples)
+
+
+def measure_period(values: FloatArray) -> Repetition:
+    """Measures the shortest period of a signal (n_sample,) of which nothing is known."""
+    factor = 1
+    while len(values) > _LOOKED * factor:
+        factor *= 2
+    short = values if factor == 1 else np.asarray(decimate(values, factor, ftype="fir"))
+    half = len(short) // 2
+    found = measure_repetition(short, half, np.array([1, max(half // 2 - 1, 2)]))
+    if found.samples is None or factor == 1:
+        return found
+    return Repetition(found.samples * factor, max(found.std_samples, 0.01) * factor, found.reachable)
+
+
+def share_period(periods: Mapping[str, Repetition], leading: Sequence[str], n_sample: int) -> Shared | None:
+    """Returns the period that the leading signals have: the one of most of them, or none.
+
+    Args:
+        periods: How each signal repeats.
+        leading: Signals that say what was played, the best first.
+        n_sample: Samples of the log.
+    """
+    known = [(name, periods[name]) for name in leading if periods[name].samples is not None]
+    if not known:
+        return None
+    _, first = known[0]
+    length = float(first.samples or 0)
+    alike = tuple(
+        name
+        for name, one in periods.items()
+        if one.samples is not None and abs(one.samples * max(round(length / one.samples), 1) / length - 1) < _SAME
+    )
+    return Shared(length, first.std_samples, n_sample / length, alike)
+
+
+def cut_periods(values: FloatArray, samples: int, *, last: bool) -> FloatArray:
+    """Returns the whole periods (n_period, n_sample) of a signal, counted from its end or its beginning."""
+    count = len(values) // samples
+    used = values[len(values) - count * samples :] if last else values[: count * samples]
+    return used.reshape(count, samples)
+
+
+def is_unsettled(blocks: FloatArray) -> bool:
+    """Whether the first of some periods differs from the others by more than they do from each other."""
+    if len(blocks) < 4:
+        return False
+    level = blocks - blocks.mean(axis=1, keepdims=True)
+    mean = level[1:].mean(axis=0)
+    apart = np.sqrt(np.mean((level - mean) ** 2, axis=1))
+    return bool(apart[0] > _UNSETTLED * np.median(apart[1:]))
+
+
+def carrying_lines(signals: list[FloatArray]) -> IntArray:
+    """Returns the lines at which periods (n_period, n_sample) of some signals are excited, up to nearly all energy."""
+    power = np.sum([line_power(one)[0] / max(float(one.var()), np.finfo(float).tiny) for one in signals], axis=0)
+    power[0] = 0
+    last = int(np.searchsorted(np.cumsum(power), _ALL * power.sum()))
+    return find_lines(signals, np.arange(1, min(last, (signals[0].shape[1] - 1) // 2) + 1))
+
+
+def shorten(shared: Shared, lines: IntArray) -> tuple[Shared, IntArray]:
+    """Returns the shortest period whose lines these are, and its own lines: a measured one may hold several."""
+    count = int(np.gcd.reduce(lines))
+    if count == 1 or shared.whole % count:
+        return shared, lines
+    shorter = replace(
+        shared,
+        samples=shared.samples / count,
+        std_samples=shared.std_samples / count,
+        held=shared.held * count,
+    )
+    return shorter, lines // count
+
+
+def energy_band(values: FloatArray, step_s: float) -> tuple[float, float]:
+    """Returns the frequencies between which nearly all energy of a signal lies [Hz]."""
+    power = np.abs(rfft(np.asarray(detrend(values)))) ** 2
+    share = np.cumsum(power) / max(float(power.sum()), np.finfo(float).tiny)
+    low, high = np.searchsorted(share, [(1 - _ENERGY) / 2, (1 + _ENERGY) / 2])
+    return float(max(low, 1) / (len(values) * step_s)), float(high / (len(values) * step_s))

@@ -1,0 +1,233 @@
+"""What each signal of a log is: by its unit, its name, or how it follows from the others; and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.logs.inspection.contents import Column
+from robid.logs.inspection.names import DRIVING, MOVING, Hint, Role, read_names
+from robid.logs.inspection.quality import Quality
+from robid.logs.inspection.relations import Likeness, Spectrum, compare, spectrum_of
+
+Evidence: TypeAlias = Literal["unit", "name", "short", "file", "relation", ""]
+
+_DERIVED = 0.97
+"""Correlation from which a signal is another one's derivative."""
+
+_NAMED = 0.8
+"""The same where names say so already: measured speeds are filtered."""
+
+_LATE = 10.0
+"""Samples by which a measured speed comes late at most."""
+
+_FACTORS = {
+    1.0: "the same unit",
+    30 / np.pi: "as rpm and rad",
+    180 / np.pi: "as deg/s and rad",
+    np.pi / 180: "as rad/s and deg",
+    1 / 6: "as rpm and deg",
+}
+"""What a factor between an angle's derivative and a speed speaks for."""
+
+_MEANT = 0.03
+"""Relative distance of a factor from these."""
+
+_DRIVES = 0.5
+"""Correlation with an acceleration from which an unnamed signal is taken for what drives."""
+
+_FOLLOWS = 0.97
+"""Correlation from which a signal follows another one of its kind."""
+
+_LEADS = 2.0
+"""Samples by which a command comes first."""
+
+_COUNT = 0.25
+"""Smallest step of an encoder's counts: some are interpolated."""
+
+_COUNTS = 100
+"""Fewest of them that a motion passes."""
+
+_EQUAL = 1e-9
+
+_COMPARED = 40
+"""Signals that are compared with each other at most."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What a signal was taken for.
+
+    Attributes:
+        column: The signal.
+        hint: What its name and unit say.
+        quality: What is to be said of it by itself.
+        role: What it is.
+        by: What says so.
+        commanded: Whether it was commanded.
+        reasons: What else speaks for it.
+        twin: Another signal with the same samples; empty where there is none.
+    """
+
+    column: Column
+    hint: Hint
+    quality: Quality
+    role: Role
+    by: Evidence
+    commanded: bool = False
+    reasons: tuple[str, ...] = ()
+    twin: str = ""
+
+    @property
+    def name(self) -> str:
+        """Its name in the log, and which log where there are several."""
+        return self.column.key
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the log itself says what it is."""
+        return self.by in ("unit", "name")
+
+
+class Comparison:
+    """Spectra of the signals of a log, and how they follow from each other."""
+
+    def __init__(self, step_s: float) -> None:
+        self.step_s = step_s
+        self._spectra: dict[str, Spectrum] = {}
+
+    def spectrum(self, signal: Signal) -> Spectrum:
+        """Returns the spectrum of a signal, NaN replaced by its mean."""
+        if signal.name not in self._spectra:
+            values = signal.column.values
+            filled = np.where(np.isfinite(values), values, np.nanmean(values))
+            self._spectra[signal.name] = spectrum_of(np.asarray(filled), self.step_s)
+        return self._spectra[signal.name]
+
+    def like(self, first: Signal, second: Signal, order: int) -> Likeness:
+        """How a signal follows from another one's derivative."""
+        return compare(self.spectrum(first), self.spectrum(second), order, self.step_s)
+
+
+def find_roles(columns: Sequence[Column], qualities: Sequence[Quality], comparison: Comparison) -> list[Signal]:
+    """Finds what each signal is, of signals that share their samples.
+
+    Args:
+        columns: The signals, without the time.
+        qualities: What is to be said of each by itself.
+        comparison: Where they are compared.
+    """
+    found: list[Signal] = []
+    for column, quality, hint in zip(columns, qualities, read_names(columns), strict=True):
+        found.append(Signal(column, hint, quality, hint.role, hint.by, commanded=hint.commanded is True))
+    moving = [one for one in found if not (one.quality.is_dead or one.quality.is_still or one.role == "other")]
+    signals = {one.name: one for one in moving[:_COMPARED]}
+    _find_twins(signals)
+    _find_encoders(signals)
+    _find_derivatives(signals, comparison)
+    _find_drives(signals, comparison)
+    _find_commands(signals, comparison)
+    return [signals.get(one.name, one) for one in found]
+
+
+def same_joint(first: Signal, second: Signal) -> bool:
+    """Whether two signals may belong to one joint."""
+    joints = {first.hint.joint, second.hint.joint}
+    return len(joints) == 1 or "" in joints
+
+
+def _find_twins(signals: dict[str, Signal]) -> None:
+    """Marks signals that repeat an earlier one, sample by sample."""
+    for first, second in combinations(list(signals), 2):
+        x, y = signals[first].column.values, signals[second].column.values
+        if not signals[first].twin and _are_equal(x, y):
+            signals[second] = replace(signals[second], twin=first)
+
+
+def _are_equal(x: FloatArray, y: FloatArray) -> bool:
+    return len(x) == len(y) and bool(np.all(np.abs(x - y) <= _EQUAL * np.abs(x).max()))
+
+
+def _find_encoders(signals: dict[str, Signal]) -> None:
+    """Takes an unnamed signal in coarse, equal steps for an encoder's counts."""
+    for name, one in signals.items():
+        step = one.quality.resolution
+        if (
+            not one.role
+            and step is not None
+            and step >= _COUNT
+            and one.quality.highest - one.quality.lowest > _COUNTS * step
+        ):
+            told = f"its steps of {step:g} look like an encoder's counts"
+            signals[name] = replace(one, role="angle", by="relation", reasons=(*one.reasons, told))
+
+
+def _find_derivatives(signals: dict[str, Signal], comparison: Comparison) -> None:
+    """Tells speeds from angles where one is the other's derivative."""
+    for first, second in permutations(list(signals), 2):
+        a, b = signals[first], signals[second]
+        if a.twin or b.twin or not same_joint(a, b) or a.role in DRIVING or b.role in DRIVING:
+            continue
+        if (a.is_sure and a.role not in ("angle", "position")) or (a.commanded and not b.commanded):
+            continue
+        if b.is_sure and b.role != "speed":
+            continue
+        like = comparison.like(a, b, 1)
+        named = a.is_sure and b.is_sure
+        if like.correlation < (_NAMED if named else _DERIVED) or abs(like.delay) > _LATE:
+            continue
+        told = f"{_times(like.factor)} the derivative of `{first}` (correlation {like.correlation:.2f})"
+        role, by = (b.role, b.by) if b.is_sure else ("speed", "relation")
+        signals[second] = replace(b, role=role, by=by, reasons=(*b.reasons, told))
+        if not a.is_sure:
+            own: Role = a.role if a.role in ("angle", "position") else "angle"
+            signals[first] = replace(a, role=own, by="relation", reasons=(*a.reasons, f"`{second}` is its derivative"))
+
+
+def _times(factor: float) -> str:
+    """A factor between a derivative and a speed, with the units that it speaks for."""
+    meant = [text for size, text in _FACTORS.items() if abs(abs(factor) / size - 1) < _MEANT]
+    return f"{factor:.4g} times{f' ({meant[0]})' if meant else ''}"
+
+
+def _find_drives(signals: dict[str, Signal], comparison: Comparison) -> None:
+    """Takes an unnamed signal that goes with an acceleration for what drives, where nothing else says what does."""
+    if any(one.role in DRIVING and one.is_sure for one in signals.values()):
+        return
+    motions = [one for one in signals.values() if one.role in MOVING and not one.commanded]
+    for name, one in list(signals.items()):
+        if one.is_sure or one.by == "relation" or one.twin or one.role in ("angle", "position"):
+            continue
+        rated = [(comparison.like(m, one, derivatives(m.role)).correlation, m.name) for m in motions if m.name != name]
+        best, motion = max(rated, default=(0.0, ""))
+        if best > _DRIVES:
+            told = f"goes with the acceleration of `{motion}` (correlation {best:.2f})"
+            role: Role = one.role if one.role in DRIVING else "torque"
+            signals[name] = replace(one, role=role, by="relation", reasons=(*one.reasons, told))
+
+
+def derivatives(role: Role) -> int:
+    """Returns how many derivatives lead from a motion to its acceleration."""
+    return {"speed": 1, "acceleration": 0}.get(role, 2)
+
+
+def _find_commands(signals: dict[str, Signal], comparison: Comparison) -> None:
+    """Tells commands, which come first, from what was measured of the same kind."""
+    driven = any(one.role in DRIVING and one.is_sure for one in signals.values())
+    for first, second in combinations(list(signals), 2):
+        a, b = signals[first], signals[second]
+        if a.twin or b.twin or a.role != b.role or a.role not in MOVING or not same_joint(a, b):
+            continue
+        like = comparison.like(a, b, 0)
+        if like.correlation < _FOLLOWS:
+            continue
+        lead, follow, delay = (a, b, like.delay) if like.delay > 0 else (b, a, -like.delay)
+        told = f"`{follow.name}` follows it after {delay:.2g} samples"
+        # Where a torque is known, angles that follow each other are a motor's and its load's.
+        if lead.commanded or (delay > _LEADS and not driven and not any(one.hint.commanded for one in (a, b))):
+            signals[lead.name] = replace(lead, commanded=True, reasons=(*lead.reasons, told))

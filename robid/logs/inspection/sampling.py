@@ -1,0 +1,177 @@
+"""The time of a log: which variable it is, its unit, rate, jitter and gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.logs.inspection.contents import Column
+from robid.logs.inspection.names import read_name, tokens, unit_of_name
+
+_TIME = {
+    "time": 3,
+    "timestamp": 3,
+    "stamp": 4,
+    "t": 2,
+    "zeit": 3,
+    "sec": 1,
+    "seconds": 2,
+    "log": 1,
+    "clock": 2,
+    "ms": 1,
+}
+_PER_SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_GAP = 1.5
+_REGULAR = 0.5
+"""Share of usual steps from which a variable can be a time."""
+_AGREES = 0.01
+_EVEN = 0.01
+"""Deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it."""
+_SURELY = 3
+"""Score from which a variable is a time, whatever else is."""
+_USUAL_HZ = (10.0, 50e3)
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a log was sampled.
+
+    Attributes:
+        variable: The variable of the time; empty where there is none.
+        unit: Its unit.
+        is_stated: Whether name or unit say so, or a number of the log agrees.
+        step_s: Time step, those across gaps left out; None where nothing tells it [s].
+        jitter: Largest deviation of a step from the usual one, relative, without gaps.
+        gaps: Places where samples are missing.
+        missing: Samples that are missing there, about.
+        first_gap: Sample before the first of them.
+        backward: Steps at which time stands still or goes back.
+        told_by: What else says so, as a number of the log.
+        others: Further times, as of the moment of writing.
+    """
+
+    variable: str
+    unit: str
+    is_stated: bool
+    step_s: float | None
+    jitter: float = 0.0
+    gaps: int = 0
+    missing: int = 0
+    first_gap: int = 0
+    backward: int = 0
+    told_by: str = ""
+    others: tuple[str, ...] = ()
+
+
+def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], stated_s: float | None = None) -> Sampling:
+    """Finds the time among signals of one length, or else a number that tells the sampling period.
+
+    Args:
+        columns: The signals.
+        scalars: Single numbers of the log by name.
+        stated_s: The sampling period as the user knows it [s].
+    """
+    known, told_by = (stated_s, "the command line") if stated_s else _from_scalars(scalars)
+    rated = [(_rate(column, known), -index) for index, column in enumerate(columns)]
+    best, index = max(rated, default=(0, 0))
+    if best <= 0:
+        return Sampling("", "s", bool(stated_s), known, told_by=told_by)
+    column = columns[-index]
+    steps = np.diff(column.values)
+    usual = float(np.median(steps))
+    unit, is_stated = _unit(column, usual, known)
+    found = _measure(column.name, steps, usual, _PER_SECOND[unit])
+    others = tuple(
+        columns[-place].key
+        for score, place in rated
+        if columns[-place] is not column
+        and (score >= _SURELY or (score and np.array_equal(columns[-place].values, column.values)))
+    )
+    agrees = known is not None and found.step_s is not None and abs(found.step_s / known - 1) < _AGREES
+    told_by = told_by if agrees else ""
+    return replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
+
+
+def _rate(column: Column, known_s: float | None) -> int:
+    """How much a signal looks like a time; nothing or less where it cannot be one."""
+    values = column.values
+    if not np.all(np.isfinite(values)):
+        return 0
+    steps = np.diff(values)
+    usual = np.median(steps)
+    if usual <= 0 or np.mean(steps <= 0) > 0.02 or np.mean(np.abs(steps / usual - 1) < _REGULAR) < _REGULAR:
+        return 0
+    # The last part of a name says most: `header.stamp` is one, `time_constant` none.
+    words = tokens(column.name.rpartition("/")[2])
+    score = max((_TIME.get(word, 0) for word in words), default=0)
+    score += 1 if known_s is not None and abs(usual / known_s - 1) < _AGREES else 0
+    score += 3 if unit_of_name(column) in _PER_SECOND else 0
+    return score or int(known_s is None and _is_clock(column, steps, float(usual)))
+
+
+def _is_clock(column: Column, steps: FloatArray, usual: float) -> bool:
+    """Whether a signal without a telling name rises in equal steps, as only clocks do; counters rise by one."""
+    if read_name(column).role or usual == 1 or np.abs(steps / usual - 1).max() > _EVEN:
+        return False
+    return _USUAL_HZ[0] <= 1 / usual <= _USUAL_HZ[1]
+
+
+def _unit(column: Column, usual: float, known_s: float | None) -> tuple[str, bool]:
+    """Unit of a time, and whether the log says so."""
+    stated = unit_of_name(column)
+    if stated in _PER_SECOND:
+        return stated, True
+    rates = {unit: 1 / (usual * factor) for unit, factor in _PER_SECOND.items()}
+    if known_s is not None:
+        for unit, rate in rates.items():
+            if abs(rate * known_s - 1) < _AGREES:
+                return unit, True
+    whole = bool(np.all(column.values == np.round(column.values)))
+    likely = [unit for unit, rate in rates.items() if _USUAL_HZ[0] <= rate <= _USUAL_HZ[1]]
+    if not whole and "s" in likely:
+        return "s", False
+    return (likely[0] if likely else "s"), False
+
+
+def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sampling:
+    """Measures the steps of a time."""
+    gaps = np.flatnonzero(steps > _GAP * usual)
+    inside = np.delete(steps, gaps)
+    inside = inside[inside > 0]
+    mean = float(inside.mean())
+    return Sampling(
+        variable,
+        "s",
+        is_stated=False,
+        step_s=_short(mean * to_s),
+        jitter=float(np.abs(inside / mean - 1).max()),
+        gaps=len(gaps),
+        missing=round(float(np.sum(steps[gaps] / mean - 1))),
+        first_gap=int(gaps[0]) if len(gaps) else 0,
+        backward=int(np.count_nonzero(steps <= 0)),
+    )
+
+
+def _short(step_s: float) -> float:
+    """A step with no more digits than it needs."""
+    for digits, allowed in ((3, 5e-5), (6, 1e-7)):
+        short = float(f"{step_s:.{digits}g}")
+        if abs(short / step_s - 1) < allowed:
+            return short
+    return float(f"{step_s:.9g}")
+
+
+def _from_scalars(scalars: Mapping[str, float]) -> tuple[float | None, str]:
+    """A sampling period that a number of the log tells by its name, and that name [s]."""
+    for name, value in scalars.items():
+        words = tokens(name.rpartition(".")[2])
+        if not value > 0:
+            continue
+        if words == ("fs",) or words in (("sample", "rate"), ("sampling", "rate"), ("sampling", "frequency")):
+            return 1 / value, f"`{name}`"
+        if words in (("ts",), ("dt",), ("sampling", "period"), ("sample", "time"), ("sampling", "time")):
+            return value, f"`{name}`"
+    return None, ""

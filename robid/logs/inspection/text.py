@@ -1,0 +1,168 @@
+"""The proposed mapping as an experiment file to paste."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from robid.logs.inspection.channels import Entry
+from robid.logs.inspection.findings import Findings
+from robid.logs.inspection.sampling import Sampling
+
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z]+)?")
+_WORDS = ("true", "false", "yes", "no", "on", "off", "null", "y", "n")
+_UNITS = ("s", "ms", "us")
+_ONE_SHOT = (
+    "nothing repeats, so it is taken for a record without a response; for one say excitation:"
+    " {signal: arbitrary, low_hz: .., high_hz: .., resolution_hz: ..} in place of this"
+)
+_NOTHING = "state it by its name; nothing looks like"
+_REFERENCES = "references are matched to an excitation that robid has designed; leave them out where others have"
+_ROBOT = "my_robot.yaml # for fits that need to know the robot: its joints' names are then those of the channels"
+
+
+def write_experiment(
+    found: Findings,
+    name: str,
+    path: Callable[[Path], str] = str,
+    format_: str | None = None,
+    dialect: Mapping[str, object] | None = None,
+) -> str:
+    """Writes the proposal as an experiment file, with what to check as comments.
+
+    Args:
+        found: What is in the log.
+        name: Name of the experiment.
+        path: How the experiment file shall name a log.
+        format_: Format to state, None where the file tells it.
+        dialect: How a table is written, as far as that is to be stated.
+    """
+    made, inside = found.proposal, " " * 8
+    lines = ["schema_version: 1", f"name: {_name(name)}"]
+    lines += [f"# robot: {_ROBOT}"]
+    lines += ["campaigns:", "  log:"]
+    lines += _campaign(found)
+    lines += ["    source:", "      acquire:", f"{inside}file: {_text(_braced(path(found.contents.file)))}"]
+    lines += [f"{inside}format: {format_}"] if format_ else []
+    lines += [f"{inside}dialect: {_flow(dialect)}"] if dialect else []
+    lines += [f"{inside}{one}" for one in _sampling(found.sampling, found.step_s)]
+    lines += [f"{inside}resample: {made.resample}{_comment(_resampled(found))}"] if made.resample else []
+    lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
+    lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
+    if made.take_last:
+        lines += [f"{inside}take: last # the log holds {found.shared.held if found.shared else 0:.4g} periods"]
+    lines += _entries("inputs", made.inputs, inside, f"{_NOTHING} a torque, a current or a command", path)
+    lines += _entries("outputs", made.outputs, inside, f"{_NOTHING} an angle or a speed", path)
+    if made.references:
+        mark = "" if made.one_shot else "# "
+        lines += _entries("references", made.references, inside + mark, "", path)
+        lines += [] if made.one_shot else [f"{inside}# ({_REFERENCES})"]
+    if len(made.inputs) > 1 and not made.one_shot:
+        lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
+    lines += _estimate(found)
+    lines += ["execution: {backend: serial} # a single log is one task"]
+    return "\n".join(lines) + "\n"
+
+
+def _estimate(found: Findings) -> list[str]:
+    made = found.proposal
+    if made.one_shot:
+        return []
+    arbitrary = made.excitation is not None and made.excitation.is_arbitrary
+    local = ", estimator: local_periodic" if len(made.inputs) > 1 and not arbitrary else ""
+    return [f"    estimate: {{compensation: none{local}}}"]
+
+
+def _campaign(found: Findings) -> list[str]:
+    made = found.proposal
+    lines = [] if made.one_shot else ["    # configurations: {list_deg: [[0]]} # with a robot file: where it stood"]
+    if made.excitation is not None:
+        lines.append(f"    excitation: {_flow(made.excitation.settings)}{_comment(made.excitation.checks)}")
+    if made.periods is not None:
+        lines.append(f"    periods: {made.periods}")
+    return lines
+
+
+def _sampling(sampling: Sampling, step_s: float) -> list[str]:
+    checks: tuple[str, ...] = ()
+    if sampling.step_s is None:
+        checks = ("nothing in the log tells it",)
+    elif sampling.unit not in _UNITS:
+        checks = (f"measured on `{sampling.variable}`, in {sampling.unit}, which a mapping cannot read",)
+    lines = [f"sampling_period_s: {_value(step_s)}{_comment(checks)}"]
+    if sampling.variable and sampling.unit in _UNITS:
+        told: tuple[str, ...] = (
+            () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
+        )
+        if sampling.gaps:
+            told += (
+                f"samples are missing at {sampling.gaps} places, first after {sampling.first_gap}: use a part without",
+            )
+        if sampling.backward:
+            told += (f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out",)
+        lines.append(f"time: {{variable: {_text(sampling.variable)}, unit: {sampling.unit}}}{_comment(told)}")
+    return lines
+
+
+def _resampled(found: Findings) -> tuple[str, ...]:
+    if found.proposal.resample == "time":
+        return (f"time steps deviate by up to {100 * found.sampling.jitter:.0f} %",)
+    return ("the period is no whole number of samples",)
+
+
+def _dropped(found: Findings) -> tuple[str, ...]:
+    names = found.shared.transient if found.shared else ()
+    return (f"the first period of {', '.join(names)} differs from the others",)
+
+
+def _entries(key: str, entries: tuple[Entry, ...], inside: str, none: str, path: Callable[[Path], str]) -> list[str]:
+    if not entries:
+        return [f"{inside}{key}: [] # check: {none}"]
+    common = tuple(one for one in entries[0].checks if len(entries) > 1 and all(one in e.checks for e in entries))
+    rest = [replace(one, checks=tuple(check for check in one.checks if check not in common)) for one in entries]
+    head = f"{inside}{key}:{_comment(common)}"
+    return [head, *(f"{inside}  - {_entry(one, path)}" for one in rest)]
+
+
+def _entry(entry: Entry, path: Callable[[Path], str]) -> str:
+    column = entry.signal.column
+    file = {} if column.file is None else {"file": _braced(path(column.file))}
+    settings = {"name": entry.name, "variable": column.name, **file, **entry.settings}
+    return _flow(settings) + _comment(entry.checks)
+
+
+def _comment(checks: tuple[str, ...]) -> str:
+    return f" # check: {'; '.join(checks)}" if checks else ""
+
+
+def _flow(settings: Mapping[str, object]) -> str:
+    return "{" + ", ".join(f"{key}: {_value(value)}" for key, value in settings.items()) + "}"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, int):
+        return str(value)
+    text = f"{value:.9g}"
+    return text if "e" not in text or "." in text else text.replace("e", ".0e")
+
+
+def _text(text: str) -> str:
+    return text if _PLAIN.fullmatch(text) and text.lower() not in _WORDS else json.dumps(text, ensure_ascii=False)
+
+
+def _braced(path: str) -> str:
+    """A path whose braces stand for themselves."""
+    return path.replace("{", "{{").replace("}", "}}")
+
+
+def _name(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-") or "log"

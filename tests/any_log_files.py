@@ -1,0 +1,113 @@
+"""Writes the logs of a plan, and the campaign that reads them as an experiment file has it."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from any_log import MESSAGES, Logs, Plan, numbers
+from linear_loop import LINES, N_SAMPLE
+from log_files import WRITERS
+
+
+def excitation(plan: Plan, lines: list[int] | None = None, period_samples: int = N_SAMPLE) -> dict[str, Any]:
+    """What is said of the excitation of a plan."""
+    period_s = N_SAMPLE * plan.step_s
+    low, high = ((line + side) / period_s for line, side in ((LINES[0], -0.25), (LINES[-1], 0.25)))
+    stated = {
+        "band": {"count": len(LINES), "spacing": "linear", "detection_share": 0},
+        "list": {"lines": lines or LINES.tolist()},
+        "found": {"lines": "found", "grid": "full"},
+    }[plan.excitation]
+    return {"period_s": period_samples * plan.step_s, "low_hz": low, "high_hz": high, "rms": 2, "seed": 3, **stated}
+
+
+def write(logs: Logs, folder: Path) -> dict[str, Any]:
+    """Writes the files of some logs; returns the campaign."""
+    folder.mkdir()
+    plan = logs.plan
+    variables = _write_tables(logs, folder)
+    if logs.missing:
+        (folder / logs.missing).unlink()
+    if logs.cut:
+        path = folder / logs.cut
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    return {
+        "configurations": {"list_deg": [[0, 0], [20, 30]][: plan.n_conf]},
+        "excitation": excitation(plan, logs.lines, logs.period_samples),
+        "realizations": plan.n_real,
+        "periods": plan.periods,
+        "source": {"acquire": _acquire(logs, variables)},
+        "estimate": {"compensation": "none", "estimator": plan.estimator},
+    }
+
+
+def _acquire(logs: Logs, variables: dict[str, str]) -> dict[str, Any]:
+    """The mapping: what was chosen, in the words of an experiment file."""
+    plan = logs.plan
+    acquire: dict[str, Any] = {"file": f"logs/{plan.file()}", "sampling_period_s": plan.step_s}
+    if plan.says_format:
+        acquire["format"] = {"mat 7.3": "mat"}.get(plan.kind, plan.kind)
+    if plan.kind == "csv" and plan.text.dialect:
+        acquire["dialect"] = plan.text.dialect
+    for group, channels in logs.channels.items():
+        listed = [{**one, "variable": variables.get(one["variable"], one["variable"])} for one in channels]
+        if plan.split and group == "outputs":
+            listed = [{**one, "file": f"logs/{plan.file('out_')}"} for one in listed]
+        if listed:
+            acquire[group] = listed
+    if plan.time and plan.kind in MESSAGES:
+        acquire["time"] = {"variable": variables["time"], "unit": "s"}
+    elif plan.time:
+        acquire["time"] = {"variable": variables["t"], "unit": plan.time}
+    if logs.drop_periods:
+        acquire["drop_periods"] = logs.drop_periods
+    if logs.take != "first":
+        acquire["take"] = logs.take
+    return acquire
+
+
+def prefix_of(plan: Plan) -> str:
+    """What the names of variables begin with, numbers to be put in."""
+    mark = "/" if plan.kind == "hdf5" else "_"
+    every = ("c{configuration}", "r{realization}", "e{experiment:02d}")
+    kept = {"file": (), "variable": every[1:], "one": every}[plan.places]
+    return "".join(one + mark for one in kept)
+
+
+def _write_tables(logs: Logs, folder: Path) -> dict[str, str]:
+    """Writes all files; returns what the mapping calls each column."""
+    plan, prefix = logs.plan, prefix_of(logs.plan)
+    variables: dict[str, str] = {}
+    for part in ("", "out_") if plan.split else ("",):
+        tables: dict[str, dict[str, np.ndarray]] = {}
+        for index, columns in logs.columns.items():
+            begin = prefix.format(**numbers(index))
+            table = tables.setdefault(logs.file_name(index, part), {})
+            for name, values in columns.items():
+                if not plan.split or name.startswith("q") == bool(part):
+                    table[begin + name] = values
+        for file, table in tables.items():
+            names = _write_file(plan, folder / file, table, logs.units)
+        # All files have the same names; those of the last experiment stand for all.
+        for name, variable in names.items():
+            if name.startswith(begin):
+                variables.setdefault(name.removeprefix(begin), variable.replace(begin, prefix) if begin else variable)
+    return variables
+
+
+def _write_file(plan: Plan, path: Path, table: dict[str, np.ndarray], units: dict[str, str]) -> dict[str, str]:
+    plain = path.with_suffix("") if plan.packed else path
+    if plan.kind == "csv":
+        told = {name: units.get(name.rpartition("_")[2], "-").replace(" ", "") for name in table}
+        names = plan.text.write(plain, table, told)
+    else:
+        _, names = WRITERS[plan.kind][0](plain, table)
+    if plan.packed:
+        path.write_bytes({"gz": gzip.compress, "bz2": bz2.compress}[plan.packed](plain.read_bytes()))
+        plain.unlink()
+    return names

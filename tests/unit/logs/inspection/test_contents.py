@@ -1,0 +1,72 @@
+"""What is read of a log: signals, single numbers, matrices by columns, and a part of what is large."""
+
+import gzip
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from robid.errors import DataError
+from robid.logs.inspection import contents
+from robid.logs.inspection.contents import join_contents, read_contents
+
+N = 400
+X = np.random.default_rng(1).normal(size=(N, 3))
+
+
+def write_table(path, rows=N):
+    text = "a [V],b\n" + "".join(f"{one:.9f},{two:.9f}\n" for one, two, _ in X[:rows])
+    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
+    return path
+
+
+def test_signals_numbers_texts_and_what_is_neither(tmp_path):
+    savemat(
+        tmp_path / "log.mat",
+        {"q": X, "t": X[:, 0], "Ts": 1e-3, "note": "today", "cube": np.zeros((4, 4, 4)), "wide": X.T, "two": [1.0, 2]},
+    )
+    found = read_contents(tmp_path / "log.mat")
+    assert {one.name for one in found.columns} == {"q(:,1)", "q(:,2)", "q(:,3)", "t"}
+    assert np.array_equal(next(one for one in found.columns if one.name == "q(:,2)").values, X[:, 1])
+    assert found.scalars == {"Ts": 1e-3}
+    assert found.texts == ("note",)
+    assert {"cube", "wide"} <= set(found.unreadable)
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.csv.gz"])
+def test_the_beginning_of_a_large_table_is_looked_at(tmp_path, monkeypatch, name):
+    path = write_table(tmp_path / name)
+    assert len(read_contents(path).columns[0].values) == N
+    monkeypatch.setattr(contents, "_TABLE_BYTES", 4096)
+    found = read_contents(path)
+    count = len(found.columns[0].values)
+    assert 100 < count < N
+    assert np.allclose(found.columns[0].values, X[:count, 0], atol=1e-8)
+    assert found.columns[0].unit == "V"
+    assert found.file == path
+    assert "were looked at" in found.notes[0]
+
+
+def test_as_many_variables_of_a_large_log_as_there_is_room_for(tmp_path, monkeypatch):
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for name in ("a", "b", "c"):
+            file.create_dataset(name, data=X[:, 0])
+    monkeypatch.setattr(contents, "_WHOLE_BYTES", 1000)
+    monkeypatch.setattr(contents, "_VALUES", 2 * N)
+    found = read_contents(tmp_path / "log.h5")
+    assert [one.name for one in found.columns] == ["a", "b"]
+    assert found.notes == ("Only 2 of 3 variables were looked at; the log is large.",)
+
+
+def test_several_logs_are_one_recording(tmp_path):
+    first, second = write_table(tmp_path / "one.csv"), write_table(tmp_path / "two.csv", N // 2)
+    joined = join_contents([read_contents(first), read_contents(second)])
+    assert [one.key for one in joined.columns] == ["a [V]", "b", "a [V] of two.csv", "b of two.csv"]
+    assert [one.file for one in joined.columns] == [None, None, second, second]
+
+
+def test_a_log_without_signals_is_refused(tmp_path):
+    savemat(tmp_path / "log.mat", {"note": "today", "x": 3.0})
+    with pytest.raises(DataError, match="holds no signals"):
+        read_contents(tmp_path / "log.mat")

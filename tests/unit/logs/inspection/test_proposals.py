@@ -1,0 +1,33 @@
+"""What is proposed for logs that nobody designed for the import."""
+
+import numpy as np
+import pytest
+
+from robid.logs.inspection.findings import Findings, inspect_log
+
+N, STEP = 8000, 1e-3
+TIME = STEP * np.arange(N)
+
+
+def inspected(folder, columns: dict[str, np.ndarray]) -> Findings:
+    file = folder / "log.csv"
+    table = np.stack([TIME, *columns.values()], axis=1)
+    np.savetxt(file, table, delimiter=",", header=",".join(["time [s]", *columns]), comments="")
+    return inspect_log([file])
+
+
+def test_binary_noise_is_an_input_and_its_period_is_found(tmp_path):
+    period = np.sign(np.random.default_rng(1).normal(size=1000))
+    torque = np.tile(period - period.mean(), N // 1000)
+    motion = np.cumsum(np.cumsum(torque)) * STEP**2
+    made = inspected(tmp_path, {"torque [Nm]": torque, "angle [rad]": motion}).proposal
+    assert [one.signal.name for one in made.inputs] == ["torque [Nm]"]
+    assert made.excitation is not None
+    assert made.excitation.settings["period_s"] == 1.0
+
+
+def test_accelerations_in_g_are_scaled(tmp_path):
+    force = np.random.default_rng(2).normal(size=N)
+    made = inspected(tmp_path, {"force [N]": force, "accel [g]": 0.1 * force}).proposal
+    assert made.outputs[0].settings["unit"] == "m/s^2"
+    assert made.outputs[0].settings["scale"] == pytest.approx(9.80665)
