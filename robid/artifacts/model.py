@@ -2,6 +2,7 @@
 
 Schema history:
     2.0: parameters in the group `estimate`, their covariance in SI units; the rest in a group of the family's name.
+    2.1: elastic fits say in `elastic/effective` what infinitely many places would give.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from robid.fit.estimate import Estimate
     from robid.validation.grade import Grade
 
-MODEL = Kind("model", "2.0", "robid fit")
+MODEL = Kind("model", "2.1", "robid fit")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]
 

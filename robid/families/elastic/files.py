@@ -43,6 +43,12 @@ _SOLUTION = {
     "elastic/bootstrap/relative_std": Column("1", _PARAMETER, "Relative deviation from repeated fits"),
     "elastic/bootstrap/lower": Column(_OWN, _PARAMETER, "Lower end of the bootstrap's interval"),
     "elastic/bootstrap/upper": Column(_OWN, _PARAMETER, "Upper end of the bootstrap's interval"),
+    "elastic/effective/value": Column(_OWN, _PARAMETER, "What infinitely many places would give by this model"),
+    "elastic/effective/lower": Column(_OWN, _PARAMETER, "Lower end of its interval"),
+    "elastic/effective/upper": Column(_OWN, _PARAMETER, "Upper end of its interval"),
+    "elastic/effective/between_std": Column("1", _PARAMETER, "Deviation of the optimizer's values between places"),
+    "elastic/effective/degrees_of_freedom": Column("1", _PARAMETER, "Of the interval's Student distribution"),
+    "elastic/effective/dependence": Column("1", _PARAMETER, "Share of the information that a single place gives"),
 }
 _RESONANCE = ("resonance",)
 _RESONANCES = {

@@ -8,6 +8,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.elastic.bootstrap import Map, bootstrap
+from robid.fit.elastic.effective import find_effective
 from robid.fit.elastic.intervals import MANY_ABOVE, Spread, find_spread
 from robid.fit.elastic.model_error import ModelError, estimate_model_error
 from robid.fit.elastic.options import ElasticOptions
@@ -82,6 +83,7 @@ def make_solution(
         ),
         responses=Responses(problem.frf.configurations, problem.frf.frequency_hz, problem.measured(internal), modelled),
         model_error=error,
+        effective=find_effective(problem, internal, found, options.confidence),
         **_from_realizations(problem, options, internal, found, parallel_map),
     )
 

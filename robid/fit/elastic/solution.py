@@ -100,6 +100,27 @@ class Resampled:
 
 
 @dataclass(frozen=True)
+class EffectiveValues:
+    """What infinitely many places of this robot would give by this model: the values that predict other places.
+
+    Attributes:
+        value (n_param,): Each place weighed by what noise and differences between places leave of its information.
+        lower (n_param,): Lower end of the interval.
+        upper (n_param,): Upper end of the interval.
+        between_std (n_param,): Standard deviation of the internal parameters between places.
+        degrees_of_freedom (n_param,): Of Student's distribution, whose quantile an interval follows.
+        dependence (n_param,): Share of the information about each that a single place gives.
+    """
+
+    value: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    between_std: FloatArray
+    degrees_of_freedom: FloatArray
+    dependence: FloatArray
+
+
+@dataclass(frozen=True)
 class ElasticSolution:
     """Estimated parameters of an elastic model, and how the fit got there.
 
@@ -114,6 +135,7 @@ class ElasticSolution:
         realization_relative_std (n_param,): As `relative_std` of the estimate, from what each realization does to the
             parameters instead of the structured covariance; None without realizations.
         bootstrap: The uncertainty from repeated fits; None without a bootstrap.
+        effective: The values that predict other places; None with fewer than four places, or without a covariance.
     """
 
     estimate: Estimate
@@ -125,3 +147,4 @@ class ElasticSolution:
     model_error: ModelError | None = None
     realization_relative_std: FloatArray | None = None
     bootstrap: Resampled | None = None
+    effective: EffectiveValues | None = None

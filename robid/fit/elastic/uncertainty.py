@@ -84,34 +84,48 @@ def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
 
     The assumed model error is the model's, which is reciprocal: element (i, j) of motors has the same one as (j, i).
     """
-    n_param = found.inverse.shape[0]
-    relative = problem.residual_kind.per_relative(problem.frf.response)
-    error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
-    assumed = _reciprocal(error, motor_rows(problem.model)).reshape(-1, n_param)
-    scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
-    moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)
-    moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
-    meat = np.real(scaled.reshape(-1, n_param).conj().T @ moved.reshape(-1, n_param) + assumed.conj().T @ assumed)
-    meat = meat + _between_lines(scaled, moved, problem.frf.line_correlation)
+    meat = 0.5 * score_covariance(problem, found).sum(axis=0)
     return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
 
 
+def score_covariance(problem: Problem, found: Influence) -> FloatArray:
+    """Covariance (n_conf, n_param, n_param) of what the errors of each configuration pull at the parameters.
+
+    The pull is twice the weighted residuals' real product with their derivative: the slope of the log-likelihood
+    where the weights are right.
+    """
+    n_conf, n_param = len(found.gain), found.inverse.shape[0]
+    relative = problem.residual_kind.per_relative(problem.frf.response)
+    error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
+    assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)
+    scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
+    moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)
+    moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
+    left, right = scaled.reshape(n_conf, -1, n_param), moved.reshape(n_conf, -1, n_param)
+    meat = np.real(_adjoint(left) @ right + _adjoint(assumed) @ assumed)
+    return np.asarray(2 * (meat + _between_lines(scaled, moved, problem.frf.line_correlation)))
+
+
+def _adjoint(rows: ComplexArray) -> ComplexArray:
+    return np.swapaxes(rows.conj(), 1, 2)
+
+
 def _between_lines(scaled: ComplexArray, moved: ComplexArray, correlation: FloatArray | None) -> FloatArray:
-    """What errors that neighbouring lines share add to the sandwich's inside (n_param, n_param).
+    """What errors that neighbouring lines share add to the sandwich's inside (n_conf, n_param, n_param).
 
     Args:
         scaled (n_conf, n_freq, n_out, n_in, n_param): What the errors move.
         moved: The same times the covariance of the errors.
         correlation (n_conf, n_freq, n_next): Of each line's error with the next lines', or None.
     """
-    n_param = scaled.shape[-1]
-    total = np.zeros((n_param, n_param))
+    n_conf, n_param = len(scaled), scaled.shape[-1]
+    total = np.zeros((n_conf, n_param, n_param))
     for ahead in range(1, 1 + (0 if correlation is None else min(correlation.shape[2], scaled.shape[1] - 1))):
         share = np.asarray(correlation)[:, :-ahead, ahead - 1, None, None, None]
         for here, there in ((slice(None, -ahead), slice(ahead, None)), (slice(ahead, None), slice(None, -ahead))):
-            left = (share * scaled[:, here]).reshape(-1, n_param)
-            total += np.real(left.conj().T @ moved[:, there].reshape(-1, n_param))
-    return np.asarray(0.5 * (total + total.T))
+            left = (share * scaled[:, here]).reshape(n_conf, -1, n_param)
+            total += np.real(_adjoint(left) @ moved[:, there].reshape(n_conf, -1, n_param))
+    return np.asarray(0.5 * (total + np.swapaxes(total, 1, 2)))
 
 
 def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:

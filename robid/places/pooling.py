@@ -1,0 +1,98 @@
+"""The parameters of all places together, and how far they may be off by what differs between places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm, t
+
+from robid.arrays import FloatArray
+from robid.places.evidence import Evidence
+from robid.places.saturation import inverted, saturated
+
+_LEAST_FREEDOM = 1.0
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """The parameters of all places together.
+
+    Attributes:
+        shift (n_param,): How far they lie from the point of the evidence.
+        between (n_param,): Variance of each between places.
+        assumed (n_param, n_param): Covariance, were noise and variances between places as assumed: `(sum K_c)^-1`.
+        covariance (n_param, n_param): The same by what the places really differ, whatever they differ by.
+        degrees_of_freedom (n_param,): Of Student's distribution, whose quantile times the deviation is an interval.
+        dependence (n_param,): Share of the information about each that a single place gives; near 1 other places
+            do not test it, and its interval rests on that place alone.
+    """
+
+    shift: FloatArray
+    between: FloatArray
+    assumed: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: FloatArray
+    dependence: FloatArray
+
+    def reach(self, confidence: float) -> FloatArray:
+        """Half width (n_param,) of the intervals of a level.
+
+        Errors that are assumed but not there do not make places differ, so it is never below what is assumed.
+        """
+        tail = 0.5 + 0.5 * confidence
+        differing = t.ppf(tail, self.degrees_of_freedom) * np.sqrt(np.diag(self.covariance))
+        return np.asarray(np.maximum(differing, norm.ppf(tail) * np.sqrt(np.diag(self.assumed))))
+
+
+def pool(evidence: Evidence, between: FloatArray) -> Pooled:
+    """Brings the places together.
+
+    Each place's weight is what noise and differences between places leave of its information. The covariance is that
+    of leaving out one place after the other, so it holds whatever the differences come from, as long as they are
+    independent; what is known beforehand errs by as much as it says.
+
+    Args:
+        evidence: What each place says.
+        between (n_param,): Variance of each parameter between places.
+
+    Source:
+        CR3 of Bell and McCaffrey (2002); degrees of freedom as in Pustejovsky and Tipton (2018), sec. 3.1, of each
+        parameter alone.
+    """
+    own = saturated(evidence, between)
+    total = own.information.sum(axis=0) + evidence.precision
+    assumed, _ = inverted(total)
+    shift = assumed @ (own.score.sum(axis=0) + evidence.pull)
+    left = own.score - own.information @ shift
+    without = np.array([inverted(total - each)[0] for each in own.information])
+    moved = np.einsum("cij,cj->ci", without, left)
+    known = assumed @ evidence.precision @ assumed
+    covariance = moved.T @ moved + known
+    scale = np.diagonal(without, axis1=1, axis2=2)
+    share = 1 - np.divide(np.diag(assumed), scale, out=np.zeros_like(scale), where=scale > 0)
+    freedom = _freedom(own.information, without, assumed, np.diag(known))
+    return Pooled(shift, between, assumed, np.asarray(covariance), freedom, np.asarray(share.max(axis=0)))
+
+
+def _freedom(information: FloatArray, without: FloatArray, assumed: FloatArray, known: FloatArray) -> FloatArray:
+    """Degrees of freedom (n_param,) of the diagonal of the covariance, noise and places as assumed.
+
+    Each variance is a sum of squares of linear forms, one a place; its first two moments are those of their
+    covariance.
+
+    Args:
+        information (n_place, n_param, n_param): What each place says.
+        without (n_place, n_param, n_param): Covariance that leaving it out would leave.
+        assumed (n_param, n_param): Covariance of all together.
+        known (n_param,): Variance that does not come from the places.
+    """
+    pulls = without @ information  # (place, wanted, param): what each place's score does to each parameter
+    own = np.einsum("cij,cij->ic", pulls, without)
+    mixed = -np.einsum("cik,kl,dil->icd", pulls, assumed, pulls, optimize=True)
+    index = np.arange(len(information))
+    mixed[:, index, index] += own
+    mean = np.trace(mixed, axis1=1, axis2=2) + known
+    square = (mixed**2).sum(axis=(1, 2))
+    found = np.divide(mean**2, square, out=np.full_like(mean, np.inf), where=square > 0)
+    return np.asarray(np.maximum(found, _LEAST_FREEDOM))

@@ -1,0 +1,122 @@
+"""The values that places agree on, of springs that differ between places and of springs that do not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from realizations import averaged
+from robid.fit.elastic.effective import find_effective, place_evidence
+from robid.fit.elastic.optimizers import optimise
+from robid.fit.elastic.options import ElasticOptions, Weights
+from robid.fit.elastic.parameters import map_parameters
+from robid.fit.elastic.problem import make_problem
+from robid.fit.elastic.uncertainty import influence, score_covariance, structured_covariance
+from robid.frf.joined import join
+from robid.places.pooling import pool
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters
+
+FREQUENCY_HZ = np.geomspace(2.0, 60.0, 40)
+OPTIONS = ElasticOptions(weights=Weights("inflated"), free=("stiffness", "damping"))
+SCATTER = 0.03
+
+
+def fitted(scatter, seed, n_place=8, amplitudes=1, options=OPTIONS):
+    """A fit of places whose springs differ, as its problem, its minimum and the estimator linearised there."""
+    generator = np.random.default_rng(seed)
+    configurations = generator.uniform(-1.4, 1.4, (n_place, 2))
+    robots = [
+        with_spring_factors(two_joint_robot(), factors)
+        for factors in np.exp(scatter * generator.standard_normal((n_place, 4)))
+    ]
+    rows = [
+        averaged(exact_frf(robot, place[None], FREQUENCY_HZ), 0.003, seed=1000 * seed + 10 * index + amplitude)
+        for index, (robot, place) in enumerate(zip(robots, configurations, strict=True))
+        for amplitude in range(amplitudes)
+    ]
+    frf = join(rows, [str(index) for index in range(len(rows))])
+    model = build_model(two_joint_robot())
+    linear = linearize(model, solve_statics(model, frf.configurations), frf.output_names)
+    nominal = nominal_parameters(two_joint_robot(), linear, 0.0)
+    parameters = map_parameters(two_joint_robot(), nominal, options, (), np.zeros(0))
+    problem = make_problem(frf, linear, parameters, options)[0]
+    internal = optimise(problem, np.zeros(len(parameters.names))).parameters
+    return problem, internal, influence(problem, internal)
+
+
+def springs(problem):
+    return np.array([kind == "stiffness" for kind in problem.parameters.kind_of])
+
+
+def test_scores_of_all_configurations_have_the_sandwich_as_covariance():
+    problem, _, found = fitted(0.0, 1)
+    meat = score_covariance(problem, found).sum(axis=0)
+    inverse = 0.5 * found.inverse
+    known = inverse @ np.diag(2 * found.prior) @ inverse
+    np.testing.assert_allclose(
+        inverse @ meat @ inverse + known, structured_covariance(problem, found), rtol=1e-9, atol=1e-18
+    )
+
+
+def test_at_the_minimum_the_scores_of_all_places_and_what_is_known_are_in_balance():
+    problem, internal, found = fitted(SCATTER, 2, amplitudes=2)
+    evidence = place_evidence(problem, internal, score_covariance(problem, found))
+    assert len(evidence.rows) == 8
+    alike = replace(problem, model_error=np.zeros(()))
+    # Where weights are the inverse of the covariance, bread and meat agree and the fit's own minimum stays.
+    bread = place_evidence(alike, internal, 2 * _bread(problem, internal))
+    shift = pool(bread, np.zeros(internal.size)).shift
+    assert (np.abs(shift) < 1e-3 * np.sqrt(np.diag(structured_covariance(problem, found)))).all()
+
+
+def _bread(problem, internal):
+    derivative = problem.linear(internal)[1]
+    rows = derivative.reshape(len(derivative), -1, derivative.shape[-1])
+    weighted = problem.fully_weighted(derivative).reshape(rows.shape)
+    return np.real(weighted.conj().swapaxes(1, 2) @ rows)
+
+
+def test_without_differences_the_intervals_are_those_of_noise_and_assumed_error():
+    problem, internal, found = fitted(0.0, 3)
+    effective = find_effective(problem, internal, found, 0.95)
+    own = springs(problem)
+    std = np.sqrt(np.diag(structured_covariance(problem, found)))
+    half = 0.5 * np.log(effective.upper / effective.lower)
+    np.testing.assert_allclose(half[own], 1.96 * std[own], rtol=0.6)
+    assert (half[own] > 0.9 * std[own]).all()
+    assert (np.abs(np.log(effective.value / problem.parameters.values(internal)))[own] < 1.5 * std[own]).all()
+
+
+def test_what_springs_differ_by_is_found_and_their_mean_is_held():
+    held, between, narrow = [], [], []
+    for seed in range(10, 35):
+        problem, internal, found = fitted(SCATTER, seed)
+        effective = find_effective(problem, internal, found, 0.95)
+        own = springs(problem)
+        nominal = problem.parameters.nominal_values()
+        held.append(((effective.lower <= nominal) & (nominal <= effective.upper))[own])
+        std = np.sqrt(np.diag(structured_covariance(problem, found)))
+        narrow.append((np.abs(internal) <= 1.96 * std)[own])
+        between.append(effective.between_std[own])
+    assert np.sqrt(np.mean(np.square(between))) == pytest.approx(SCATTER, rel=0.25)
+    # 100 springs; 0.95 less three deviations.
+    assert np.mean(held) > 0.88
+    assert np.mean(narrow) < 0.7, "noise and assumed error must say far less, or there is nothing to find"
+
+
+def test_amplitudes_of_one_place_are_one_place():
+    problem, internal, found = fitted(SCATTER, 5, n_place=4, amplitudes=3)
+    effective = find_effective(problem, internal, found, 0.95)
+    assert (effective.degrees_of_freedom < 3.1).all()
+
+
+def test_too_few_places_or_no_covariance_give_none():
+    problem, internal, found = fitted(0.0, 6, n_place=3, amplitudes=2)
+    assert find_effective(problem, internal, found, 0.95) is None
+    problem, internal, found = fitted(0.0, 6)
+    frf = replace(problem.frf, total_covariance=0 * problem.frf.covariance)
+    unknown = replace(problem, frf=frf, model_error=np.zeros(()))
+    assert find_effective(unknown, internal, influence(unknown, internal), 0.95) is None
