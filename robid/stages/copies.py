@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import product
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
 from robid.settings.fits import FitSettings
 from robid.signals.record import Record
-from robid.validation.copies import Copy, find_copy
+from robid.validation.copies import Copy, find_copy, take_excerpt
 
 _SAME_PLACE = 1e-3  # rad, or m
 _SAMPLES = ("inputs", "outputs", "reference")
@@ -22,6 +22,9 @@ _SAMPLES = ("inputs", "outputs", "reference")
 
 def refuse_copies(fit: FitSettings, seen: Mapping[str, Path], new: Path) -> None:
     """Compares the records of a fit with a new one in every configuration that both have.
+
+    Each configuration is read once; of the new ones short windows are kept, and a new one is read again only where
+    one of its windows comes back.
 
     Args:
         fit: The fit.
@@ -31,14 +34,22 @@ def refuse_copies(fit: FitSettings, seen: Mapping[str, Path], new: Path) -> None
     Raises:
         DataError: If samples of the fit come back in the new record.
     """
-    mine = _places(new)
-    theirs = list(_of_fit(fit, seen))
-    for (row, place), (campaign, old_row, old_place) in product(enumerate(mine), theirs):
-        if place is not None and old_place is not None and not _alike(place, old_place):
+    mine, theirs = _places(new), list(_of_fit(fit, seen))
+    excerpts = {
+        row: take_excerpt(_read(new, row))
+        for row, place in enumerate(mine)
+        if any(_may_share(place, old_place) for _, _, old_place in theirs)
+    }
+    for campaign, old_row, old_place in theirs:
+        rows = [row for row in excerpts if _may_share(mine[row], old_place)]
+        if not rows:
             continue
-        found = find_copy(_read(seen[campaign], old_row), _read(new, row))
-        if found is not None:
-            raise _refusal(found, campaign, row, _read(new, row))
+        old = _read(seen[campaign], old_row)
+        for row in rows:
+            read = partial(_read, new, row)
+            found = find_copy(old, excerpts[row], read)
+            if found is not None:
+                raise _refusal(found, campaign, row, read())
 
 
 def _of_fit(fit: FitSettings, seen: Mapping[str, Path]) -> Iterator[tuple[str, int, FloatArray | None]]:
@@ -62,7 +73,10 @@ def _places(path: Path) -> list[FloatArray | None]:
     ]
 
 
-def _alike(place: FloatArray, other: FloatArray) -> bool:
+def _may_share(place: FloatArray | None, other: FloatArray | None) -> bool:
+    """Whether two configurations may be one; those that are not stated may be any."""
+    if place is None or other is None:
+        return True
     return place.shape == other.shape and bool(np.all(np.abs(place - other) < _SAME_PLACE))
 
 

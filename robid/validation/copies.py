@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import detrend
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.signals.record import Record
+from robid.validation.resolution import rounding
+from robid.validation.stored import Stored
 
 _OF_NOISE = 0.05
 """Share of the noise's energy below which two stretches share their noise: independent ones differ by twice it."""
 
-_ROUNDED = 1e-8
-"""Share of the energy below which two stretches are the same but for rounding."""
-
 _BLOCKS = 24
-"""Stretches of a new recording that are looked for, evenly spread."""
+"""Stretches of each experiment of a new recording that are looked for, evenly spread."""
+
+_EXCERPTS = 512
+"""Stretches of a new recording that are looked for, a few of each experiment at least."""
+
+_FEWEST = 4
+_WINDOW = 128
+"""Samples of each stretch that are kept and looked for first."""
+
+_TRIED = 32
+"""Places at which a window is most like the old recording that are compared with it."""
+
+_LEAST = 1e-6
+"""Least size of a difference, of the largest one, that counts for the scale."""
 
 _SHORTEST = 32
 """Shortest stretch that says anything [samples]."""
-
-_SHOT_PARTS = 4
-"""Parts of a recording without periods that are looked for one by one."""
 
 
 @dataclass(frozen=True)
@@ -50,98 +59,183 @@ class Copy:
     count: int
 
 
-def find_copy(old: Record, new: Record) -> Copy | None:
+@dataclass(frozen=True)
+class Excerpt:
+    """Short windows of one channel of a new record, by which most others are told from it without reading it again.
+
+    Attributes:
+        names: Inputs and outputs of the record.
+        stretch: Samples of the stretches that they stand for.
+        channel: The channel, inputs first.
+        windows: Each of them.
+    """
+
+    names: tuple[tuple[str, ...], tuple[str, ...]]
+    stretch: int
+    channel: int
+    windows: tuple[_Window, ...]
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Samples (n_sample,) of a channel, their steps, the experiment, their first one, and that of their stretch."""
+
+    samples: FloatArray
+    steps: FloatArray
+    place: tuple[int, int]
+    first: int
+    stretch_first: int
+
+
+def take_excerpt(record: Record) -> Excerpt:
+    """Takes what is looked for first: of each stretch the window that moves most."""
+    new = Stored(record)
+    channel, windows = new.telling, []
+    n_place = new.samples.shape[0] * new.samples.shape[1]
+    for place in np.ndindex(*new.samples.shape[:2]):
+        signal = new.samples[place][:, channel]
+        for start in _starts(len(signal), new.stretch, min(_BLOCKS, max(_EXCERPTS // n_place, _FEWEST))):
+            first = start + _liveliest(signal[start : start + new.stretch])
+            samples = signal[first : first + min(_WINDOW, new.stretch)].copy()
+            windows.append(_Window(samples, new.steps(samples, channel), (place[0], place[1]), first, start))
+    return Excerpt(new.names, new.stretch, channel, tuple(windows))
+
+
+def find_copy(old: Record, excerpt: Excerpt, read: Callable[[], Record]) -> Copy | None:
     """Looks for stretches of a new record in an old one, whatever the scale of each channel.
 
-    Two recordings of the same motion differ by the noise of both. Where what they differ by is far below what
-    successive periods differ by, or below rounding, in every channel that moves, they are one recording.
+    Two recordings of the same motion differ by the noise of both. Where all channels that move differ by no more than
+    rounding makes of the same samples, in steps of the coarser one, they are one recording; or where what they differ
+    by is far below what successive periods differ by, as after an interpolation.
 
     Args:
         old: Record of one configuration that the fit has seen.
-        new: Record of one configuration.
+        excerpt: Windows of a record of one configuration, see `take_excerpt`.
+        read: Reads that record again; called only where a window is found.
 
     Returns:
         The first stretch that is found; None where there is none, or where the channels differ.
     """
-    if (old.input_names, old.output_names) != (new.input_names, new.output_names):
+    before = Stored(old)
+    if before.names != excerpt.names:
         return None
-    before, after = _stream(old), _stream(new)
-    limit = np.maximum(_OF_NOISE * _noise_share(old), _ROUNDED)
-    # Noise tells recordings apart, so what has most of it is searched.
-    channel = int(np.argmax(np.where(_moves(before), limit, -1.0)))
-    count = _stretch(old, new)
-    if count < _SHORTEST or count > before.shape[2]:
+    count = min(before.stretch, excerpt.stretch)
+    if not _SHORTEST <= count <= before.samples.shape[2]:
         return None
-    searches = {place: _Search(before[place][:, channel], count) for place in np.ndindex(*before.shape[:2])}
-    for place in np.ndindex(*after.shape[:2]):
-        for first in _starts(after.shape[2], count):
-            block = after[place][first : first + count]
-            for source, search in searches.items():
-                at = search.best(block[:, channel])
-                if _same(before[source][at : at + count], block, limit):
-                    return Copy(place[0], place[1], first, source[0], source[1], at, count)
+    after: Stored | None = None
+    for window, source, at in _suspicions(before, excerpt):
+        after = after or Stored(read())
+        found = _confirmed(before, after, window, source, at, count)
+        if found is not None:
+            return found
     return None
 
 
 class _Search:
-    """Finds where a signal is most like a block of some length, with the signal's transform kept."""
+    """Finds where a signal is most like a window of some length, with the signal's transform kept."""
 
     def __init__(self, signal: FloatArray, count: int) -> None:
         flat = signal - signal.mean()
-        self._size, self._count = next_fast_len(len(flat), real=True), count
+        self._size = next_fast_len(len(flat), real=True)
         self._spectrum = rfft(flat, self._size)
         total, square = (np.concatenate([[0.0], np.cumsum(values)]) for values in (flat, flat**2))
         energy = square[count:] - square[:-count] - (total[count:] - total[:-count]) ** 2 / count
         self._energy = np.maximum(energy, 1e-9 * energy.max(initial=0.0) + np.finfo(float).tiny)
 
-    def best(self, block: FloatArray) -> int:
-        """First sample of the stretch that correlates most with a block, either sign."""
-        product = irfft(self._spectrum * np.conj(rfft(block - block.mean(), self._size)), self._size)
-        return int(np.argmax(product[: len(self._energy)] ** 2 / self._energy))
+    def spectrum(self, window: FloatArray) -> ComplexArray:
+        """What `best` needs of a window; the same for all signals of one length."""
+        return np.asarray(np.conj(rfft(window - window.mean(), self._size)))
+
+    def best(self, window: ComplexArray) -> list[int]:
+        """First samples of the stretches that correlate most with a window, either sign."""
+        like = irfft(self._spectrum * window, self._size)[: len(self._energy)] ** 2 / self._energy
+        most = min(_TRIED, len(like))
+        return [int(at) for at in np.argpartition(like, len(like) - most)[-most:]]
 
 
-def _stream(record: Record) -> FloatArray:
-    """All samples of all channels (n_real, n_exp, n_time, n_channel)."""
-    both = np.concatenate([record.inputs[0], record.outputs[0]], axis=-1)
-    return np.asarray(both.reshape(*both.shape[:2], -1, both.shape[-1]))
+def _suspicions(before: Stored, excerpt: Excerpt) -> Iterator[tuple[_Window, tuple[int, int], int]]:
+    """Windows that come back in the old record, where, and from which sample on."""
+    channel, length = excerpt.channel, min((len(one.samples) for one in excerpt.windows), default=0)
+    if not 0 < length <= before.samples.shape[2]:
+        return
+    places = list(np.ndindex(*before.samples.shape[:2]))
+    searches = [_Search(before.samples[place][:, channel], length) for place in places]
+    noise = before.noise[channel : channel + 1]
+    for window in excerpt.windows:
+        spectrum = searches[0].spectrum(window.samples)
+        for place, search in zip(places, searches, strict=True):
+            for at in search.best(spectrum):
+                here = before.samples[place][at : at + length, channel]
+                steps = before.steps(here, channel)
+                if _same(here[:, None], window.samples[:, None], steps[:, None], window.steps[:, None], noise):
+                    yield window, (place[0], place[1]), at
 
 
-def _moves(stream: FloatArray) -> FloatArray:
-    return np.asarray(np.ptp(stream, axis=(0, 1, 2)) > 0)
+def _confirmed(
+    before: Stored, after: Stored, window: _Window, source: tuple[int, int], at: int, count: int
+) -> Copy | None:
+    """The stretch around a window that came back, where all channels do."""
+    ahead = at - window.first
+    low = max(0, -ahead)
+    high = min(after.samples.shape[2], before.samples.shape[2] - ahead) - count
+    if high < low:
+        return None
+    first = int(np.clip(window.stretch_first, low, high))
+    one = before.samples[source][first + ahead : first + ahead + count]
+    other = after.samples[window.place][first : first + count]
+    steps, other_steps = (
+        np.stack([whose.steps(values, channel) for channel, values in enumerate(part.T)], axis=-1)
+        for whose, part in ((before, one), (after, other))
+    )
+    noise = np.minimum(before.noise, after.noise)
+    return (
+        Copy(*window.place, first, *source, first + ahead, count)
+        if _same(one, other, steps, other_steps, noise)
+        else None
+    )
 
 
-def _noise_share(record: Record) -> FloatArray:
-    """Share of each channel's energy (n_channel,) that differs between successive periods; 0 with a single one.
+def _same(one: FloatArray, other: FloatArray, steps: FloatArray, other_steps: FloatArray, noise: FloatArray) -> bool:
+    """Whether two stretches (n_sample, n_channel) are multiples of each other in every channel that moves.
 
-    The two that differ least count: a transient of the first periods comes back in every recording, as no noise does.
+    Args:
+        one: Samples of the old record.
+        other: Samples of the new one.
+        steps: Steps at the old samples.
+        other_steps: Steps at the new ones.
+        noise (n_channel,): Share of noise.
     """
-    both = detrend(np.concatenate([record.inputs[0], record.outputs[0]], axis=-1), axis=3)
-    if both.shape[2] < 2:
-        return np.zeros(both.shape[-1])
-    scatter = 0.5 * (np.diff(both, axis=2) ** 2).mean(axis=(0, 1, 3)).min(axis=0)
-    return np.asarray(scatter / np.maximum((both**2).mean(axis=(0, 1, 2, 3)), np.finfo(float).tiny))
-
-
-def _stretch(old: Record, new: Record) -> int:
-    """Samples of the stretches to compare: a period, or a part of a recording that has none."""
-    lengths = [one.inputs.shape[4] // (_SHOT_PARTS if one.is_one_shot else 1) for one in (old, new)]
-    return int(min(lengths))
-
-
-def _starts(n_time: int, count: int) -> list[int]:
-    """First samples of the stretches of a new recording."""
-    every = np.arange(0, n_time - count + 1, count)
-    chosen = np.unique(np.linspace(0, len(every) - 1, min(_BLOCKS, len(every))).round().astype(int))
-    return [int(first) for first in every[chosen]]
-
-
-def _same(one: FloatArray, other: FloatArray, limit: FloatArray) -> bool:
-    """Whether two stretches (n_sample, n_channel) are multiples of each other in every channel that moves."""
-    one, other = one - one.mean(axis=0), other - other.mean(axis=0)
-    energy, other_energy = (one**2).sum(axis=0), (other**2).sum(axis=0)
+    energy, other_energy = (len(each) * each.var(axis=0) for each in (one, other))
     moving = (energy > 0) & (other_energy > 0)
     if not moving.any() or np.any((energy > 0) != (other_energy > 0)):
         return False
-    scale = (one * other).sum(axis=0)[moving] / energy[moving]
-    left = ((other[:, moving] - scale * one[:, moving]) ** 2).sum(axis=0) / other_energy[moving]
-    return bool(np.all(left <= limit[moving]))
+    scale, apart = _fitted(one, other, np.ones_like(one))
+    limit = rounding(scale * one, other, np.abs(scale) * steps, other_steps)
+    shared = (apart**2).sum(axis=0) <= _OF_NOISE * noise * other_energy
+    # Coarse steps of large values would move the scale by more than fine ones of small values allow.
+    apart = _fitted(one, other, 1 / np.maximum(limit, _LEAST * limit.max(axis=0)))[1]
+    rounded = (np.abs(apart) <= limit).all(axis=0)
+    return bool(np.all((rounded | shared)[moving]))
+
+
+def _fitted(one: FloatArray, other: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Scale of each channel (n_channel,) that makes one stretch the other, and what is left (n_sample, n_channel)."""
+    share = weight**2 / (weight**2).sum(axis=0)
+    flat, other_flat = (each - (share * each).sum(axis=0) for each in (one, other))
+    energy = (share * flat**2).sum(axis=0)
+    scale = np.divide((share * flat * other_flat).sum(axis=0), energy, out=np.zeros_like(energy), where=energy > 0)
+    return scale, other_flat - scale * flat
+
+
+def _liveliest(stretch: FloatArray) -> int:
+    """First sample of the window of a stretch in which it moves most."""
+    length = min(_WINDOW, len(stretch))
+    firsts = np.arange(0, len(stretch) - length + 1, max(length // 2, 1))
+    return int(firsts[np.argmax([stretch[first : first + length].var() for first in firsts])])
+
+
+def _starts(n_time: int, count: int, most: int) -> list[int]:
+    """First samples of the stretches of a new recording."""
+    every = np.arange(0, n_time - count + 1, max(count, 1))
+    chosen = np.unique(np.linspace(0, len(every) - 1, min(most, len(every))).round().astype(int))
+    return [int(first) for first in every[chosen]]

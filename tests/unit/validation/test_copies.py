@@ -7,7 +7,7 @@ import pytest
 
 from robid.signals.quantities import Channel
 from robid.signals.record import Record
-from robid.validation.copies import find_copy
+from robid.validation import copies
 
 N, P = 300, 6
 INPUTS, OUTPUTS = (
@@ -45,6 +45,10 @@ def cut(samples, period=N, one_shot=False):
         configurations=None if one_shot else np.zeros((1, 1)),
         excited_lines=np.zeros(0, int) if one_shot else np.arange(1, 30),
     )
+
+
+def find_copy(old, new):
+    return copies.find_copy(old, copies.take_excerpt(new), lambda: new)
 
 
 def samples_of(record):
@@ -114,3 +118,57 @@ def test_a_channel_that_differs_makes_it_another_measurement():
 def test_records_of_other_channels_have_nothing_in_common():
     old = record_of(1)
     assert find_copy(old, replace(old, input_channels=(Channel("other", "torque", "N m", "motor"),))) is None
+
+
+def settled(seed, noise=1e-3, periods=2):
+    """Two periods that begin with the same slow transient."""
+    decay = 0.3 * np.exp(-np.arange(N * periods) / N)[:, None]
+    return samples_of(record_of(seed, noise))[:, :, : periods * N] * (1 + decay)
+
+
+@pytest.mark.parametrize("periods", [2, 3, 4])
+def test_recordings_that_begin_with_one_transient_are_two(periods):
+    first, second = settled(1, periods=periods), settled(2, periods=periods)
+    assert find_copy(cut(first), cut(second)) is None
+    assert find_copy(cut(first), cut(np.round(2 * first, 4))) is not None
+
+
+@pytest.mark.parametrize("one_shot", [False, True])
+def test_recordings_of_little_noise_are_two(one_shot):
+    # In single precision, as records are stored.
+    first, second = (samples_of(record_of(seed, 1e-5)).astype(np.float32).astype(float) for seed in (1, 2))
+    assert find_copy(cut(first, one_shot=one_shot), cut(second, one_shot=one_shot)) is None
+    assert find_copy(cut(first, one_shot=one_shot), cut(57.3 * first, one_shot=one_shot)) is not None
+
+
+@pytest.mark.parametrize("steps_of_noise", [0.3, 1.0, 3.0])
+def test_an_encoder_of_coarse_steps_makes_no_copy(steps_of_noise):
+    step = 1e-3 * steps_of_noise
+    first, second = (step * np.round(settled(seed) / step) for seed in (1, 2))
+    assert find_copy(cut(first), cut(second)) is None
+    assert find_copy(cut(first), cut(np.round(57.3 * first, 4))) is not None
+
+
+@pytest.mark.parametrize("digits", [5, 6, 7])
+@pytest.mark.parametrize("offset", [0.0, 3.0])
+def test_an_export_of_some_digits_is_a_copy(digits, offset):
+    old = settled(1) + offset
+    text = np.vectorize(lambda value: float(f"{value:.{digits}g}"))
+    assert find_copy(cut(old), cut(text(57.3 * old))) is not None
+    assert find_copy(cut(text(old)), cut(old)) is not None
+
+
+def test_what_was_resampled_is_a_copy():
+    old = samples_of(record_of(1, 0.02))
+    time = np.arange(old.shape[2])
+    moved = np.apply_along_axis(lambda values: np.interp(time + 0.003, time, values), 2, old)
+    assert find_copy(cut(old), cut(moved)) is not None
+
+
+def test_a_new_record_is_read_again_only_where_a_window_comes_back():
+    def read():
+        raise AssertionError("read again")
+
+    assert copies.find_copy(record_of(1), copies.take_excerpt(record_of(2)), read) is None
+    with pytest.raises(AssertionError):
+        copies.find_copy(record_of(1), copies.take_excerpt(record_of(1)), read)
