@@ -11,6 +11,7 @@ Schema history:
         `torque_hold`, `torque_amplitude`, `mean_torque` and `mean_position`. `joint_units`, where joints
         are prismatic.
     2.1: `dropped`.
+    2.2: `saturated_share`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from robid.signals.quantities import units_text
 if TYPE_CHECKING:
     from robid.frf.frf import Frf
 
-FRF = Kind("frf", "2.1", "robid estimate-frf")
+FRF = Kind("frf", "2.2", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -83,6 +84,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "motion_rms": Column(measured, ("configuration", "output"), "RMS of the outputs about their means"),
         "freedom_share": Column("1", ("configuration",), "Of the degrees of freedom, left by experiments that repeat"),
         "dropped": Column("1", ("configuration", "frequency", "input"), "Lines that tell too little of an input"),
+        "saturated_share": Column("1", ("configuration", "output", "input"), "Share of time at a limit"),
         "line_correlation": Column("1", ("configuration", "frequency", "next"), "Of errors at overlapping windows"),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
+from robid.frf.saturation import saturated_channels, saturation_error
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
 from robid.signals.positions import shown
 from robid.signals.quantities import DRIVES
@@ -23,19 +24,13 @@ JITTER_SIGMAS = 5.0
 INCOHERENT = 0.9
 """Coherence below which noise may have a say in the response of a loop."""
 
-SATURATED_SHARE = 0.005
-"""Share of samples at an input's extreme value above which it is told."""
-
 STILL_SHARE = 0.25
 """Share of the time in which a motor stands still above which it is told."""
 
 _WHERE = "configuration at"
 _STILL_SPEED = 0.05
-_FAR_MORE = 3
-_BINARY = 0.99
-"""Share of samples at either limit from which a signal has two values by design, as binary noise."""
+_PLACES = ("angle", "position")
 
-_NEAR = 0.01
 _MOVED = 1.5
 _SHOWN = 3
 
@@ -58,7 +53,7 @@ class Finding:
 
 
 def check_record(record: Record, *, periodic: bool = True) -> list[Finding]:
-    """Looks for a wrong period, dropped samples, jitter, saturated inputs and motors that stood still.
+    """Looks for a wrong period, dropped samples, jitter, saturated channels and motors that stood still.
 
     Args:
         record: Finite record of a single configuration, simulated or measured.
@@ -169,45 +164,14 @@ def _place(record: Record, shift: Shift) -> str:
 
 
 def _saturation(record: Record) -> list[Finding]:
-    chosen = sparse_samples(record)
-    if not chosen.count:
-        return []
-    worst = _saturated_share(record.inputs[0][..., chosen.here, :])
     findings = []
-    for motor in np.flatnonzero(worst.max(axis=(0, 1)) > SATURATED_SHARE):
-        share = worst[..., motor]
-        if share.max() > _BINARY:
-            continue
-        place = _worst_place(share)
-        saturated = f"{record.input_names[motor]}: {record.input_channels[motor].title} saturates"
-        what = f"{saturated} for {100 * share.max():.2g} % of the time ({place})"
-        findings.append(Finding("saturation", what, "lower the excitation of this motor", False))
+    for channel, share in saturated_channels(record):
+        place = f"({_worst_place(share)})"
+        what = f"{channel.name}: {channel.title} saturates for {100 * share.max():.2g} % of the time {place}"
+        off = f"{100 * saturation_error(float(share.max())):.2g} %"
+        remedy = f"lower the excitation; where the sensor clips, the response may be off by {off} and more"
+        findings.append(Finding("saturation", what, remedy, False))
     return findings
-
-
-def _saturated_share(inputs: FloatArray) -> FloatArray:
-    """Share of samples (n_real, n_exp, n_motor) at the highest or lowest value."""
-    share = np.zeros((*inputs.shape[:2], inputs.shape[-1]))
-    for sign in (1, -1):
-        signal = sign * inputs
-        top = signal.max(axis=(2, 3), keepdims=True)
-        span = top - signal.min(axis=(2, 3), keepdims=True)
-        at_top = signal >= top - 1e-6 * span
-        count = at_top.sum(axis=(2, 3))
-        for place in np.argwhere(count > SATURATED_SHARE / 2 * signal.shape[2] * signal.shape[3]):
-            real, exp, motor = map(int, place)
-            share[real, exp, motor] += _share_at_top(signal[real, exp, ..., motor], at_top[real, exp, ..., motor])
-    return share
-
-
-def _share_at_top(signal: FloatArray, at_top: BoolArray) -> float:
-    """Share of samples at the highest value, if there are far more of them than next to it."""
-    below = signal[~at_top]
-    if not below.size:
-        return 0.0
-    following = float(below.max())
-    near = np.count_nonzero(below > following - _NEAR * (following - float(below.min())))
-    return float(at_top.mean()) if np.count_nonzero(at_top) > _FAR_MORE * near else 0.0
 
 
 def _still(record: Record) -> list[Finding]:
@@ -243,7 +207,7 @@ def _still(record: Record) -> list[Finding]:
 def _shows_motion(record: Record, name: str) -> bool:
     """Whether an output is the motion of a motor or arm; a tool rests in the channels that are not commanded."""
     channel = record.output_channels[record.output_names.index(name)]
-    return channel.side != "tool" and channel.quantity in ("angle", "position")
+    return channel.side != "tool" and channel.quantity in _PLACES
 
 
 def _noise(step: FloatArray) -> FloatArray:

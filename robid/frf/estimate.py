@@ -20,6 +20,7 @@ from robid.frf.frf import Frf
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.reading import Spectra, read_spectra, silent_of
+from robid.frf.saturation import saturated_shares
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
 from robid.frf.windows import Windows
 from robid.signals.friction import TorqueLaw
@@ -92,7 +93,7 @@ def estimate_frf(
     dropped = np.ones((len(solved), len(record.input_names)), bool)
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
     require_lines(~dropped, record.frequency_hz, options.weak_line_std, place_of(record))
-    frf = replace(frf, dropped=dropped[None])
+    frf = replace(frf, dropped=dropped[None], saturated_share=saturated_shares(record)[None])
     if dropped.any():
         frf = replace(frf, element_scale=found.scale(record, ~dropped[solved])[None])
         amplitude = spectra.amplitude(record)

@@ -39,6 +39,7 @@ CONFIGURATION_WISE = (
     "line_correlation",
     "freedom_share",
     "dropped",
+    "saturated_share",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -106,6 +107,8 @@ class Frf:
             residual; None where it is unknown.
         dropped (n_conf, n_freq, n_in): Lines that tell too little of an input: the response from it is interpolated
             there, and its variance infinite. None where it is unknown.
+        saturated_share (n_conf, n_out, n_in): Share of the time in which an element's input or output saturates, see
+            `robid.frf.saturation`. None where it is unknown.
     """
 
     frequency_hz: FloatArray
@@ -148,6 +151,7 @@ class Frf:
     freedom_share: FloatArray | None = None
     joint_units: tuple[str, ...] | None = None
     dropped: BoolArray | None = None
+    saturated_share: FloatArray | None = None
 
     @property
     def input_names(self) -> tuple[str, ...]:

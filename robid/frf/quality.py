@@ -8,6 +8,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
+from robid.frf.saturation import saturation_error
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,20 @@ def dropped_lines(frf: Frf) -> BoolArray:
     """Lines (n_conf, n_freq, n_in) that told too little of an input."""
     shape = (*frf.response.shape[:2], frf.response.shape[3])
     return np.zeros(shape, bool) if frf.dropped is None else frf.dropped
+
+
+def worst_saturation(frf: Frf) -> float:
+    """Largest share of the time in which an input or output saturates; 0 where none does or it is unknown."""
+    return 0.0 if frf.saturated_share is None else float(frf.saturated_share.max(initial=0.0))
+
+
+def saturation_text(frf: Frf) -> str:
+    """Says by how much a saturated signal may put a response off, beyond its uncertainty; empty where none is."""
+    share = worst_saturation(frf)
+    if not share:
+        return ""
+    off = f"{100 * saturation_error(share):.2g} %"
+    return f"a signal saturates for {100 * share:.2g} % of the time, which may put the response off by {off} and more"
 
 
 def judge(frf: Frf) -> Quality:

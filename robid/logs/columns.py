@@ -25,7 +25,10 @@ _SMALL = 1 << 27
 
 
 def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
-    """Reads every column that the mapping names from its log, with every problem on the way."""
+    """Reads every column that the mapping names from its log, with every problem on the way.
+
+    The values themselves are looked at by `check_values`.
+    """
     columns: dict[str, NDArray[Any]] = {}
     problems: list[DataError] = []
     named: dict[Path, list[str]] = {}
@@ -41,11 +44,7 @@ def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[Dat
 
 
 def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[NDArray[Any] | None, list[DataError]]:
-    """Returns the variable of a column as real, finite numbers, or why it is none.
-
-    A channel that never changes cannot have been excited; in one shot its joint may have stood still, and of several
-    commands one may be given after the other.
-    """
+    """Returns the variable of a column as real numbers, or why it is none."""
     where, variable = mapping.place(name), mapping.variables[name][1]
     try:
         raw = np.asarray(find_variable(variables, variable))
@@ -64,16 +63,37 @@ def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[N
     if raw.size != max(raw.shape, default=0) or raw.size < 2:
         remedy = "Save one column per channel."
         return None, [DataError(f"It has shape {raw.shape}, not one column.", where=where, remedy=remedy)]
-    column = raw.ravel()
-    bad = np.flatnonzero(~np.isfinite(column))
-    if len(bad):
-        what = f"{len(bad)} of {len(column)} values are NaN or infinite, the first at sample {bad[0]}."
-        remedy = "Record again, or cut the log to whole periods without them."
-        return column, [DataError(what, where=f"{where}, sample {bad[0]}", remedy=remedy)]
-    if np.ptp(column) == 0 and not (mapping.one_shot or mapping.takes_turns):
-        remedy = "Check that the channel was connected and that the variable is the right one."
-        return column, [DataError(f"It is constant ({column[0]:g}).", where=where, remedy=remedy)]
-    return column, []
+    return raw.ravel(), []
+
+
+def check_values(
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], first: int = 0, remedy: str = ""
+) -> list[DataError]:
+    """Finds columns with values that are none, and channels that never change.
+
+    A channel that never changes cannot have been excited; in one shot its joint may have stood still, and of several
+    commands one may be given after the other. Of the time its own checks tell.
+
+    Args:
+        mapping: The log mapping.
+        columns: The samples of each column that are used.
+        first: The sample of the log that is their first.
+        remedy: What to do about missing values; to cut the log unless told.
+    """
+    problems = []
+    time = None if mapping.time is None else mapping.time.variable
+    for name, column in columns.items():
+        where = mapping.place(name)
+        bad = np.flatnonzero(~np.isfinite(column))
+        if len(bad):
+            at = first + bad[0]
+            what = f"{len(bad)} of {len(column)} values are NaN or infinite, the first at sample {at}."
+            cut = remedy or "Record again, or cut the log to whole periods without them."
+            problems.append(DataError(what, where=f"{where}, sample {at}", remedy=cut))
+        elif name != time and np.ptp(column) == 0 and not (mapping.one_shot or mapping.takes_turns):
+            check = "Check that the channel was connected and that the variable is the right one."
+            problems.append(DataError(f"It is constant ({column[0]:g}).", where=where, remedy=check))
+    return problems
 
 
 def _every_size(mapping: LogMapping, name: str, variables: Variables) -> Mapping[str, int]:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
 from robid.logs.checks import check_mapping, check_shot, still_note
-from robid.logs.columns import check_lengths, check_motion, read_columns
+from robid.logs.columns import check_lengths, check_motion, check_values, read_columns
 from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation
+from robid.logs.pieces import chosen_part, whole_piece
 from robid.logs.placing import Log, match_periods, place_periods, strongest_channel
 from robid.logs.resample import resample_to_period, resample_to_time
 from robid.logs.samples import channel_values, sample_channels
@@ -101,7 +102,7 @@ def import_shot(mapping: LogMapping) -> Record:
         DataError: If the log is missing, unreadable or not what was said; every problem at once.
     """
     check_shot(mapping)
-    log, problems, notes = _read(mapping)
+    log, problems, notes = _read(mapping, pieces=True)
     problems += [] if log.clock is None else clock_problems(log.clock)
     problems += [] if log.clock is None else check_steps(log.clock, slice(None))
     _raise(mapping.file, problems)
@@ -140,7 +141,7 @@ def import_arbitrary(
         DataError: If the log is missing, unreadable, too short or not what was said; every problem at once.
     """
     check_shot(mapping)
-    log, problems, notes = _read(mapping)
+    log, problems, notes = _read(mapping, pieces=True)
     problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
     segments = log.n_sample // segment_samples
     problems += [] if segments or not log.n_sample else check_segment(mapping, log.n_sample, segment_samples)
@@ -158,20 +159,36 @@ def import_arbitrary(
     )
 
 
-def _read(mapping: LogMapping) -> tuple[Log, list[DataError], list[str]]:
-    """Reads a log, checks each column for itself, their lengths and the time, and resamples it to that if asked to."""
+def _read(mapping: LogMapping, *, pieces: bool = False) -> tuple[Log, list[DataError], list[str]]:
+    """Reads a log, checks each column for itself, their lengths and the time, and resamples it to that if asked to.
+
+    Args:
+        mapping: The log mapping.
+        pieces: Whether nothing repeats, so that a part of it is all that can be used of a log with gaps.
+    """
     columns, problems = read_columns(mapping)
     problems += check_lengths(mapping, columns)
+    part = chosen_part(mapping, columns)
+    whole = whole_piece(mapping, columns, part) if pieces else ""
+    columns = {name: column[part] for name, column in columns.items()}
+    problems += check_values(mapping, columns, part.start or 0, whole)
     clock = None
     if mapping.time is not None and mapping.time.variable in columns:
         stamps = columns[mapping.time.variable]
         if np.all(np.isfinite(stamps)):
             clock, found = read_clock(mapping, stamps)
+            clock = None if clock is None else replace(clock, first=part.start or 0, whole=whole)
             problems += found
-    notes: list[str] = []
+    notes = [] if part == slice(None) else [_cut_note(mapping, part)]
     if mapping.resample == "time" and clock is not None and not problems:
-        columns, clock, notes = resample_to_time(mapping, columns, clock)
+        columns, clock, told = resample_to_time(mapping, columns, clock)
+        notes += told
     return Log(columns, clock), problems, notes
+
+
+def _cut_note(mapping: LogMapping, part: slice) -> str:
+    end = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
+    return f"{mapping.file.name}: used from {mapping.from_s:g} s to {end}, samples {part.start} to {part.stop - 1}."
 
 
 def _to_period(mapping: LogMapping, log: Log, stated: Stated) -> tuple[Log, list[str]]:

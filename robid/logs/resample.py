@@ -48,10 +48,11 @@ def resample_to_time(
         what = f"It has {len(clock.time_s)} samples, and resampling needs {_DEGREE + 1} at least."
         raise DataError(what, where=clock.where, remedy="Check that it was copied completely, or record longer.")
     if len(clock.gaps):
-        what = f"{len(clock.gaps)} gaps, the first after sample {clock.gaps[0]}: resampling cannot fill them."
-        raise DataError(
-            what, where=f"{clock.where}, sample {clock.gaps[0]}", remedy="Cut the log to a part without a gap."
-        )
+        at, count = clock.first + clock.gaps[0], len(clock.gaps)
+        told = "1 gap" if count == 1 else f"{count} gaps, the first"
+        what = f"{told} after sample {at}: resampling cannot fill {'it' if count == 1 else 'them'}."
+        remedy = clock.whole or "Cut the log to a part without a gap."
+        raise DataError(what, where=f"{clock.where}, sample {at}", remedy=remedy)
     time = _unrounded(clock.time_s)
     wanted = time[0] + stated * np.arange(int((time[-1] - time[0]) / stated * (1 + 1e-12)) + 1)
     made, error = _interpolated(mapping, columns, time / stated, wanted / stated)

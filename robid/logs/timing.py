@@ -36,6 +36,8 @@ class Clock:
         stated_s: The stated sampling period [s].
         step_s: Mean time step, those across gaps left out [s].
         gaps (n_gap,): Samples after which others are missing.
+        first: Sample of the log that is the first of these.
+        whole: What to set for the longest part in which nothing is missing; empty where the log has periods.
     """
 
     where: str
@@ -43,6 +45,8 @@ class Clock:
     stated_s: float
     step_s: float
     gaps: IntArray
+    first: int = 0
+    whole: str = ""
 
     @property
     def is_off(self) -> bool:
@@ -79,6 +83,9 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
         return None, []
     where, stated = mapping.place(mapping.time.variable), mapping.sampling_period_s
     time = stamps.astype(float) * mapping.time.to_seconds
+    if np.ptp(time) == 0:
+        remedy = "Correct time.variable, or leave out `time`."
+        return None, [DataError(f"Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)]
     steps = np.diff(time)
     backward = np.flatnonzero(steps <= 0)
     if len(backward):
@@ -138,17 +145,17 @@ def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, period: int | None) -
     missing = round(float(np.sum(steps[gaps] / clock.step_s - 1)))
     what = (
         f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, about {missing} missing samples; the first after sample"
-        f" {gaps[0]}: {steps[gaps[0]]:.6g} s instead of {clock.usual_s:g} s."
+        f" {clock.first + gaps[0]}: {steps[gaps[0]]:.6g} s instead of {clock.usual_s:g} s."
     )
     edges = np.concatenate([[0], clock.gaps + 1, [len(clock.time_s)]])
     longest = int(np.argmax(np.diff(edges)))
-    remedy = "Record again, or cut the log to a part without a gap."
+    remedy = clock.whole or "Record again, or cut the log to a part without a gap."
     if period is not None:
         dropped = -(-int(edges[longest]) // period)
         whole = int(edges[longest + 1]) // period - dropped
         if whole > 0:
             remedy = f"Set drop_periods to {dropped} and periods to {whole}: the longest part without a gap."
-    return DataError(what, where=f"{clock.where}, sample {gaps[0]}", remedy=remedy)
+    return DataError(what, where=f"{clock.where}, sample {clock.first + gaps[0]}", remedy=remedy)
 
 
 def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, periods: int) -> list[DataError]:

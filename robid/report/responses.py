@@ -11,7 +11,15 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
-from robid.frf.quality import Quality, dropped_lines, judge, lowest, middle
+from robid.frf.quality import (
+    Quality,
+    dropped_lines,
+    judge,
+    lowest,
+    middle,
+    saturation_text,
+    worst_saturation,
+)
 from robid.report.bode import BodeMatrix, BodeResponse, configuration_label
 from robid.report.content import Headline, KeyNumber
 from robid.report.numbers import MISSING, number_of, percent, significant
@@ -62,11 +70,12 @@ def response_headlines(campaigns: Campaigns) -> tuple[Headline, ...]:
 
 def responses_verdict(campaigns: Campaigns) -> str:
     """Says in one sentence what is there, for experiments that ask for no model."""
-    known = [(name, middle(judge(frf).relative_std)) for name, frf in campaigns]
+    known = [(name, middle(judge(frf).relative_std)) for name, frf in campaigns if not saturation_text(frf)]
     told = ", ".join(f"{name} to {percent(value)}" for name, value in known if not np.isnan(value))
-    end = f" and known: {told} (median standard deviation)" if told else ", with unknown uncertainty"
-    responses = "response is" if len(known) == 1 else f"responses of {len(known)} campaigns are"
-    return f"No fit was asked for; the {responses} measured{end}."
+    end = f" and known: {told} (median standard deviation)" if told else ", with unknown uncertainty" if known else ""
+    responses = "response is" if len(campaigns) == 1 else f"responses of {len(campaigns)} campaigns are"
+    clipped = "".join(f" Do not trust {name}: {text}." for name, frf in campaigns if (text := saturation_text(frf)))
+    return f"No fit was asked for; the {responses} measured{end}.{clipped}"
 
 
 def measured_sentence(name: str, frf: Frf) -> str:
@@ -79,6 +88,7 @@ def response_summary(frf: Frf) -> dict[str, float]:
     quality = judge(frf)
     found = {
         "dropped_lines": float(_count(frf)),
+        "saturated_share": float("nan") if frf.saturated_share is None else worst_saturation(frf),
         "median_relative_std": middle(quality.relative_std),
         "median_signal_to_noise_db": middle(quality.signal_to_noise_db),
         "median_coherence": middle(quality.coherence),
@@ -229,7 +239,9 @@ def _key_numbers(frf: Frf) -> tuple[KeyNumber, ...]:
         KeyNumber("Odd distortion", percent(middle(quality.odd)), "median, noise included"),
         KeyNumber("Even distortion", percent(middle(quality.even)), "median, noise included"),
     ]
-    return tuple(number for number in numbers if number.value != MISSING)
+    share = worst_saturation(frf)
+    clipped = [KeyNumber("Saturated", percent(share), "of the time: do not trust it")] if share else []
+    return (*clipped, *(number for number in numbers if number.value != MISSING))
 
 
 def _measured(frf: Frf) -> str:
@@ -241,8 +253,10 @@ def _measured(frf: Frf) -> str:
     dropped = _count(frf)
     text += f", {dropped} of {n_conf * n_freq} with a dropped input" if dropped else ""
     if np.isfinite(quality.relative_std).any():
-        text += f", known to {percent(middle(quality.relative_std))} (median standard deviation)"
+        known = f"{percent(middle(quality.relative_std))} (median standard deviation)"
+        text += f", scattering by {known}" if saturation_text(frf) else f", known to {known}"
     if np.isfinite(quality.coherence).any():
         worst = coherence_text(lowest(quality.coherence))
         text += f", multiple coherence {coherence_text(middle(quality.coherence))} (median; worst {worst})"
-    return text
+    told = saturation_text(frf)
+    return f"{text}; do not trust it: {told}" if told else text

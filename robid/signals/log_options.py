@@ -93,10 +93,27 @@ class LogOptions:
             " frequency response."
         },
     )
+    from_s: float = field(
+        default=0.0,
+        metadata={
+            "description": "Of one shot or an arbitrary signal: from where on the log is used, since its first sample,"
+            " by its own time where it has one [s].",
+            "ge": 0,
+        },
+    )
+    to_s: float | None = field(
+        default=None,
+        metadata={"description": "Up to where it is used; to its end when not given [s].", "gt": 0},
+    )
     take: Literal["first", "last"] = field(
         default="first",
         metadata={"description": "Which whole periods are used: the first after those dropped, or the last."},
     )
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether only a part of a log without periods is used."""
+        return self.from_s > 0 or self.to_s is not None
 
     @property
     def takes_turns(self) -> bool:

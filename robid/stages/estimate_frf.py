@@ -23,7 +23,7 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.frf import LEVELS, Frf, Level
 from robid.frf.laws import LawEstimate, combine_laws, with_levels
 from robid.frf.options import IDENTIFYING, EstimateOptions
-from robid.frf.quality import dropped_lines
+from robid.frf.quality import dropped_lines, saturation_text
 from robid.frf.reading import READS_REFERENCE
 from robid.frf.silent import identify_laws, start_laws
 from robid.robot.description import Motor
@@ -59,6 +59,7 @@ class _Brief:
     removed_rms: float
     torque_unit: str
     findings: tuple[str, ...]
+    saturation: str
     evidence: Evidence
 
 
@@ -217,6 +218,7 @@ def _brief(frf: Frf) -> _Brief:
         removed_rms=float(frf.removed_torque_rms.max(initial=0.0)),
         torque_unit=frf.input_unit,
         findings=tuple(note for note in frf.notes if is_finding(note)),
+        saturation=saturation_text(frf),
         evidence=gather_evidence(frf),
     )
 
@@ -230,7 +232,9 @@ def _phrase(briefs: Sequence[_Brief]) -> str:
     if levels:
         text += f", at silent lines {', '.join(f'{kind} {100 * float(level):.2g} %' for kind, level in levels.items())}"
     removed = max(brief.removed_rms for brief in briefs)
-    return f"{text}, up to {removed:.2g} {unit} RMS of friction subtracted" if removed > 0 else text
+    text += f", up to {removed:.2g} {unit} RMS of friction subtracted" if removed > 0 else ""
+    clipped = next((brief.saturation for brief in briefs if brief.saturation), "")
+    return f"{text}; do not trust it: {clipped}" if clipped else text
 
 
 def _relative(level: FloatArray, frf: Frf) -> FloatArray:

@@ -21,6 +21,7 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.design.excitation.excitation import UNITS, CampaignExcitation, ExcitationPlan
 from robid.families.family import Data, Shown, family_of
 from robid.frf.frf import Frf
+from robid.frf.quality import saturation_text
 from robid.report.content import FitReport, ReportContent, Verdict, fit_sections
 from robid.report.design import design_section
 from robid.report.experiment import (
@@ -223,7 +224,8 @@ def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) ->
 
 def _verdict(loaded: LoadedExperiment, run: _Run, fits: tuple[FitReport, ...], warnings: tuple[str, ...]) -> Verdict:
     if not fits and run.frfs and not loaded.experiment.fits:
-        return Verdict(responses_verdict(list(run.frfs.items())), "warn" if warnings else "ok")
+        clipped = any(saturation_text(frf) for frf in run.frfs.values())
+        return Verdict(responses_verdict(list(run.frfs.items())), "bad" if clipped else "warn" if warnings else "ok")
     if not fits:
         return Verdict("No model was fitted.", "warn")
     texts = [f"{fit.headline.name}: {fit.verdict}" if len(fits) > 1 else fit.verdict for fit in fits]

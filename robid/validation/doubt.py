@@ -24,7 +24,7 @@ CAUSES = {
     "arm_friction": "viscous friction behind a transmission, which `arm_viscous` in `free` estimates",
     "gear_nonlinearity": "gears with hysteresis, backlash or stiffening that the model lacks",
     "coupling": "commands of other channels, which move this one too",
-    "saturation": "a limit of range, speed or acceleration that was reached",
+    "saturation": "a limit of range, torque, speed or acceleration that was reached",
     "unsteady": "a drift, or repeats from before the robot had settled",
     "band": "motions that are faster or larger than those of the fit",
     "model": "something that the model lacks",

@@ -39,6 +39,11 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
             yield (*field, "configurations"), message
         if acquire.drop_periods:
             yield (*inside, "drop_periods"), "one shot has no periods"
+    if acquire.to_s is not None and acquire.to_s <= acquire.from_s:
+        yield (*inside, "to_s"), f"{acquire.to_s:g} is not above from_s {acquire.from_s:g}"
+    if acquire.is_cut and not (acquire.one_shot or campaign.is_arbitrary):
+        key = "from_s" if acquire.from_s > 0 else "to_s"
+        yield (*inside, key), "is for logs without periods: use `drop_periods`, `periods` and `take`"
     if acquire.resample == "time" and acquire.time is None:
         yield (*inside, "resample"), "there is no `time` to resample to"
     if acquire.resample == "period" and (acquire.one_shot or campaign.is_arbitrary):

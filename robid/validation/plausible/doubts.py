@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
 from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
+from robid.frf.saturation import SATURATED_SHARE, saturation_error
 from robid.robot.description import Robot
 from robid.validation.doubt import Doubt, two_digits
 from robid.validation.plausible.angles import judge_angles
@@ -17,6 +18,7 @@ from robid.validation.plausible.gravity import gravity_signs, judge_gravity, jud
 from robid.validation.plausible.signs import judge_signs
 
 _LOST = 2.0
+_CLIPPED = 0.05  # of the time, from which a response that may be off by as much must not be used
 _HALF_TURN = 0.5
 
 
@@ -53,7 +55,7 @@ def evidence_doubts(
     turned = [
         doubt for doubt in signs.doubts if doubt.cause != "angle_sign" or doubt.message.partition(":")[0] not in told
     ]
-    doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence))
+    doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence), *_saturation_doubts(evidence))
     return tuple(sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength))), angles.notes
 
 
@@ -95,4 +97,20 @@ def _noise_doubts(evidence: Evidence) -> list[Doubt]:
             level = 10 * np.log10(max(ratio, 1e-3))
             told = f"{name}: half of its lines have a signal-to-noise ratio below {level:.2g} dB"
             doubts.append(Doubt("excitation", told, decisive=ratio < _LOST, strength=CLEAR / max(ratio, 1e-3)))
+    return doubts
+
+
+def _saturation_doubts(evidence: Evidence) -> list[Doubt]:
+    """Motors whose signals lie at a limit: where the log has clipped them, the response is off by about that share."""
+    if evidence.saturated_share is None:
+        return []
+    doubts = []
+    for name, share in zip(evidence.names, evidence.saturated_share.max(axis=0).tolist(), strict=True):
+        if share > 0:
+            off = f"{two_digits(100 * saturation_error(share))} %"
+            told = (
+                f"{name}: its signals saturate for {two_digits(100 * share)} % of the time, which may put its response"
+                f" off by {off} and more"
+            )
+            doubts.append(Doubt("saturation", told, decisive=share > _CLIPPED, strength=1 + share / SATURATED_SHARE))
     return doubts

@@ -38,6 +38,8 @@ class Evidence:
         driving (n_conf, n_freq, n_motor): Driving points there [rad/(s^2 N m)].
         sampling_period_s: Sampling period of the experiment [s].
         hold_period_s: Period for which the torque is held; None where it is not [s].
+        saturated_share (n_conf, n_motor): Share of the time in which the torque, or an output, saturates; None in old
+            files.
     """
 
     names: tuple[str, ...]
@@ -54,6 +56,7 @@ class Evidence:
     driving: ComplexArray
     sampling_period_s: float
     hold_period_s: float | None
+    saturated_share: FloatArray | None
 
     def joints(self, robot: Robot) -> IntArray:
         """Indices of the motors among a robot's joints."""
@@ -92,6 +95,7 @@ def gather_evidence(frf: Frf) -> Evidence:
         driving=np.diagonal(response, axis1=-2, axis2=-1),
         sampling_period_s=frf.sampling_period_s,
         hold_period_s=frf.hold_period_s,
+        saturated_share=None if frf.saturated_share is None else frf.saturated_share.max(axis=1)[:, inputs],
     )
 
 
@@ -118,6 +122,7 @@ def join_evidence(parts: Sequence[Evidence]) -> Evidence:
         driving=np.concatenate([part.driving for part in parts]),
         sampling_period_s=first.sampling_period_s,
         hold_period_s=first.hold_period_s,
+        saturated_share=joined("saturated_share"),
     )
 
 

@@ -8,6 +8,8 @@ import pytest
 from closed_loops import N_SAMPLE, loop_record
 from robid.errors import DataError
 from robid.frf.checks import check_record, refuse_faults
+from robid.frf.saturation import saturated_shares, saturation_error
+from robid.signals.quantities import Channel
 from robid.signals.record import Record
 
 NOISE = 1e-5  # of angles that move by 1e-2
@@ -118,6 +120,30 @@ def test_saturated_torque_is_named(good):
     assert (found.kind, found.fatal) == ("saturation", False)
     assert found.what.startswith("first: torque saturates for 3")
     assert "realization 3, experiment 2" in found.what
+
+
+def test_a_response_is_off_by_about_what_saturation_says():
+    generator = np.random.default_rng(2)
+    signal = generator.standard_normal((1, 4, 4, 1, 20_000, 1))
+    clipped = np.clip(signal, -1.5, 1.5)
+    motor, sensor = Channel("drive", "torque", "N m", "motor"), Channel("tip", "acceleration", "m/s^2", "tool")
+    angle = Channel("drive", "angle", "rad", "motor")
+    record = Record(
+        sampling_period_s=1e-3,
+        inputs=clipped,
+        outputs=np.concatenate([clipped, signal], axis=-1),
+        output_offset=np.zeros((1, 2)),
+        input_channels=(motor,),
+        output_channels=(angle, sensor),
+        configurations=np.zeros((1, 1)),
+        excited_lines=np.arange(1, 100),
+    )
+    share = saturated_shares(record)
+    np.testing.assert_allclose(share, np.mean(np.abs(clipped) == 1.5), rtol=0.03)
+    off = abs(np.mean(signal**2) / np.mean(signal * clipped) - 1)
+    np.testing.assert_allclose(saturation_error(float(share.max())), off, rtol=0.03)
+    sound = replace(record, inputs=signal, outputs=np.concatenate([clipped, clipped], axis=-1))
+    np.testing.assert_allclose(saturated_shares(sound)[:, 0], [0, share.max()], rtol=0.03)
 
 
 def test_a_signal_of_two_values_is_not_saturated(good):

@@ -358,3 +358,17 @@ def test_means_are_those_of_the_record():
     assert frf.mean_output == pytest.approx(frf.configurations @ robot.motor_per_arm.T, abs=0.05)
     # The injected speed of 8 rad/s RMS lies at 4 to 80 Hz.
     assert np.all((frf.motion_rms > 8 / (2 * np.pi * 80)) & (frf.motion_rms < 8 / (2 * np.pi * 4)))
+
+
+@pytest.mark.parametrize(("share", "decisive"), [(0.01, False), (0.12, True)])
+def test_saturated_signals_are_doubted_by_how_far_they_may_be_off(share, decisive):
+    frf = exact()
+    shares = np.zeros((len(CONFIGURATIONS), 2, 2))
+    shares[2, :, 1] = share
+    (doubt,) = data_doubts(two_joints(), replace(frf, saturated_share=shares))
+    assert (doubt.cause, doubt.decisive) == ("saturation", decisive)
+    assert f"{frf.input_names[1]}: its signals saturate for" in doubt.message
+    assert doubt.strength > 1
+    parts = [gather_evidence(replace(frf, saturated_share=shares).select([index])) for index in range(4)]
+    assert evidence_doubts(two_joints(), join_evidence(parts))[0] == (doubt,)
+    assert data_doubts(two_joints(), replace(frf, saturated_share=0 * shares)) == ()

@@ -1,0 +1,98 @@
+"""Which part of a log without periods is used, and the longest one in which nothing is missing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.logs.mapping import LogMapping
+
+_GAP = 1.5
+"""Time step, in usual ones, from which samples are missing."""
+
+_FEWEST = 8
+"""Samples from which a piece is worth naming."""
+
+
+def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> slice:
+    """Returns the samples from `from_s` to `to_s`, all of them where neither is stated.
+
+    Args:
+        mapping: The log mapping.
+        columns: Columns of the log, as they were read.
+
+    Raises:
+        DataError: If hardly any sample lies there.
+    """
+    if not mapping.is_cut:
+        return slice(None)
+    time = _seconds(mapping, columns)
+    stop = len(time) if mapping.to_s is None else int(np.searchsorted(time, mapping.to_s, side="right"))
+    start = int(np.searchsorted(time, mapping.from_s))
+    if stop - start >= 2:
+        return slice(start, stop)
+    end = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
+    last = float(time[-1]) if len(time) else 0.0
+    what = f"It lasts {last:.6g} s: from {mapping.from_s:g} s to {end} it has {max(stop - start, 0)} samples."
+    raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {last:.6g}.")
+
+
+def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: slice) -> str:
+    """Says what to set for the longest part of a log, within one, that has no gap and no missing value.
+
+    Args:
+        mapping: The log mapping.
+        columns: Columns of the log, as they were read.
+        part: The samples among which it is looked for.
+
+    Returns:
+        The remedy; empty where no part is long enough, or nothing is missing.
+    """
+    time = _seconds(mapping, columns)
+    first, stop, _ = part.indices(len(time))
+    steps = np.diff(time)
+    told = [np.isfinite(column[: len(time)]) for column in columns.values() if column.dtype.kind == "f"]
+    sound = np.logical_and.reduce([np.isfinite(time), *told])
+    whole = np.concatenate([sound[1:] & sound[:-1] & ~(steps > _GAP * np.nanmedian(steps)), [False]])
+    whole[:first], whole[max(stop - 1, 0) :] = False, False
+    edges = np.diff(np.concatenate([[0], whole.astype(np.int8), [0]]))
+    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    if not len(starts):
+        return ""
+    longest = int(np.argmax(stops - starts))
+    begin, end = int(starts[longest]), int(stops[longest])
+    if end - begin < _FEWEST or (begin <= first and end >= stop - 1):
+        return ""
+    low = _between(time[begin] - 0.4 * steps[begin], time[begin])
+    high = _between(time[end], time[end] + 0.4 * steps[end - 1])
+    return f"Set from_s to {low:.12g} and to_s to {high:.12g}: the longest part in which nothing is missing."
+
+
+def _seconds(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
+    """Time of each sample since the first one: the log's own, filled where it is missing, or by the sampling period."""
+    count = min((len(column) for column in columns.values()), default=0)
+    index = np.arange(count)
+    if mapping.time is None or mapping.time.variable not in columns:
+        return mapping.sampling_period_s * index
+    stamps = columns[mapping.time.variable][:count].astype(float) * mapping.time.to_seconds
+    known = np.isfinite(stamps)
+    if not known.any():
+        return mapping.sampling_period_s * index
+    stamps = np.interp(index, index[known], stamps[known])
+    return np.asarray(stamps - stamps[0])
+
+
+def _between(low: float, high: float) -> float:
+    """The number from one to another that has the fewest digits, not below zero."""
+    low = max(low, 0.0)
+    for digits in range(12):
+        found = math.ceil(low * 10**digits) / 10**digits
+        if found <= high:
+            return found
+    return high
