@@ -13,7 +13,7 @@ from robid.logs.mapping import LogMapping
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 from robid.signals.quantities import describe
-from robid.validation.elastic.local_model import rational_mode
+from robid.validation.elastic.rational_model import rational_mode
 from robid.validation.elastic.scatter import line_scatter
 
 N_SAMPLE, STEP_S, LINES = 8192, 0.02, np.arange(1, 820)  # 163.84 s; all lines to 5 Hz are excited

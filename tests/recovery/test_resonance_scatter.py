@@ -34,18 +34,18 @@ def tables(frfs):
     return [tabulate_resonances(DRIVE, solution, frf, OPTIONS, 0.0) for frf in frfs]
 
 
-@pytest.mark.parametrize("realizations", [1, 2, 4])
-def test_an_interval_holds_the_mean_of_all_measurements_about_as_often_as_it_says(realizations):
-    """With friction: a tenth of the torque is dry friction, whose distortion differs with the signal's phases."""
-    found = tables(responses(realizations=realizations))
-    assert {table.kind for table in found} == {KINDS}
+@pytest.mark.parametrize(("realizations", "dry_nm"), [(1, 0.1), (2, 0.1), (4, 0.1), (1, 0.3)])
+def test_an_interval_holds_the_mean_of_all_measurements_about_as_often_as_it_says(realizations, dry_nm):
+    """With friction: a share of the torque is dry friction, whose distortion differs with the signal's phases."""
+    found = tables(responses(realizations=realizations, dry_nm=dry_nm, seed=21))
+    alike = [table for table in found if table.kind == KINDS]
+    assert len(alike) >= (0.95 if dry_nm > 0.1 else 1.0) * len(found), "bumps of a distortion are no resonances"
     for lower, middle, upper in (
         ("lower_hz", "measured_hz", "upper_hz"), ("pole_lower_hz", "pole_hz", "pole_upper_hz"),
     ):  # fmt: skip
-        low, hz, high = (np.array([getattr(table, key) for table in found]) for key in (lower, middle, upper))
-        # Where the distortion leaves a local model no root, the magnitude is all that the lines show.
+        low, hz, high = (np.array([getattr(table, key) for table in alike]) for key in (lower, middle, upper))
         there = np.isfinite(hz)
-        assert (there.mean(axis=0) > (0.8 if middle == "pole_hz" else 0.999)).all()
+        assert (there.mean(axis=0) > 0.95).all()
         mean, count = np.nanmean(hz, axis=0), there.sum(axis=0)
         held = ((low <= mean) & (mean <= high)).sum(axis=0) / count
         # Four deviations of a share of sixty.

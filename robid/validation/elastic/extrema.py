@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -19,16 +20,18 @@ from robid.validation.elastic.local_model import (
     LocalMode,
     interpolated_mode,
     parabola_mode,
-    rational_mode,
 )
-from robid.validation.elastic.scatter import line_scatter
+from robid.validation.elastic.rational_model import rational_mode
+from robid.validation.elastic.scatter import LINE_SCATTER_FREEDOM, line_scatter
 
 _MIN_PROMINENCE = np.log(1.1)
 _NOISE_FACTOR = 8.0  # the range of noise alone over some hundred lines is 6 to 7 deviations
 MATCH = 0.15
 _GRID = 601
 KINDS: tuple[Kind, Kind] = ("resonance", "antiresonance")
-_ESTIMATORS: tuple[Estimator, ...] = (rational_mode, interpolated_mode, parabola_mode)
+_RATIONAL: tuple[Estimator, ...] = (rational_mode, *(partial(rational_mode, half_width_lines=n) for n in (5, 8, 12)))
+_THROUGH_THREE: tuple[Estimator, ...] = (interpolated_mode, parabola_mode)
+_SURE = 0.5  # deviation of a root, in line spacings, that needs no further lines
 _Lines: TypeAlias = tuple[FloatArray, ComplexArray, FloatArray, int]
 
 
@@ -68,11 +71,23 @@ class ExtremumPair:
 
 @dataclass(frozen=True)
 class Element:
-    """One motor's own response in one configuration, hold and delay removed; what each realization adds to it."""
+    """One motor's own response in one configuration, hold and delay removed.
+
+    Attributes:
+        frequency_hz (n_freq,): Frequencies [Hz].
+        measured (n_freq,): The measurement.
+        variance (n_freq,): Its variance.
+        freedom (n_freq,): Real degrees of freedom of that.
+        modelled (n_freq,): The model.
+        dense_hz (n_dense,): Further frequencies [Hz].
+        dense (n_dense,): The model's magnitude there.
+        errors (n_real, n_freq): What each realization adds to the measurement, if there are some.
+    """
 
     frequency_hz: FloatArray
     measured: ComplexArray
     variance: FloatArray
+    freedom: FloatArray
     modelled: ComplexArray
     dense_hz: FloatArray
     dense: FloatArray
@@ -111,8 +126,11 @@ class Elements:
         # What is interpolated is as unsure as it is large.
         variance = np.where(np.isfinite(variance), variance, np.abs(fitted.measured) ** 2)
         self._variance = variance / np.abs(hold) ** 2
+        own = 2 * frf.degrees_of_freedom if frf.degrees_of_freedom > 0 else np.inf
+        self._freedom = np.full(variance.shape, own)
         if scattering and frf.total_covariance is None:
             seen = line_scatter(self._measured, self._continuous) * np.abs(self._measured) ** 2
+            self._freedom[seen > self._variance] = LINE_SCATTER_FREEDOM
             self._variance = np.maximum(self._variance, seen)
         self._errors = None if frf.realization_error is None else frf.realization_error / hold
         self._dense_hz = np.geomspace(frf.frequency_hz[0], frf.frequency_hz[-1], _GRID)
@@ -121,7 +139,7 @@ class Elements:
     def at(self, configuration: int, output: int, motor: int) -> Element:
         """Returns one element."""
         at = (configuration, slice(None), output, motor)
-        curves = self._measured[at], self._variance[at], self._continuous[at]
+        curves = self._measured[at], self._variance[at], self._freedom[at], self._continuous[at]
         errors = None if self._errors is None else self._errors[configuration, :, :, output, motor]
         return Element(self._frequency_hz, *curves, self._dense_hz, self._dense[at], errors)
 
@@ -139,25 +157,43 @@ def pair_extrema(element: Element, kind: Kind) -> list[ExtremumPair]:
 def _pair(element: Element, kind: Kind, index: int, near_hz: FloatArray) -> ExtremumPair:
     """Refines both by the best estimator that serves both, on the same lines where the model allows it."""
     lines = _model_lines(element.frequency_hz, near_hz, index)
-    tried = ((estimate, estimate(*element.measured_at(index), kind)) for estimate in _ESTIMATORS)
-    served = [(estimate, found) for estimate, found in tried if found is not None]
-    for line in lines:
-        for estimate, found in served:
+    served = _served(element, index, kind)
+    for estimate, found in served:
+        for line in lines:
             counterpart = estimate(*element.modelled_at(line), kind)
             if counterpart is not None and abs(counterpart.frequency_hz / found.frequency_hz - 1) <= MATCH:
                 return ExtremumPair(index, estimate, found, counterpart, _reading(element, index, estimate, served))
     return ExtremumPair(index, *served[0], None, _reading(element, index, served[0][0], served))
 
 
+def _served(element: Element, index: int, kind: Kind) -> list[tuple[Estimator, LocalMode]]:
+    """What local models find, the best first: of rational ones the narrowest that is sure enough, or the surest."""
+
+    def found_by(estimators: tuple[Estimator, ...]) -> list[tuple[Estimator, LocalMode]]:
+        tried = ((estimate, estimate(*element.measured_at(index), kind)) for estimate in estimators)
+        return [(estimate, found) for estimate, found in tried if found is not None]
+
+    rational = found_by(_RATIONAL)
+    enough = _SURE * _spacing(element, index)
+    sure = [each for each in rational if each[1].std_hz <= enough]
+    best = sure[:1] or sorted(rational, key=lambda each: each[1].std_hz)[:1]
+    return [*best, *found_by(_THROUGH_THREE)]
+
+
+def _spacing(element: Element, index: int) -> float:
+    """Mean distance of a line from its neighbours [Hz]."""
+    return 0.5 * float(element.frequency_hz[index + 1] - element.frequency_hz[index - 1])
+
+
 def _reading(element: Element, index: int, chosen: Estimator, served: list[tuple[Estimator, LocalMode]]) -> float:
     """Deviation of a reading through three lines [Hz]: what two such readings differ by, at most what lines tell.
 
-    Seven lines that are of the form of a mechanical response leave nothing to read between them.
+    Lines that are of the form of a mechanical response leave nothing to read between them.
     """
-    if chosen is rational_mode:
+    if chosen in _RATIONAL:
         return 0.0
-    gap = 0.5 * float(element.frequency_hz[index + 1] - element.frequency_hz[index - 1]) / float(np.sqrt(12))
-    through_three = [found.peak_hz for estimate, found in served if estimate is not rational_mode]
+    gap = _spacing(element, index) / float(np.sqrt(12))
+    through_three = [found.peak_hz for estimate, found in served if estimate in _THROUGH_THREE]
     return min(gap, float(np.ptp(through_three))) if len(through_three) > 1 else gap
 
 

@@ -1,4 +1,4 @@
-"""Local models of a response around one extremum, and their pole or zero."""
+"""Local models of a response through the three lines of an extremum, and what any local model finds."""
 
 from __future__ import annotations
 
@@ -12,12 +12,7 @@ from robid.arrays import ComplexArray, FloatArray
 
 Kind = Literal["resonance", "antiresonance"]
 
-_ITERATIONS = 3
-_RELATIVE_FLOOR = 0.02
-_MISFIT_LIMIT = 5.0
 _MOST_NEGATIVE_DAMPING = -0.01  # noise may turn a small damping ratio negative, a passive robot does not
-_LINES = 7
-_MIN_LINES = 5
 _HALF_WIDTHS, _LEAST_REACH, _PEAK_GRID = 4.0, 1e-6, 161
 
 
@@ -46,35 +41,6 @@ Estimator: TypeAlias = Callable[[FloatArray, ComplexArray, FloatArray, int, Kind
 """What finds the mode around a line: of frequencies, a response, its variance, the line's index, and the kind."""
 
 
-def rational_mode(
-    frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray, extremum: int, kind: Kind
-) -> LocalMode | None:
-    """Fits `(b0 + b1 s + b2 s^2)/(s^2 + a1 s + a0)` on seven lines around an extremum of the magnitude.
-
-    A drive with two masses is of this form; of a robot's other modes it takes constant and slope.
-
-    Args:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_freq,): Response in continuous time, hold and delay removed.
-        variance (n_freq,): Its variance.
-        extremum: Index of the line with the extremum.
-        kind: Whether the pole or the zero is wanted.
-
-    Returns:
-        The pole or zero, or None when the data are not of this form (misfit above 10 % and five deviations)
-        or it does not lie between the extremum's neighbours, or grows in time.
-    """
-    half = _LINES // 2
-    window = slice(max(0, extremum - half), min(frequency_hz.size, extremum + half + 1))
-    if frequency_hz[window].size < _MIN_LINES:
-        return None
-    omega, centre = 2 * np.pi * frequency_hz[window], 2 * np.pi * float(frequency_hz[extremum])
-    data, power = _moved(response[window], variance[window]), np.abs(response[window]) ** 2
-    weight = 1 / np.sqrt(variance[window] + _RELATIVE_FLOOR**2 * power)
-    roots, magnitude, misfit = _rational_roots(omega, data, weight, centre, kind)
-    return None if misfit > _MISFIT_LIMIT else _located(roots, magnitude, frequency_hz, extremum, kind)
-
-
 def interpolated_mode(
     frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray, extremum: int, kind: Kind
 ) -> LocalMode | None:
@@ -93,7 +59,7 @@ def interpolated_mode(
         The pole or zero, or None when it does not lie between the extremum's neighbours, or grows in time.
     """
     three = slice(extremum - 1, extremum + 2)
-    data = _moved(response[three], variance[three])
+    data = moved_data(response[three], variance[three])
     values = 1 / data if kind == "resonance" else data
     x = frequency_hz[three] / frequency_hz[extremum] - 1
     second, first, constant = np.moveaxis(values @ np.linalg.inv(np.vander(x, 3)).T, -1, 0)
@@ -107,21 +73,21 @@ def interpolated_mode(
         value = np.abs((second[:, None] * x + first[:, None]) * x + constant[:, None])
         return np.asarray(1 / value if kind == "resonance" else value)
 
-    return _located(roots, magnitude, frequency_hz, extremum, kind)
+    ends_hz = float(frequency_hz[extremum - 1]), float(frequency_hz[extremum + 1])
+    return located_mode(roots, magnitude, ends_hz, kind)
 
 
-def _moved(data: ComplexArray, variance: FloatArray) -> ComplexArray:
+def moved_data(data: ComplexArray, variance: FloatArray) -> ComplexArray:
     """Data (n_line,) and their moves by one deviation of each line's real and imaginary part (1 + 4 n_line, n_line)."""
     deviation = np.diag(np.sqrt(0.5 * variance))
     moves = np.concatenate([deviation, 1j * deviation])
     return np.asarray(data + np.concatenate([np.zeros((1, data.size)), moves, -moves]))
 
 
-def _located(
+def located_mode(
     roots: ComplexArray,
     magnitude: Callable[[FloatArray], FloatArray],
-    frequency_hz: FloatArray,
-    extremum: int,
+    ends_hz: tuple[float, float],
     kind: Kind,
 ) -> LocalMode | None:
     """Judges the first root, finds the extremum of the magnitude beside it, and takes deviations from moved data.
@@ -129,15 +95,17 @@ def _located(
     Args:
         roots (n_case,): Root of each case, the data's own first.
         magnitude: Magnitude (n_case, n) of each case's local model at frequencies (n_case, n) [Hz].
-        frequency_hz (n_freq,): Frequencies [Hz].
-        extremum: Index of the line with the extremum.
+        ends_hz: Between which frequencies root and extremum lie [Hz].
         kind: Whether the magnitude's maximum or minimum is wanted.
+
+    Returns:
+        The pole or zero, or None when it does not lie there, or grows in time.
     """
     found = np.abs(roots) / (2 * np.pi)
-    low, high = frequency_hz[max(0, extremum - 1)], frequency_hz[min(frequency_hz.size - 1, extremum + 1)]
+    low, high = ends_hz
     if not low <= found[0] <= high or -roots[0].real < _MOST_NEGATIVE_DAMPING * np.abs(roots[0]):
         return None
-    peaks = _peaks(roots, magnitude, (float(low), float(high)), kind)
+    peaks = _peaks(roots, magnitude, ends_hz, kind)
     return LocalMode(float(found[0]), _deviation(found), complex(roots[0]), float(peaks[0]), _deviation(peaks))
 
 
@@ -203,50 +171,3 @@ def parabola_mode(
 
 def _vertex(polynomial: FloatArray) -> float:
     return float(-0.5 * polynomial[1] / polynomial[0]) if polynomial[0] else float("inf")
-
-
-def _rational_roots(
-    omega: FloatArray, data: ComplexArray, weight: FloatArray, centre: float, kind: Kind
-) -> tuple[ComplexArray, Callable[[FloatArray], FloatArray], float]:
-    """Roots (n_case,) of the numerator or denominator of each case (n_case, n_line), magnitude, the first one's misfit.
-
-    The polynomials are written in `x = (w^2 - w0^2)/scale`, which keeps narrow windows well conditioned; the
-    linearised least squares is reweighted with the last denominator. A root that does not oscillate is NaN.
-    """
-    scale = np.abs(omega**2 - centre**2).max()
-    shift = (omega**2 - centre**2) / scale
-    rate = 1j * omega / centre
-    powers = np.stack([np.ones_like(rate), shift, rate], axis=-1)
-    numerator = np.broadcast_to(powers, (*data.shape, 3))
-    denominator = np.ones_like(data)
-    theta: FloatArray = np.zeros((data.shape[0], 5))
-    for _ in range(_ITERATIONS):
-        here = (weight / np.abs(denominator))[..., None]
-        rows = here * np.concatenate([numerator, -powers[:, [0, 2]] * data[..., None]], axis=-1)
-        theta = _least_squares(rows, here[..., 0] * (-shift * data))
-        denominator = -shift + theta[:, 3:] @ powers[:, [0, 2]].T
-    misfit = weight * np.abs(theta[0, :3] @ powers.T / denominator[0] - data[0])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        free, slope = theta[:, 3:].T if kind == "resonance" else -theta[:, [0, 2]].T / theta[:, 1]
-        squared, slope = centre**2 + free * scale, slope * scale / centre
-        roots = -0.5 * slope + 1j * np.sqrt(squared - 0.25 * slope**2)
-
-    def magnitude(at_hz: FloatArray) -> FloatArray:
-        at = 2 * np.pi * at_hz
-        x, s = (at**2 - centre**2) / scale, 1j * at / centre
-        top, bottom = theta[:, :3, None], theta[:, 3:, None]
-        return np.asarray(
-            np.abs(top[:, 0] + top[:, 1] * x + top[:, 2] * s) / np.abs(bottom[:, 0] + bottom[:, 1] * s - x)
-        )
-
-    return np.asarray(roots), magnitude, float(np.sqrt(np.mean(misfit**2)))
-
-
-def _least_squares(rows: ComplexArray, target: ComplexArray) -> FloatArray:
-    """Real solution (n_case, n_unknown) of complex equations (n_case, n_line, n_unknown)."""
-    real = np.concatenate([rows.real, rows.imag], axis=1)
-    right = np.concatenate([target.real, target.imag], axis=1)
-    transposed = np.swapaxes(real, 1, 2)
-    normal = transposed @ real
-    ridge = 1e-13 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(normal.shape[-1])
-    return np.asarray(np.linalg.solve(normal + ridge, transposed @ right[..., None])[..., 0])

@@ -73,12 +73,13 @@ class _Mode:
 
 @dataclass(frozen=True)
 class _Row:
-    """A pair, and variances of its peak and its pole with their degrees of freedom as realizations show them."""
+    """A pair, the freedom of its own variance, and variances of peak and pole as realizations show, with theirs."""
 
     configuration: int
     channel: str
     kind: Kind
     pair: ExtremumPair
+    own_freedom: float
     realizations: tuple[tuple[float, float], float] | None
     mode: _Mode
 
@@ -129,7 +130,15 @@ def tabulate_resonances(
             }
             element = elements.at(configuration, frf.output_names.index(name), motor)
             found = [
-                _Row(configuration, name, kind, pair, _realizations(element, pair, kind), _nearest(own[kind], pair))
+                _Row(
+                    configuration,
+                    name,
+                    kind,
+                    pair,
+                    float(element.freedom[pair.line]),
+                    _realizations(element, pair, kind),
+                    _nearest(own[kind], pair),
+                )
                 for kind in KINDS
                 for pair in pair_extrema(element, kind)
             ]
@@ -142,14 +151,14 @@ def _realizations(element: Element, pair: ExtremumPair, kind: Kind) -> tuple[tup
     errors = element.errors
     if errors is None or len(errors) < 2:
         return None
-    left_out = leaving_out(pair.estimate, element.frequency_hz, element.measured, errors, pair.line, kind)
+    lines = element.frequency_hz, element.measured, element.variance
+    left_out = leaving_out(pair.estimate, *lines, errors, pair.line, kind)
     peak, pole = jackknife_variance(left_out).tolist()
     return (peak, pole), len(errors) - 1.0
 
 
 def _half_widths(rows: list[_Row], frf: Frf, confidence: float) -> FloatArray:
     """Half widths (n_row, 2) of the intervals of peaks and of poles."""
-    own_freedom = 2 * frf.degrees_of_freedom if frf.degrees_of_freedom > 0 else np.inf
     repeats = [_repeats(row, rows, frf.configurations) for row in rows]
     found = np.zeros((len(rows), 2))
     for index, row in enumerate(rows):
@@ -157,7 +166,7 @@ def _half_widths(rows: list[_Row], frf: Frf, confidence: float) -> FloatArray:
             scatter = [] if row.realizations is None else [(row.realizations[0][which], row.realizations[1])]
             same = repeats[index][:, which]
             scatter += [(float(same.var(ddof=1)), same.size - 1.0)] if same.size > 1 else []
-            found[index, which] = half_width((std**2 + row.pair.reading_hz**2, own_freedom), scatter, confidence)
+            found[index, which] = half_width((std**2 + row.pair.reading_hz**2, row.own_freedom), scatter, confidence)
     return found
 
 

@@ -12,6 +12,9 @@ from robid.validation.elastic.local_model import Estimator, Kind, LocalMode
 
 _WINDOW = 21
 _SECOND_DIFFERENCE = 6.0  # its variance over that of a line
+LINE_SCATTER_FREEDOM = 14.0
+"""Real degrees of freedom of what neighbouring lines scatter, whose second differences share lines."""
+
 _TINY = 1e-300
 
 
@@ -44,6 +47,7 @@ def leaving_out(
     estimate: Estimator,
     frequency_hz: FloatArray,
     response: ComplexArray,
+    variance: FloatArray,
     errors: ComplexArray,
     extremum: int,
     kind: Kind,
@@ -54,6 +58,7 @@ def leaving_out(
         estimate: The local model that found it.
         frequency_hz (n_freq,): Frequencies [Hz].
         response (n_freq,): Response in continuous time.
+        variance (n_freq,): Its variance, which weighs the lines.
         errors (n_real, n_freq): What each realization adds to it.
         extremum: Index of the line with the extremum, not at an edge.
         kind: Whether a peak or a dip is wanted.
@@ -67,7 +72,7 @@ def leaving_out(
         near = np.abs(left[extremum - 1 : extremum + 2])
         best = extremum - 1 + int(near.argmax() if kind == "resonance" else near.argmin())
         best = min(max(best, 1), frequency_hz.size - 2)
-        mode: LocalMode | None = estimate(frequency_hz, left, np.zeros(left.size), best, kind)
+        mode: LocalMode | None = estimate(frequency_hz, left, variance, best, kind)
         found.append([frequency_hz[best]] * 2 if mode is None else [mode.peak_hz, mode.frequency_hz])
     return np.array(found)
 

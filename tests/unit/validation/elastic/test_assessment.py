@@ -81,7 +81,7 @@ def test_own_resonances_have_their_limit(stated, sound):
         seed=5,
     )
     alone = assess_fit(stated, sound, higher, OPTIONS, DELAY_S)
-    assert "resonances are off by 9 %" in alone.sentence  # 1 - 1/1.1
+    assert "resonances are off by 9.1 %" in alone.sentence  # 1 - 1/1.1
 
 
 def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide(stated, frf):

@@ -13,8 +13,9 @@ from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.validation.elastic.extrema import own_resonance_errors
 from robid.validation.elastic.fitted import fitted_model
-from robid.validation.elastic.local_model import interpolated_mode, parabola_mode, rational_mode
+from robid.validation.elastic.local_model import interpolated_mode, parabola_mode
 from robid.validation.elastic.modes import damping_ratio, frequency_std, poles, zeros
+from robid.validation.elastic.rational_model import rational_mode
 from robid.validation.elastic.resonances import tabulate_resonances
 from solutions import with_estimate
 
@@ -159,6 +160,38 @@ def test_local_model_is_exact_for_its_own_form_and_refuses_a_slope():
     mode = rational_mode(frequency, data, np.full(7, 1e-12), 3, "resonance")
     np.testing.assert_allclose(mode.root, root, rtol=1e-6)
     assert rational_mode(frequency, 1.0 / s, np.full(7, 1e-12), 3, "resonance") is None
+
+
+def noisy_mode(seed, relative, half_width_lines, kind):
+    """A wide extremum between lines of 1 Hz, with another 20 Hz higher, read from its highest or lowest line."""
+    frequency = np.arange(50.0, 105.0)
+    s = 2j * np.pi * frequency
+    here, there = (2 * np.pi * hz * (-0.035 + 1j * np.sqrt(1 - 0.035**2)) for hz in (76.3, 96.3))
+    data = (s - here) * (s - here.conjugate()) / ((s - there) * (s - there.conjugate()))
+    data = 1 / data if kind == "resonance" else data
+    generator = np.random.default_rng(seed)
+    variance = relative**2 * np.abs(data) ** 2
+    moved = generator.standard_normal((2, data.size))
+    data = data + np.sqrt(0.5 * variance) * (moved[0] + 1j * moved[1])
+    extremum = int(np.abs(data).argmax() if kind == "resonance" else np.abs(data).argmin())
+    return rational_mode(frequency, data, variance, extremum, kind, half_width_lines)
+
+
+@pytest.mark.parametrize("kind", ["resonance", "antiresonance"])
+def test_more_lines_find_a_noisy_root_without_bias_and_as_sure_as_they_say(kind):
+    found = [noisy_mode(seed, 0.06, 8, kind) for seed in range(100)]
+    found = [mode for mode in found if mode is not None]
+    assert len(found) > 95
+    hz, said = (np.array([getattr(mode, key) for mode in found]) for key in ("frequency_hz", "std_hz"))
+    assert abs(hz.mean() - 76.3) < 4 * hz.std() / np.sqrt(hz.size)
+    assert np.median(said) == pytest.approx(hz.std(), rel=0.3)
+    narrow = [noisy_mode(seed, 0.06, 3, kind) for seed in range(100)]
+    assert np.std([mode.frequency_hz for mode in narrow if mode is not None]) > 2 * hz.std()
+
+
+def test_more_lines_serve_noise_alone():
+    assert noisy_mode(0, 0.01, 3, "resonance") is not None
+    assert noisy_mode(0, 0.01, 8, "resonance") is None
 
 
 @pytest.mark.parametrize("kind", ["resonance", "antiresonance"])

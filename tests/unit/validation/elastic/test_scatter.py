@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from robid.validation.elastic.local_model import rational_mode
-from robid.validation.elastic.scatter import half_width, jackknife_variance, leaving_out, line_scatter
+from robid.validation.elastic.rational_model import rational_mode
+from robid.validation.elastic.scatter import (
+    LINE_SCATTER_FREEDOM,
+    half_width,
+    jackknife_variance,
+    leaving_out,
+    line_scatter,
+)
 
 HZ = np.arange(20.0, 220.0)
 
@@ -31,6 +37,13 @@ def test_scatter_of_lines_is_that_of_their_noise():
     assert np.sqrt(np.mean(found)) == pytest.approx(0.05, rel=0.05)
 
 
+def test_scatter_of_lines_has_the_freedom_that_it_says():
+    """The variance of a chi-squared quotient is two over its degrees of freedom."""
+    clean = element(swinging(HZ))
+    found = np.array([line_scatter(element(noisy(swinging(HZ), 0.05, seed)), clean)[0, 100] for seed in range(400)])
+    assert 2 / (found.std() / found.mean()) ** 2 == pytest.approx(LINE_SCATTER_FREEDOM, rel=0.3)
+
+
 def test_a_model_that_has_one_resonance_elsewhere_scatters_little():
     off = line_scatter(element(noisy(swinging(HZ), 0.01)), element(swinging(HZ, at=74.3)))
     assert np.sqrt(np.median(off)) < 0.015
@@ -53,7 +66,13 @@ def test_realizations_whose_resonance_moved_scatter_as_far_as_it_moved():
     each = np.array([swinging(HZ, at) for at in places])
     errors = (each - each.mean(axis=0)) / len(each)
     found = leaving_out(
-        rational_mode, HZ, each.mean(axis=0), errors, int(np.abs(each.mean(axis=0)).argmax()), "resonance"
+        rational_mode,
+        HZ,
+        each.mean(axis=0),
+        np.zeros(HZ.size),
+        errors,
+        int(np.abs(each.mean(axis=0)).argmax()),
+        "resonance",
     )
     assert found.shape == (4, 2)
     deviation = np.sqrt(jackknife_variance(found))
