@@ -128,7 +128,7 @@ def _between(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
         raise DataError(
             f"Fit `{design.between}` does not tell how far parameters differ between configurations: it has fewer than"
             " four.",
-            where=f"designs.{job.owner}.between",
+            where="between",
             remedy="Name a fit of four configurations or more, or state `between_relative_std`.",
         )
     found = dict(zip(solution.estimate.names, solution.effective.between_std.tolist(), strict=True))

@@ -69,6 +69,17 @@ class ConfigurationDesign:
     joint_units: tuple[str, ...] | None = None
     between_relative_std: FloatArray | None = None
 
+    @property
+    def told(self) -> FloatArray:
+        """What the visits to each chosen configuration tell of each parameter (n_chosen, n_param), others known."""
+        return np.diagonal(self.visits.of(self.chosen, self.counts[self.chosen])[0, :, 0], axis1=1, axis2=2)
+
+    @property
+    def visits(self) -> Visits:
+        """What visits to each candidate tell, by optimal weights."""
+        apart = np.zeros(len(self.parameter_names)) if self.between_relative_std is None else self.between_relative_std
+        return make_visits(self.information[None, :, None], apart**2)
+
 
 @dataclass(frozen=True)
 class Stability:
