@@ -5,6 +5,7 @@ Schema history:
     1.1: criterion, slopes, counts, gain, rounding loss; the gap is relative. Files of 1.0 lack them and are refused.
     1.2: `cost_s`, `stability`.
     1.3: `joint_units`, where joints are prismatic.
+    1.4: `between_relative_std`, what parameters may differ by between configurations; `information` is without it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from robid.artifacts.mapping import Column, from_datasets, position_units, to_da
 if TYPE_CHECKING:
     from robid.design.configurations.information import ConfigurationDesign
 
-DESIGN = Kind("design", "1.3", "robid design-configs")
+DESIGN = Kind("design", "1.4", "robid design-configs")
 
 _TABLE = {
     "weights": Column("1", ("candidate",), "Optimal weights: shares of the experiments, or of the cost"),
@@ -27,6 +28,7 @@ _TABLE = {
     "gain": Column("1", ("candidate",), "What one experiment more adds to log det of the information"),
     "information": Column("1", ("candidate", "parameter", "parameter"), "Information about the log-parameters"),
     "predicted_relative_std": Column("1", ("parameter",), "Relative standard deviation that the choice promises"),
+    "between_relative_std": Column("1", ("parameter",), "Deviation between configurations that was allowed for"),
     "parameter_names": Column("1", ("parameter",)),
     "cost_s": Column("s", ("candidate",), "Time of one visit: experiments and way"),
     "stability/kept": Column("1", ("trial",), "Share of the choice that other data or parameters choose too"),

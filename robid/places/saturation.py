@@ -63,12 +63,32 @@ def saturate(information: FloatArray, between: FloatArray) -> FloatArray:
         information (..., n_param, n_param): What each place says of its own parameters.
         between (n_param,): Variance of each parameter between places.
     """
+    rows, root = _rows(information, between)
+    weighted = np.linalg.solve(root, rows)
+    return np.asarray(weighted.swapaxes(-1, -2) @ weighted)
+
+
+def saturation_slope(information: FloatArray, between: FloatArray) -> FloatArray:
+    """Returns the derivative of `saturate` by a factor on the information, where that is 1.
+
+    It falls with the factor, so it bounds from above what more of the same place would add.
+
+    Args:
+        information (..., n_param, n_param): What each place says of its own parameters.
+        between (n_param,): Variance of each parameter between places.
+    """
+    rows, root = _rows(information, between)
+    weighted = np.linalg.solve(root.swapaxes(-1, -2), np.linalg.solve(root, rows))
+    return np.asarray(weighted.swapaxes(-1, -2) @ weighted)
+
+
+def _rows(information: FloatArray, between: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rows R with `R'R = I`, and the triangular root of `1 + R T R'`."""
     scale = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-300))
     values, vectors = np.linalg.eigh(information / (scale[..., :, None] * scale[..., None, :]))
     rows = np.sqrt(np.maximum(values, 0.0))[..., :, None] * vectors.swapaxes(-1, -2) * scale[..., None, :]
     covariance = np.eye(rows.shape[-1]) + (rows * between) @ rows.swapaxes(-1, -2)
-    weighted = np.linalg.solve(np.linalg.cholesky(covariance), rows)
-    return np.asarray(weighted.swapaxes(-1, -2) @ weighted)
+    return np.asarray(rows), np.linalg.cholesky(covariance)
 
 
 def inverted(total: FloatArray) -> tuple[FloatArray, float]:

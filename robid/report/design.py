@@ -56,6 +56,9 @@ def design_numbers(design: ConfigurationDesign) -> dict[str, Any]:
         "predicted_relative_std": dict(
             zip(design.parameter_names, design.predicted_relative_std.tolist(), strict=True)
         ),
+        "between_relative_std": None
+        if design.between_relative_std is None
+        else dict(zip(design.parameter_names, design.between_relative_std.tolist(), strict=True)),
         "next_best": [
             {"candidate": index, "gain": float(design.gain[index]), "chosen": index in design.chosen}
             for index in next_best(design)
@@ -85,14 +88,13 @@ def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -
     """
     every = tuple(number_of(index) for index in range(len(arms_m)))
     names = tuple(every[index] for index in design.chosen)
-    diagonal = np.diagonal(design.information, axis1=1, axis2=2)[design.chosen]
     visits = design.counts[design.chosen]
     figures = (
         skeleton_figure(
             arms_m[design.chosen], visits / visits.sum(), names, np.delete(arms_m[:, -1], design.chosen, axis=0)
         ),
         weight_figure(design.weights, every),
-        information_figure(visits[:, None] * diagonal, design.parameter_names, names),
+        information_figure(design.told, design.parameter_names, names),
     )
     bound = (
         "what optimal weights of the data could give" if np.isnan(design.rounding_loss) else "the best that there is"
@@ -143,13 +145,21 @@ def _quality(design: ConfigurationDesign) -> Table:
 
 
 def _promised(design: ConfigurationDesign) -> Table:
-    pairs = zip(design.parameter_names, design.predicted_relative_std.tolist(), strict=True)
-    return Table(
-        ("Parameter", "Predicted deviation"),
-        tuple((name, percent(deviation)) for name, deviation in pairs),
-        caption="Relative standard deviation after one visit to each chosen configuration, or as many as stated, each"
-        " with the experiments of the candidates' campaign.",
+    columns = [design.parameter_names, _percents(design.predicted_relative_std)]
+    caption = (
+        "Relative standard deviation after one visit to each chosen configuration, or as many as stated, each with the"
+        " experiments of the candidates' campaign."
     )
+    if design.between_relative_std is None:
+        return Table(("Parameter", "Predicted deviation"), tuple(zip(*columns, strict=True)), caption=caption)
+    columns.append(_percents(design.between_relative_std))
+    caption += " Between configurations: how far a parameter was taken to differ from one to another."
+    heads = ("Parameter", "Predicted deviation", "Between configurations")
+    return Table(heads, tuple(zip(*columns, strict=True)), caption=caption)
+
+
+def _percents(deviations: FloatArray) -> tuple[str, ...]:
+    return tuple(percent(deviation) for deviation in deviations.tolist())
 
 
 def _next(design: ConfigurationDesign) -> Table:

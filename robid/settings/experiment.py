@@ -246,6 +246,11 @@ class Design(CostOptions, InformationOptions, DesignOptions):
         description="Name of an earlier fit: what it knows counts beforehand, and its estimates take the place of the"
         " robot file's values. The configuration that adds most to it comes first.",
     )
+    between: Name | None = Field(
+        default=None,
+        description="Name of an earlier fit, of four configurations or more: how far parameters differed between those"
+        " takes the place of `between_relative_std`.",
+    )
     fit: Name | None = Field(
         default=None,
         description="Name of the fit that the choice is for, with `weights: {mean: fit}`: its estimator and weights"

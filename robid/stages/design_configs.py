@@ -40,12 +40,13 @@ def run(job: Job) -> str:
         prior=found.prior,
         cost=cost,
         fitted=found.fitted,
+        between=found.between,
     )
     trials = _trials(found)
     repeated = None
     if trials and found.fitted is None:
         source = "realizations" if len(found.halves) else "draws"
-        repeated = stability(source, trials, choice, options, found.prior, cost)
+        repeated = stability(source, trials, choice, options, found.prior, cost, found.between)
     if found.fitted is not None:
         # What optimal weights of the chosen ones would be worth is no measure of a fit that has others.
         choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)

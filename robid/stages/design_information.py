@@ -17,6 +17,7 @@ from robid.design.configurations.fitted import FittedInformation
 from robid.design.configurations.measured import fitted_information, measured_information
 from robid.design.configurations.options import DesignWeights, InformationOptions
 from robid.design.configurations.stability import halves
+from robid.errors import DataError
 from robid.families.elastic.files import solution_from_artifact
 from robid.fit.elastic.fitted_robot import fitted_delay_s, fitted_robot
 from robid.fit.elastic.options import ElasticOptions
@@ -48,6 +49,7 @@ class CandidateInformation:
         halves (n_way, 2, n_conf, n_param, n_param): The same by half the realizations each; n_way may be 0.
         fitted: What a fit with weights of its own makes of them, under each draw, or None.
         prior (n_param, n_param): What an earlier fit knows, or None.
+        between (n_param,): Deviation of each log-parameter between configurations.
     """
 
     matrices: FloatArray
@@ -56,6 +58,7 @@ class CandidateInformation:
     halves: FloatArray
     fitted: FittedInformation | None
     prior: FloatArray | None
+    between: FloatArray
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,24 @@ def gather_information(job: Job) -> CandidateInformation:
         halves=np.concatenate([each.halves for each in found], axis=2),
         fitted=_joined([each.fitted for each in found if each.fitted is not None], axis=1),
         prior=None if knowledge is None else knowledge.about(names),
+        between=_between(job, design, names),
     )
+
+
+def _between(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
+    """Deviation (n_param,) of each log-parameter between configurations: an earlier fit's, or that of the settings."""
+    if design.between is None:
+        return design.between_relative_std.of(names)
+    solution = solution_from_artifact(read_artifact(job.inputs["between"], MODEL))
+    if solution.effective is None:
+        raise DataError(
+            f"Fit `{design.between}` does not tell how far parameters differ between configurations: it has fewer than"
+            " four.",
+            where="between",
+            remedy="Name a fit of four configurations or more, or state `between_relative_std`.",
+        )
+    found = dict(zip(solution.estimate.names, solution.effective.between_std.tolist(), strict=True))
+    return np.array([found[name] for name in names])
 
 
 @dataclass(frozen=True)

@@ -68,10 +68,9 @@ def test_measured_information_is_that_of_the_whole_response(chosen):
 
 def test_no_pair_of_candidates_tells_more_than_the_chosen_one(chosen):
     design = design_of(chosen, "best")
-    worths = {
-        pair: np.linalg.slogdet(design.information[list(pair)].sum(axis=0))[1]
-        for pair in itertools.combinations(range(6), 2)
-    }
+    np.testing.assert_allclose(design.between_relative_std, 0.02)
+    told = np.linalg.inv(np.linalg.inv(design.information) + 0.02**2 * np.eye(2))
+    worths = {pair: np.linalg.slogdet(told[list(pair)].sum(axis=0))[1] for pair in itertools.combinations(range(6), 2)}
     assert tuple(design.chosen) == max(worths, key=worths.__getitem__)
     np.testing.assert_array_equal(design.counts[design.chosen], 1)
 
@@ -106,6 +105,46 @@ def test_the_next_configuration_adds_most_to_an_earlier_fit(chosen):
     assert design.chosen.tolist() == [int(np.argmax(gain))]
     together = np.linalg.inv(known + matrices[design.chosen[0]])
     np.testing.assert_allclose(design.predicted_relative_std, np.sqrt(np.diag(together)), rtol=1e-8)
+
+
+def test_what_an_earlier_fit_found_between_configurations_is_allowed_for(chosen):
+    solution = solution_from_artifact(read_artifact(chosen.runs / "fits/places/model.h5", MODEL))
+    places = [solution.estimate.names.index(name) for name in SPRINGS]
+    between = solution.effective.between_std[places]
+    assert between.max() > 0
+    design = design_of(chosen, "spread")
+    matrices, _ = information_at(chosen)
+    whole = sum(
+        np.linalg.inv(np.linalg.inv(design.counts[index] * matrices[index]) + np.diag(between**2))
+        for index in design.chosen
+    )
+    np.testing.assert_allclose(design.predicted_relative_std, np.sqrt(np.diag(np.linalg.inv(whole))), rtol=1e-6)
+    answer = chosen.robid("design-configs", FILE, "--design", "spread", "--force")
+    assert "Between" in answer.out
+    told = chosen.robid("design-configs", FILE, "--design", "spread", "--json").json["design"]
+    assert told["between_relative_std"] == dict(zip(SPRINGS, between.tolist(), strict=True))
+
+
+def test_a_design_is_stale_with_the_fit_that_tells_what_differs(chosen):
+    chosen.change(
+        "weights: {kind: optimal}, free: [stiffness], correct_torques: false}\nexecution",
+        "free: [stiffness]}\nexecution",
+        file=FILE,
+    )
+    states = chosen.states()
+    assert {name for name in states if "designs" in name and states[name][0] == "stale"} == {"designs/spread.h5"}
+
+
+def test_a_fit_of_one_place_does_not_tell_what_differs(chosen):
+    chosen.change("between: places", "between: later", file=FILE)
+    refused(
+        chosen,
+        4,
+        "designs.spread: between",
+        "fewer than four",
+        "state `between_relative_std`",
+        command=("design-configs", FILE, "--design", "spread", "--force"),
+    )
 
 
 def test_a_fit_with_its_own_weights_is_never_better_than_the_best_weights(chosen):
@@ -167,7 +206,7 @@ def test_a_design_is_stale_with_what_is_known_of_motor_inertias_where_they_are_e
     chosen.change("inertia_kgm2: 0.002", "inertia_relative_std: 0.1\n      inertia_kgm2: 0.002", file="arm.yaml")
     states = chosen.states()
     assert {name for name in states if "designs" in name and states[name][0] == "stale"} == {
-        f"designs/{name}.h5" for name in ("best", "next", "fitted", "allowing", "assumed")
+        f"designs/{name}.h5" for name in ("best", "next", "fitted", "allowing", "assumed", "spread")
     }
 
 
@@ -235,6 +274,15 @@ def refused(shop, code, *texts, command=("run", "design.yaml")):
             "best: {campaign: candidates, fit: earlier, weights: {off_diagonal: 0.3, mean: fit}}",
             ("designs.best.weights", "the rest comes from the fit"),
         ),
+        ("best: {campaign: candidates, between: earlyer}", ("designs.best.between", "did you mean `earlier`?")),
+        (
+            "best: {campaign: candidates, between: earlier}",
+            ("designs.best.between", "does not estimate `gear_turn.damping`"),
+        ),
+        (
+            "best: {campaign: candidates, between_relative_std: {stiffness: -1}}",
+            ("designs.best.between_relative_std.stiffness",),
+        ),
         ("best: {campaign: candidates, criterion: f}", ("designs.best.criterion",)),
     ],
 )
@@ -287,7 +335,7 @@ def test_candidates_that_cannot_be_chosen_from(fresh, campaign, design, code, te
     fresh.change("controller:", "floor_m: 0\ncontroller:", file="arm.yaml")
     fresh.change("{random: {count: 6, seed: 1}}", campaign, file=FILE)
     fresh.change(BEST, f"best: {{campaign: candidates, {design}}}", file=FILE)
-    for name in ("next", "fitted", "named", "allowing", "assumed"):
+    for name in ("next", "fitted", "named", "allowing", "assumed", "spread"):
         line = next(line for line in (fresh.folder / "design.yaml").read_text().splitlines() if f"  {name}: " in line)
         fresh.change(f"{line}\n", "", file=FILE)
     refused(fresh, code, *texts, command=CHOOSE)

@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.design.configurations.criteria import Criterion, tangent, worth
 from robid.design.configurations.fitted import merged
+from robid.design.configurations.visits import Visits
 
 _GAIN = 1e-10
 _SMOOTHING = 1e-6
@@ -21,7 +22,7 @@ class Exchange:
 
     Attributes:
         criterion: `d`, `a` or `e`.
-        parts (n_draw, n_cand, n_part, n_all, n_all): What one experiment of each candidate adds, see `merged`.
+        visits: What experiments of each candidate add, see `merged`.
         base (n_draw, n_part, n_all, n_all): What is there without any.
         experiments: Number of experiments.
         distinct: Number of different candidates at most.
@@ -32,7 +33,7 @@ class Exchange:
     """
 
     criterion: Criterion
-    parts: FloatArray
+    visits: Visits
     base: FloatArray
     experiments: int
     distinct: int
@@ -43,8 +44,7 @@ class Exchange:
 
     def total(self, counts: IntArray) -> FloatArray:
         """Total (n_draw, n_part, n_all, n_all) of some numbers of experiments (n_cand,)."""
-        used = np.flatnonzero(counts)
-        return np.asarray(self.base + np.tensordot(self.parts[:, used], counts[used], (1, 0)))
+        return np.asarray(self.base + self.visits.total(counts))
 
     def worth(self, counts: IntArray) -> float:
         """Worth of some numbers of experiments."""
@@ -74,7 +74,7 @@ class Exchange:
         while counts.sum() < self.experiments:
             allowed = self.addable(counts)
             allowed[allowed] = [self._leaves_enough(counts, index) for index in np.flatnonzero(allowed).tolist()]
-            best, _ = self._best(self.total(counts), allowed)
+            best, _ = self._best(counts, allowed)
             if best < 0:
                 break
             counts[best] += 1
@@ -83,7 +83,7 @@ class Exchange:
     def improved(self, counts: IntArray) -> IntArray:
         """Moves one experiment at a time, or adds one that is affordable, until nothing gains."""
         counts, current = counts.copy(), self.worth(counts)
-        slopes, excess = self._slopes(counts)
+        adding, leaving = self._slopes(counts)
         while True:
             begun = current
             for position in np.flatnonzero(counts):
@@ -91,34 +91,43 @@ class Exchange:
                     continue
                 rest = counts.copy()
                 rest[position] -= 1
-                # The criterion is concave: what has no larger slope than what it replaces cannot gain.
-                promising = self.addable(rest) & (slopes + excess > slopes[position])
-                best, value = self._best(self.total(rest), promising)
+                # The criterion is concave: what adds no more by its slopes than what it replaces cannot gain.
+                promising = self.addable(rest) & (adding > leaving[position])
+                best, value = self._best(rest, promising)
                 if best >= 0 and value > current * (1 + _GAIN):
                     rest[best] += 1
                     counts, current = rest, value
-                    slopes, excess = self._slopes(counts)
+                    adding, leaving = self._slopes(counts)
             more = self.greedy(counts)
             if more.sum() > counts.sum():
                 counts, current = more, self.worth(more)
-                slopes, excess = self._slopes(counts)
+                adding, leaving = self._slopes(counts)
             if current == begun:
                 return counts
 
-    def _slopes(self, counts: IntArray) -> tuple[FloatArray, float]:
-        """Slope (n_cand,) of the worth by each number, and how far above it a step may lead; none of a fit's own."""
-        if self.parts.shape[2] > 1:
-            return np.zeros(self.cost.size), np.inf
+    def _slopes(self, counts: IntArray) -> tuple[FloatArray, FloatArray]:
+        """By the worth's slopes, what one more of each (n_cand,) adds at most, and what one less takes at least.
+
+        Nothing is known of a fit's own.
+        """
+        size = self.cost.size
+        if self.visits.alone.shape[2] > 1:
+            return np.full(size, np.inf), np.zeros(size)
         totals = self.total(counts)[:, 0]
         smoothing = _SMOOTHING * float(np.linalg.eigvalsh(totals)[..., 0].min()) if self.criterion == "e" else 0.0
         bound = tangent(self.criterion, totals, smoothing)
-        return np.einsum("dcij,dij->c", self.parts[:, :, 0], bound.factors, optimize=True), bound.excess
+        used = np.flatnonzero(counts)
+        adding = _traces(self.visits.more(np.arange(size), counts), bound.factors)
+        leaving = np.zeros(size)
+        leaving[used] = _traces(self.visits.more(used, counts - (counts > 0)), bound.factors)
+        return adding + bound.excess, leaving
 
-    def _best(self, total: FloatArray, allowed: BoolArray) -> tuple[int, float]:
+    def _best(self, counts: IntArray, allowed: BoolArray) -> tuple[int, float]:
         indices = np.flatnonzero(allowed)
         if indices.size == 0:
             return -1, 0.0
-        values = worth(self.criterion, merged(total[:, None] + self.parts[:, indices], self.wanted))
+        together = self.total(counts)[:, None] + self.visits.more(indices, counts)
+        values = worth(self.criterion, merged(together, self.wanted))
         return int(indices[np.argmax(values)]), float(values.max())
 
     def _leaves_enough(self, counts: IntArray, index: int) -> bool:
@@ -127,6 +136,10 @@ class Exchange:
         free = self.cost if self.repeats else np.delete(self.cost, np.append(np.flatnonzero(counts), index))
         needed = left * free.min() if self.repeats else np.sort(free)[:left].sum()
         return bool(counts @ self.cost + self.cost[index] + needed <= self.budget * (1 + 1e-12))
+
+
+def _traces(parts: FloatArray, factors: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("dcij,dij->c", parts[:, :, 0], factors, optimize=True))
 
 
 def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: int) -> IntArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from robid.design.configurations.fitted import FittedInformation, merged
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.plan import ConfigurationPlan, checked_plan, choose_counts
 from robid.design.configurations.regularity import check_different, check_finite, checked_scale, is_regular
+from robid.design.configurations.visits import Visits, make_visits
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
 _TIGHTENED = 4
@@ -31,13 +32,13 @@ class ConfigurationDesign:
         counts (n_conf,): Experiments (visits) in each candidate.
         efficiency: Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is
             also the price of few configurations and whole numbers.
-        choice_efficiency: The same over the certified bound on choices of as many different candidates with equal
-            effort; equal to `efficiency` where repeats or costs make no tighter bound.
+        choice_efficiency: The same over the certified bound on choices of as many different candidates, with equal
+            effort, or with repeats or costs with all the effort in each; `efficiency` where that is tighter.
         rounding_loss: Share of the worth that whole numbers cost, against optimal weights of the chosen ones.
         gain (n_conf,): What one experiment more of each candidate adds to `log det` of the information known
             beforehand; where that alone does not determine all parameters, of it and the chosen ones together.
-        information (n_conf, n_param, n_param): Information of each candidate about the log-parameters, mean over the
-            draws.
+        information (n_conf, n_param, n_param): Information of each candidate about the log-parameters as they are
+            there, mean over the draws.
         predicted_relative_std (n_param,): Relative standard deviations that what is known beforehand and the chosen
             numbers promise together.
         parameter_names: Names of the parameters.
@@ -45,6 +46,8 @@ class ConfigurationDesign:
         cost_s (n_conf,): Cost of one experiment in each candidate [s]; None where they cost the same.
         stability: Whether the choice would come out the same; None without other information to choose by.
         joint_units: Unit of each joint's position; None where all are angles.
+        between_relative_std (n_param,): Deviation of each log-parameter between configurations that was allowed for;
+            None where none was.
     """
 
     weights: FloatArray
@@ -64,6 +67,18 @@ class ConfigurationDesign:
     cost_s: FloatArray | None = None
     stability: Stability | None = None
     joint_units: tuple[str, ...] | None = None
+    between_relative_std: FloatArray | None = None
+
+    @property
+    def told(self) -> FloatArray:
+        """What the visits to each chosen configuration tell of each parameter (n_chosen, n_param), others known."""
+        return np.diagonal(self.visits.of(self.chosen, self.counts[self.chosen])[0, :, 0], axis1=1, axis2=2)
+
+    @property
+    def visits(self) -> Visits:
+        """What visits to each candidate tell, by optimal weights."""
+        apart = np.zeros(len(self.parameter_names)) if self.between_relative_std is None else self.between_relative_std
+        return make_visits(self.information[None, :, None], apart**2)
 
 
 @dataclass(frozen=True)
@@ -113,6 +128,7 @@ def design_configurations(
     prior: FloatArray | None = None,
     cost: FloatArray | None = None,
     fitted: FittedInformation | None = None,
+    between: FloatArray | None = None,
 ) -> ConfigurationDesign:
     """Chooses configurations by what they tell about the parameters.
 
@@ -130,6 +146,8 @@ def design_configurations(
         fitted: The choice is made for a fit with its own weights. Such information does not add over candidates:
             exchange maximises it, and its efficiency is against a bound on optimal weights of the same responses.
             `matrices` are then only what each candidate tells alone.
+        between (n_param,): Deviation of each log-parameter between configurations, by what the model lacks; none when
+            not given. No number of visits to one configuration tells more than it allows.
 
     Raises:
         SettingsError: If there are fewer candidates than configurations to choose, or more of these than experiments,
@@ -138,7 +156,7 @@ def design_configurations(
             leave a combination of parameters unseen.
 
     Source:
-        METHODS sec. 6; Zimmermann et al. (2023), eq. 4-6.
+        METHODS sec. 6 and 11; Zimmermann et al. (2023), eq. 4-6.
     """
     n_conf, n_param = len(configurations), len(parameter_names)
     draws = matrices if matrices.ndim == 4 else matrices[None]
@@ -148,12 +166,15 @@ def design_configurations(
     experiments, budget = checked_plan(options, price)
     check_finite(draws)
     for draw in draws:
-        scale = checked_scale(known + draw.mean(axis=0), parameter_names, "the candidates", _FIX)
+        checked_scale(known + draw.mean(axis=0), parameter_names, "the candidates", _FIX)
     check_different(draws)
+    apart = np.zeros(n_param) if between is None else between
+    visits = make_visits(draws[:, :, None], apart**2)
+    scale = np.sqrt(np.diag(known + visits.once[-1, :, 0].mean(axis=0)))
     if options.criterion != "d":
         # The other criteria depend on the parameters' scale: that of the log-parameters stays.
         scale = np.full(n_param, scale.mean())
-    plan = _plan(draws, known, scale, fitted, options, price, experiments, budget)
+    plan = _plan(visits, known, scale, fitted, options, price, experiments, budget)
     if fitted is not None:
         every = np.ones(n_conf, int)
         for seen in plan.seen(every):
@@ -162,7 +183,7 @@ def design_configurations(
     counts = choose_counts(plan, relaxed)
     chosen = np.flatnonzero(counts)
     _check_chosen(plan, counts, parameter_names)
-    found, own = plan.worth(counts), plan.relaxed(chosen)
+    found, own = plan.worth(counts), plan.shared_out(counts)
     deviation = np.diagonal(np.linalg.inv(plan.totals(counts)), axis1=1, axis2=2).mean(axis=0)
     beforehand = is_regular(known / np.outer(scale, scale))
     return ConfigurationDesign(
@@ -175,16 +196,17 @@ def design_configurations(
         efficiency=found / plan.bound(relaxed),
         choice_efficiency=_choice_efficiency(plan, found, found / plan.bound(relaxed)),
         rounding_loss=1 - found / plan.bound(own),
-        gain=_gain(plan.parts, plan.sums(np.zeros_like(counts) if beforehand else counts), n_param),
+        gain=_gain(plan, np.zeros_like(counts) if beforehand else counts),
         information=draws.mean(axis=0),
         predicted_relative_std=np.sqrt(deviation) / scale,
         parameter_names=parameter_names,
         configurations=configurations,
+        between_relative_std=apart if apart.any() else None,
     )
 
 
 def _plan(
-    draws: FloatArray,
+    visits: Visits,
     known: FloatArray,
     scale: FloatArray,
     fitted: FittedInformation | None,
@@ -194,29 +216,31 @@ def _plan(
     budget: float,
 ) -> ConfigurationPlan:
     """The choice to be made, over the scale of the log-parameters."""
-    unit = scale[:, None] * scale
-    known = known / unit
+    known = known / (scale[:, None] * scale)
     if fitted is None:
-        matrices = draws / unit
-        return ConfigurationPlan(
-            options, matrices, matrices[:, :, None], known, known[None], price, experiments, budget
-        )
+        visits = visits.scaled(scale)
+        return ConfigurationPlan(options, visits.once[:, :, 0], visits, known, known[None], price, experiments, budget)
     own = fitted.scaled(scale)
-    visits = np.full(price.size, budget / price.sum())
+    # What is estimated along is the same in all configurations.
+    apart = np.concatenate([visits.between * scale**2, np.zeros(len(own.precision) - scale.size)])
+    parts = make_visits(own.parts(), apart)
+    own = replace(own, best=make_visits(own.best[:, :, None], apart).once[:, :, 0])
+    tight = np.full(price.size, budget / price.sum())
     lowest = np.inf
     for _ in range(_TIGHTENED):
-        bound, beside = own.bound(known, visits)
-        plan = ConfigurationPlan(options, bound, own.parts(), beside, own.base(known), price, experiments, budget)
+        bound, beside = own.bound(known, tight)
+        plan = ConfigurationPlan(options, bound, parts, beside, own.base(known), price, experiments, budget)
         relaxed = plan.relaxed()
         if plan.bound(relaxed) >= lowest:
             break
-        best, lowest, visits = plan, plan.bound(relaxed), budget * relaxed.weights / price
+        best, lowest, tight = plan, plan.bound(relaxed), budget * relaxed.weights / price
     return best
 
 
-def _gain(parts: FloatArray, here: FloatArray, count: int) -> FloatArray:
-    before = np.linalg.slogdet(merged(here, count))[1]
-    after = np.linalg.slogdet(merged(here[:, None] + parts, count))[1]
+def _gain(plan: ConfigurationPlan, counts: IntArray) -> FloatArray:
+    here, more = plan.sums(counts), plan.visits.more(np.arange(counts.size), counts)
+    before = np.linalg.slogdet(merged(here, plan.wanted))[1]
+    after = np.linalg.slogdet(merged(here[:, None] + more, plan.wanted))[1]
     return np.asarray((after - before[:, None]).mean(axis=0))
 
 
@@ -234,7 +258,9 @@ def _choice_efficiency(plan: ConfigurationPlan, found: float, efficiency: float)
     """Efficiency against the bound on different candidates with equal effort, where it is tighter."""
     options = plan.options
     if options.experiments is not None or np.ptp(plan.cost) > 0 or options.count == 1:
-        return efficiency
+        if not plan.visits.between.any() or plan.visits.alone.shape[2] > 1:
+            return efficiency
+        return max(found / plan.most(), efficiency)
     if options.count == plan.cost.size:
         everything = np.ones(plan.cost.size, int)
         return found / plan.worth(everything)

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+import numpy as np
+
+from robid.arrays import FloatArray
 from robid.robot.parameters import FREE, OF_SPRINGS, LogarithmicKind, ResponseNuisance
 
 ALONG = tuple(kind for kind in FREE if kind not in OF_SPRINGS)
@@ -73,6 +76,20 @@ class DesignWeights:
 
 
 @dataclass(frozen=True)
+class BetweenRelativeStd:
+    """How far what a parameter comes out as differs from one configuration to another, by what the model lacks."""
+
+    stiffness: float = field(default=0.02, metadata={"description": "Of springs, relative.", "ge": 0})
+    damping: float = field(default=0.2, metadata={"description": "Of dampers, relative.", "ge": 0})
+    motor_inertia: float = field(default=0.02, metadata={"description": "Of motor inertias, relative.", "ge": 0})
+    link_inertia: float = field(default=0.02, metadata={"description": "Of link inertias, relative.", "ge": 0})
+
+    def of(self, names: Sequence[str]) -> FloatArray:
+        """Deviations (n_name,) of parameters."""
+        return np.array([getattr(self, name.rpartition(".")[2]) for name in names])
+
+
+@dataclass(frozen=True)
 class InformationOptions:
     """What configurations tell, and about which parameters."""
 
@@ -89,6 +106,13 @@ class InformationOptions:
     model_error: float = field(
         default=0.0,
         metadata={"description": "Relative model error that measured information allows for, besides.", "ge": 0},
+    )
+    between_relative_std: BetweenRelativeStd = field(
+        default_factory=BetweenRelativeStd,
+        metadata={
+            "description": "How far parameters differ from one configuration to another: no number of visits to one of"
+            " them tells more than this allows. 0 for not at all."
+        },
     )
     free: tuple[LogarithmicKind, ...] = field(
         default=("stiffness", "damping"), metadata={"description": "Kinds of parameters that are wanted."}

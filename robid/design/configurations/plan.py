@@ -13,6 +13,7 @@ from robid.design.configurations.fitted import merged, reduced
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.regularity import is_regular
 from robid.design.configurations.relaxed import Relaxed, relaxed_design
+from robid.design.configurations.visits import Visits, slopes
 from robid.errors import SettingsError
 
 _POOL = 400
@@ -28,11 +29,11 @@ class ConfigurationPlan:
     Attributes:
         options: Criterion, numbers and limits.
         matrices (n_draw, n_cand, n_param, n_param): Information of one experiment in each candidate, or for a fit
-            with its own weights what its sums never exceed.
-        parts (n_draw, n_cand, n_part, n_all, n_all): What adds up over experiments: the information alone, or
-            bread and meat of a fit with its own weights, nuisances last.
+            with its own weights what its sums never exceed. So many times it, no number of experiments tells more.
+        visits: What adds up over experiments: the information alone, or bread and meat of a fit with its own weights,
+            nuisances last.
         prior (n_param, n_param): What is known beforehand, beside `matrices`; may be one for each draw.
-        base (n_part, n_all, n_all): The same beside `parts`.
+        base (n_part, n_all, n_all): The same beside `visits`.
         cost (n_cand,): Cost of one experiment.
         experiments: Number of experiments.
         budget: What they may cost together.
@@ -40,7 +41,7 @@ class ConfigurationPlan:
 
     options: DesignOptions
     matrices: FloatArray
-    parts: FloatArray
+    visits: Visits
     prior: FloatArray
     base: FloatArray
     cost: FloatArray
@@ -53,12 +54,13 @@ class ConfigurationPlan:
 
     def sums(self, counts: IntArray) -> FloatArray:
         """Sums (n_draw, n_part, n_all, n_all) of the parts."""
-        used = np.flatnonzero(counts)
-        return np.asarray(self.base + np.tensordot(self.parts[:, used], counts[used], (1, 0)))
+        return np.asarray(self.base + self.visits.total(counts))
 
     def seen(self, counts: IntArray) -> FloatArray:
         """What some numbers of experiments see (n_draw, n_param, n_param), by the weights that are used."""
-        return reduced(self.sums(counts), self.wanted)[:, 0]
+        used = np.flatnonzero(counts)
+        whole = self.base + np.tensordot(self.visits.alone[:, used], counts[used], (1, 0))
+        return reduced(whole, self.wanted)[:, 0]
 
     @property
     def wanted(self) -> int:
@@ -76,12 +78,36 @@ class ConfigurationPlan:
     def relaxed(self, candidates: IntArray | None = None, limit: float = 1.0) -> Relaxed:
         """Optimal shares of the cost among all candidates, or some."""
         chosen = slice(None) if candidates is None else candidates
+        return self._relaxed(self.matrices[:, chosen] / self.cost[chosen][:, None, None], self.prior, limit)
+
+    def shared_out(self, counts: IntArray) -> Relaxed:
+        """Optimal shares of the cost among the candidates that have numbers of experiments (n_cand,).
+
+        Where places differ, what further experiments tell falls with their number; it stays below its tangent at the
+        given numbers, so the bound holds for all others.
+        """
+        used = np.flatnonzero(counts)
+        if not self.visits.between.any() or self.visits.alone.shape[2] > 1:
+            return self.relaxed(used)
+        slope = slopes(self.visits.alone[:, used, 0], counts[used], self.visits.between)
+        beside = self.visits.total(counts)[:, 0] - np.tensordot(slope, counts[used], ((1,), (0,)))
+        return self._relaxed(slope / self.cost[used][:, None, None], self.prior + beside, 1.0)
+
+    def most(self) -> float:
+        """What as many candidates as are allowed are worth at most, each with all that could be paid there."""
+        count = self.options.count
+        times = np.minimum(np.floor(self.budget * (1 + 1e-12) / self.cost), self.experiments).astype(int)
+        matrices = self.visits.of(np.arange(self.cost.size), times)[:, :, 0]
+        found = self._relaxed(matrices * count / self.budget, self.prior, 1 / count)
+        return self.bound(found)
+
+    def _relaxed(self, matrices: FloatArray, prior: FloatArray, limit: float) -> Relaxed:
         return relaxed_design(
-            self.matrices[:, chosen] / self.cost[chosen][:, None, None],
+            matrices,
             criterion=self.options.criterion,
             gap=self.options.gap,
             iterations=self.options.iterations,
-            prior=self.prior / self.budget,
+            prior=prior / self.budget,
             limit=limit,
         )
 
@@ -133,13 +159,13 @@ def choose_counts(plan: ConfigurationPlan, relaxed: Relaxed) -> IntArray:
 
 def _exchange(plan: ConfigurationPlan, relaxed: Relaxed, pool: IntArray) -> Exchange:
     visits = relaxed.weights / plan.cost
-    if plan.parts.shape[2] > 1:
+    if plan.visits.alone.shape[2] > 1:
         # Other weights than the optimal ones may see nothing where these see all.
         visits = np.full(visits.size, visits.mean())
     return Exchange(
         criterion=plan.options.criterion,
-        parts=plan.parts[:, pool],
-        base=plan.base + _FLOOR * np.einsum("i,dipjk->dpjk", visits, plan.parts),
+        visits=plan.visits.take(pool),
+        base=plan.base + _FLOOR * np.einsum("i,dipjk->dpjk", visits, plan.visits.once),
         experiments=plan.experiments,
         distinct=plan.options.count,
         repeats=plan.options.experiments is not None,

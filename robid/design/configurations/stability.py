@@ -11,6 +11,7 @@ from robid.arrays import FloatArray, IntArray
 from robid.design.configurations.criteria import worth
 from robid.design.configurations.information import ConfigurationDesign, Stability, design_configurations
 from robid.design.configurations.options import DesignOptions
+from robid.design.configurations.visits import Visits, make_visits
 
 _WAYS = 3
 """Most ways that realizations are divided."""
@@ -46,6 +47,7 @@ def stability(
     options: DesignOptions,
     prior: FloatArray | None = None,
     cost: FloatArray | None = None,
+    between: FloatArray | None = None,
 ) -> Stability:
     """Chooses again by each trial's information.
 
@@ -56,6 +58,7 @@ def stability(
         options: Its options.
         prior (n_param, n_param): Information known beforehand.
         cost (n_conf,): Cost of one experiment in each candidate.
+        between (n_param,): Deviation of each log-parameter between configurations; none when not given.
 
     Raises:
         DataError: If a trial's information leaves a combination of parameters unseen.
@@ -64,18 +67,26 @@ def stability(
     often = np.zeros(len(design.configurations))
     for trial in trials:
         own, other = (
-            design_configurations(each, design.configurations, design.parameter_names, options, prior=prior, cost=cost)
+            design_configurations(
+                each,
+                design.configurations,
+                design.parameter_names,
+                options,
+                prior=prior,
+                cost=cost,
+                between=between,
+            )
             for each in (trial.chosen_by, trial.judged_by)
         )
         kept.append(np.isin(design.chosen, own.chosen).mean())
         often[own.chosen] += 1 / len(trials)
-        ratio = _worth(own.counts, trial.judged_by, options, prior) / _worth(
-            other.counts, trial.judged_by, options, prior
-        )
+        apart = np.zeros(len(design.parameter_names)) if between is None else between
+        visits = make_visits(trial.judged_by[None, :, None], apart**2)
+        ratio = _worth(own.counts, visits, options, prior) / _worth(other.counts, visits, options, prior)
         efficiency.append(other.efficiency * ratio)
     return Stability(source, np.array(kept), np.array(efficiency), often)
 
 
-def _worth(counts: IntArray, matrices: FloatArray, options: DesignOptions, prior: FloatArray | None) -> float:
-    total = np.tensordot(counts, matrices, 1) + (0.0 if prior is None else prior)
-    return float(worth(options.criterion, total[None]))
+def _worth(counts: IntArray, visits: Visits, options: DesignOptions, prior: FloatArray | None) -> float:
+    total = visits.total(counts)[:, 0] + (0.0 if prior is None else prior)
+    return float(worth(options.criterion, total))

@@ -66,7 +66,7 @@ def _campaigns_before(experiment: Experiment, name: str) -> Iterator[str]:
             yield design.campaign
             read = experiment.campaigns.get(design.campaign)
             friction = None if read is None or design.information != "measured" else read.estimate.friction_fit
-            for fit in (design.prior, friction):
+            for fit in (design.prior, design.between, friction):
                 yield from campaigns_of_fit(experiment, fit or "")
 
 

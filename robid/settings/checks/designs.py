@@ -16,6 +16,8 @@ from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
+_EARLIER = ("prior", "between")
+"""Settings of a design that name an earlier fit."""
 
 
 def check_designs(experiment: Experiment, robot: RobotFile | None) -> _Found:
@@ -26,9 +28,10 @@ def check_designs(experiment: Experiment, robot: RobotFile | None) -> _Found:
         for index, kind in enumerate(design.nuisance or ()):
             if kind in design.free:
                 yield (*field, "nuisance", index), f"`{kind}` is under `free` already: name each kind once"
-        if design.prior is not None and design.prior not in experiment.fits:
-            known = experiment.fits
-            yield (*field, "prior"), f"there is no fit `{design.prior}`; {suggest(design.prior, known)}"
+        for key in _EARLIER:
+            earlier = getattr(design, key)
+            if earlier is not None and earlier not in experiment.fits:
+                yield (*field, key), f"there is no fit `{earlier}`; {suggest(earlier, experiment.fits)}"
         yield from _fit(field, experiment, design)
         if robot is not None:
             yield from _parameters(field, experiment, design, robot)
@@ -89,22 +92,28 @@ def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot:
     for index, name in enumerate(design.fixed):
         if name not in known:
             yield (*field, "fixed", index), f"nothing estimates `{name}`; {suggest(name, known)}"
-    fit = None if design.prior is None else experiment.fits.get(design.prior)
+    wanted = [name for name in parameter_names(robot, design.free) if name not in design.fixed]
+    for key in _EARLIER:
+        yield from _earlier((*field, key), experiment, getattr(design, key) or "", wanted, robot)
+
+
+def _earlier(field: FieldPath, experiment: Experiment, name: str, wanted: list[str], robot: RobotFile) -> _Found:
+    """What an earlier fit does not know of the wanted parameters."""
+    fit = experiment.fits.get(name)
     if fit is None:
         return
     if not isinstance(fit, ElasticOptions):
-        yield (*field, "prior"), _other_family(design.prior or "", fit)
+        yield field, _other_family(name, fit)
         return
     held = {*fit.fixed, *fit.tied}
-    estimated = [name for name in parameter_names(robot, fit.free) if name not in held]
-    wanted = [name for name in parameter_names(robot, design.free) if name not in design.fixed]
-    missing = [f"`{name}`" for name in wanted if name not in estimated]
+    estimated = [each for each in parameter_names(robot, fit.free) if each not in held]
+    missing = [f"`{each}`" for each in wanted if each not in estimated]
     if missing:
         message = (
-            f"fit `{design.prior}` does not estimate {', '.join(missing)}: fix them here, or estimate them there, each"
-            " for itself"
+            f"fit `{name}` does not estimate {', '.join(missing)}: fix them here, or estimate them there, each for"
+            " itself"
         )
-        yield (*field, "prior"), message
+        yield field, message
 
 
 def _other_family(name: str, fit: FitSettings) -> str:

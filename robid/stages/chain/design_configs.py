@@ -48,6 +48,8 @@ def _plan(loaded: LoadedExperiment, owner: str) -> Plan:
     if design.cost == "travel":
         settings[f"{section}.visit_s"] = visit_s(loaded, campaign)
     inputs = {} if design.prior is None else {"model": f"fits/{design.prior}/model.h5"}
+    if design.between is not None:
+        inputs["between"] = f"fits/{design.between}/model.h5"
     if design.information == "measured":
         settings |= {f"{section}.pooled_lines": campaign.estimate.pooled_lines, "delay_s": delay_s(loaded, campaign)}
         inputs["frf"] = f"{design.campaign}/frf.h5"

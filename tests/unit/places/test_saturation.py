@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from place_systems import dense_places
-from robid.places.saturation import inverted, saturate, saturated
-from tolerances import IDENTITY
+from robid.places.saturation import inverted, saturate, saturated, saturation_slope
+from tolerances import FINITE_DIFFERENCE, IDENTITY
 
 BETWEEN = np.array([0.04, 0.0, 9.0])
 
@@ -42,6 +42,16 @@ def test_visits_to_one_place_are_worth_at_most_as_much_as_places(visits):
     once, often = saturate(some_information(), BETWEEN), saturate(visits * some_information(), BETWEEN)
     assert np.linalg.eigvalsh(visits * once - often).min() > -1e-9
     assert np.linalg.eigvalsh(often - once).min() > -1e-9
+
+
+@pytest.mark.parametrize("n_row", [2, 6])
+def test_its_slope_is_that_of_finite_differences_and_falls(n_row):
+    information, step = some_information(n_row=n_row), 1e-5
+    ends = [saturate((1 + side * step) * information, BETWEEN) for side in (1, -1)]
+    slope = saturation_slope(information, BETWEEN)
+    np.testing.assert_allclose(slope, (ends[0] - ends[1]) / (2 * step), atol=FINITE_DIFFERENCE * np.abs(slope).max())
+    further = saturate(information, BETWEEN) + 2 * slope - saturate(3 * information, BETWEEN)
+    assert np.linalg.eigvalsh(further).min() > -1e-9
 
 
 def test_evidence_is_weighted_as_the_whole_covariance_weighs_it():

@@ -5,32 +5,11 @@ from itertools import combinations, combinations_with_replacement
 import numpy as np
 import pytest
 
+from design_systems import as_counts, make_exchange, random_parts
 from robid.design.configurations.criteria import worth
-from robid.design.configurations.exchange import Exchange, best_exchange, efficient_rounding
+from robid.design.configurations.exchange import best_exchange, efficient_rounding
 from robid.design.configurations.fitted import merged
 from robid.design.configurations.relaxed import relaxed_design
-
-
-def random_parts(n_cand, n_row, n_param, seed, n_part=1):
-    jacobian = np.random.default_rng(seed).normal(size=(1, n_cand, n_part, n_row, n_param))
-    return jacobian.swapaxes(-1, -2) @ jacobian
-
-
-def make_exchange(parts, experiments, **changes):
-    n_cand = parts.shape[1]
-    optional = {
-        "criterion": "d",
-        "base": 1e-9 * parts.mean(axis=1),
-        "distinct": experiments,
-        "repeats": False,
-        "cost": np.ones(n_cand),
-        "budget": float(experiments),
-    }
-    return Exchange(parts=parts, experiments=experiments, **{**optional, **changes})
-
-
-def as_counts(indices, n_cand):
-    return np.bincount(list(indices), minlength=n_cand)
 
 
 def test_rounding_gives_exact_shares_and_is_efficient_between_them():

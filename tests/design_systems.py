@@ -1,0 +1,29 @@
+"""Random candidates of designs, and what may be measured of them."""
+
+import numpy as np
+
+from robid.design.configurations.exchange import Exchange
+from robid.design.configurations.visits import make_visits
+
+
+def random_parts(n_cand, n_row, n_param, seed, n_part=1):
+    jacobian = np.random.default_rng(seed).normal(size=(1, n_cand, n_part, n_row, n_param))
+    return jacobian.swapaxes(-1, -2) @ jacobian
+
+
+def make_exchange(parts, experiments, between=0.0, **changes):
+    n_cand = parts.shape[1]
+    visits = make_visits(parts, np.full(parts.shape[-1], between**2))
+    optional = {
+        "criterion": "d",
+        "base": 1e-9 * parts.mean(axis=1),
+        "distinct": experiments,
+        "repeats": False,
+        "cost": np.ones(n_cand),
+        "budget": float(experiments),
+    }
+    return Exchange(visits=visits, experiments=experiments, **{**optional, **changes})
+
+
+def as_counts(indices, n_cand):
+    return np.bincount(list(indices), minlength=n_cand)
