@@ -94,6 +94,11 @@ class HarmonicBalance:
     sine_nm: FloatArray
     cosine_nm: FloatArray
 
+    def torque_nm(self, angle: float) -> float:
+        """Returns the torque on the arm at an angle of the joint [rad]."""
+        orders = np.arange(1, len(self.sine_nm) + 1) * angle
+        return float(self.sine_nm @ np.sin(orders) + self.cosine_nm @ np.cos(orders))
+
 
 @dataclass(frozen=True)
 class SpringBalance:
@@ -128,7 +133,7 @@ class Joint:
         motor: The motor.
         couplings: Arm motion of this joint per radian of another joint's motor, by that joint's name [rad or m].
         type: Whether the arm turns about the axis or slides along it.
-        counterbalance: What takes gravity off the motor; only the rigid model knows it.
+        counterbalance: What takes gravity off the motor; only the rigid model and the simulated truth know it.
         arm_viscous: Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load
             motor; arm side, where the motor's acts before the transmission [N m s/rad, or N s/m].
         doubts: How far what is stated of the joint may be off.
