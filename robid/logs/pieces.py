@@ -1,4 +1,4 @@
-"""Which part of a log without periods is used, and the longest one in which nothing is missing."""
+"""Which part of a log is used, and the longest one in which nothing is missing."""
 
 from __future__ import annotations
 
@@ -30,17 +30,16 @@ def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> sli
     Raises:
         DataError: If hardly any sample lies there.
     """
-    if not mapping.is_cut:
+    time = _seconds(mapping, columns) if mapping.is_cut else np.zeros(0)
+    if not len(time):
         return slice(None)
-    time = _seconds(mapping, columns)
     stop = len(time) if mapping.to_s is None else int(np.searchsorted(time, mapping.to_s, side="right"))
     start = int(np.searchsorted(time, mapping.from_s))
     if stop - start >= 2:
         return slice(start, stop)
     end = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
-    last = float(time[-1]) if len(time) else 0.0
-    what = f"It lasts {last:.6g} s: from {mapping.from_s:g} s to {end} it has {max(stop - start, 0)} samples."
-    raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {last:.6g}.")
+    what = f"It lasts {time[-1]:.6g} s: from {mapping.from_s:g} s to {end} it has {max(stop - start, 0)} samples."
+    raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {time[-1]:.6g}.")
 
 
 def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: slice) -> str:

@@ -37,7 +37,7 @@ class Clock:
         step_s: Mean time step, those across gaps left out [s].
         gaps (n_gap,): Samples after which others are missing.
         first: Sample of the log that is the first of these.
-        whole: What to set for the longest part in which nothing is missing; empty where the log has periods.
+        whole: What to set for the longest part in which nothing is missing; empty where there is none.
     """
 
     where: str
