@@ -16,6 +16,9 @@ from robid.logs.mapping import LogMapping
 _GAP = 1.5
 """Time step, in usual ones, from which samples are missing."""
 
+_MARGIN = 0.4
+"""Share of a time step by which the limits of a part may lie beyond it."""
+
 _FEWEST = 8
 """Samples from which a piece is worth naming."""
 
@@ -68,9 +71,20 @@ def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: 
     begin, end = int(starts[longest]), int(stops[longest])
     if end - begin < _FEWEST or (begin <= first and end >= stop - 1):
         return ""
-    low = _between(time[begin] - 0.4 * steps[begin], time[begin])
-    high = _between(time[end], time[end] + 0.4 * steps[end - 1])
+    low, high = limits_of(time, begin, end)
     return f"Set from_s to {low:.12g} and to_s to {high:.12g}: the longest part in which nothing is missing."
+
+
+def limits_of(time: FloatArray, first: int, last: int) -> tuple[float, float]:
+    """Returns numbers with few digits between which, inclusive, the samples from one to another lie.
+
+    Args:
+        time (n_sample,): Time of each sample since the first [s].
+        first: The first sample that is meant.
+        last: The last one, after it.
+    """
+    low = _between(time[first] - _MARGIN * (time[first + 1] - time[first]), time[first])
+    return low, _between(time[last], time[last] + _MARGIN * (time[last] - time[last - 1]))
 
 
 def _seconds(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
@@ -79,12 +93,12 @@ def _seconds(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> FloatA
     index = np.arange(count)
     if mapping.time is None or mapping.time.variable not in columns:
         return mapping.sampling_period_s * index
-    stamps = columns[mapping.time.variable][:count].astype(float) * mapping.time.to_seconds
+    stamps = columns[mapping.time.variable][:count].astype(float)
     known = np.isfinite(stamps)
     if not known.any():
         return mapping.sampling_period_s * index
     stamps = np.interp(index, index[known], stamps[known])
-    return np.asarray(stamps - stamps[0])
+    return np.asarray((stamps - stamps[0]) * mapping.time.to_seconds)
 
 
 def _between(low: float, high: float) -> float:

@@ -19,12 +19,12 @@ class TimeChannel:
     """The log's own time, against which the sampling period is checked."""
 
     variable: str = field(metadata={"description": "Name of the variable in the log."})
-    unit: Literal["s", "ms", "us"] = field(default="s", metadata={"description": "Unit of the time."})
+    unit: Literal["s", "ms", "us", "ns"] = field(default="s", metadata={"description": "Unit of the time."})
 
     @property
     def to_seconds(self) -> float:
         """Factor to seconds."""
-        return {"s": 1.0, "ms": 1e-3, "us": 1e-6}[self.unit]
+        return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[self.unit]
 
 
 @dataclass(frozen=True)

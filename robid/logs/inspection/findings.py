@@ -193,12 +193,18 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         None,
         resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "",
     )
+    repeats = found.shared is not None and len(found.lines)
+    if found.sampling.gaps and (made.resample or not repeats):
+        made = replace(made, part_s=found.sampling.longest_s)
     if found.shared is None or not len(found.lines):
-        if len(chosen.inputs) == 1 and is_broad(band, found.step_s, found.duration_s):
-            return replace(made, excitation=propose_band(band, found.duration_s))
+        count, part = len(chosen.inputs), found.unbroken
+        duration_s = (part.stop - part.start) * found.step_s
+        told_apart = count == 1 or (count > 1 and chosen.by_torque)
+        if told_apart and is_broad(band, found.step_s, duration_s, count):
+            return replace(made, excitation=propose_band(band, duration_s, count))
         return replace(made, one_shot=True)
     shared = found.shared
-    drop, count, last = _place(found, shared)
+    drop, count, last = _place(found, shared, cut=made.part_s is not None)
     repetition = Repetition(shared.samples, shared.std_samples, reachable=True)
     drifts = repetition.drifts(count, shared.whole, found.lines)
     return replace(
@@ -211,11 +217,14 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
     )
 
 
-def _place(found: Findings, shared: Shared) -> tuple[int, int, bool]:
-    """Periods to drop and to use, and whether they are counted from the end: those without a gap."""
+def _place(found: Findings, shared: Shared, *, cut: bool) -> tuple[int, int, bool]:
+    """Periods to drop and to use, and whether they are counted from the end: those without a gap.
+
+    Where the log is cut to its longest part without a gap, they are counted in that.
+    """
     part, whole = found.unbroken, shared.whole
     drop, count, last = 0, int(shared.held + 1e-3), from_end(shared)
-    if found.sampling.gaps:
+    if found.sampling.gaps and not cut:
         drop = -(-part.start // whole)
         inside = part.stop // whole - drop
         last = part.stop == found.n_sample and count > inside

@@ -57,6 +57,7 @@ class Proposal:
         take_last: Whether periods are counted from the end.
         resample: Clock to resample to; empty for none.
         one_shot: Whether the log is a record without a response.
+        part_s: From where to where it is used, None for all of it [s].
     """
 
     inputs: tuple[Entry, ...]
@@ -68,6 +69,7 @@ class Proposal:
     take_last: bool = False
     resample: str = ""
     one_shot: bool = False
+    part_s: tuple[float, float] | None = None
 
 
 def propose_lines(shared: Shared, lines: IntArray, step_s: float) -> Excitation:
@@ -114,19 +116,22 @@ def _dense_part(lines: IntArray) -> IntArray:
     return lines
 
 
-def propose_band(band: tuple[float, float], duration_s: float) -> Excitation:
+def propose_band(band: tuple[float, float], duration_s: float, n_input: int) -> Excitation:
     """Proposes band and resolution of a signal that does not repeat.
 
     Args:
         band: Where its energy is [Hz].
         duration_s: How long it lasts [s].
+        n_input: Inputs to be told apart.
     """
-    resolution = float(f"{max(_SEGMENTS / duration_s, (band[1] - band[0]) / _FREQUENCIES):.2g}")
+    resolution = float(f"{max(_SEGMENTS * n_input / duration_s, (band[1] - band[0]) / _FREQUENCIES):.2g}")
     low, high = max(float(f"{band[0]:.3g}"), resolution), float(f"{band[1]:.3g}")
-    told = "nothing repeats; band by where the inputs have their energy"
-    return Excitation({"signal": "arbitrary", "low_hz": low, "high_hz": high, "resolution_hz": resolution}, (told,))
+    told = ("nothing repeats; band by where the inputs have their energy",)
+    if n_input > 1:
+        told += ("for a rigid model, which reads large motions, say `one_shot: true` below `acquire` in place of this",)
+    return Excitation({"signal": "arbitrary", "low_hz": low, "high_hz": high, "resolution_hz": resolution}, told)
 
 
-def is_broad(band: tuple[float, float], step_s: float, duration_s: float) -> bool:
-    """Returns whether a signal's band [Hz] is wide enough for a frequency response."""
-    return band[1] > _ARBITRARY * 0.5 / step_s and (band[1] - band[0]) * duration_s > 4 * _SEGMENTS
+def is_broad(band: tuple[float, float], step_s: float, duration_s: float, n_input: int) -> bool:
+    """Returns whether the band [Hz] of some inputs is wide enough for a frequency response."""
+    return band[1] > _ARBITRARY * 0.5 / step_s and (band[1] - band[0]) * duration_s > 4 * _SEGMENTS * n_input
