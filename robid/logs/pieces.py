@@ -16,6 +16,9 @@ from robid.logs.mapping import LogMapping
 _GAP = 1.5
 """Time step, in usual ones, from which samples are missing."""
 
+_ROUNDING = 1e-3
+"""Time steps by which a limit may miss a sample and still holds it."""
+
 _MARGIN = 0.4
 """Share of a time step by which the limits of a part may lie beyond it."""
 
@@ -36,8 +39,9 @@ def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> sli
     time = _seconds(mapping, columns) if mapping.is_cut else np.zeros(0)
     if not len(time):
         return slice(None)
-    stop = len(time) if mapping.to_s is None else int(np.searchsorted(time, mapping.to_s, side="right"))
-    start = int(np.searchsorted(time, mapping.from_s))
+    rounding = _ROUNDING * mapping.sampling_period_s
+    stop = len(time) if mapping.to_s is None else int(np.searchsorted(time, mapping.to_s + rounding))
+    start = int(np.searchsorted(time, mapping.from_s - rounding))
     if stop - start >= 2:
         return slice(start, stop)
     end = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
@@ -58,6 +62,8 @@ def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: 
     """
     time = _seconds(mapping, columns)
     first, stop, _ = part.indices(len(time))
+    if stop - first < _FEWEST:
+        return ""
     steps = np.diff(time)
     told = [np.isfinite(column[: len(time)]) for column in columns.values() if column.dtype.kind == "f"]
     sound = np.logical_and.reduce([np.isfinite(time), *told])

@@ -13,7 +13,7 @@ from robid.logs.inspection.channels import Chosen, choose, propose_inputs, propo
 from robid.logs.inspection.contents import Column, Contents, join_contents, read_contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_names
 from robid.logs.inspection.numbered import Numbered, part_numbered
-from robid.logs.inspection.proposal import Proposal, is_broad, propose_band, propose_lines
+from robid.logs.inspection.proposal import Proposal, is_broad, is_resolved, propose_band, propose_lines
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.repetition import (
     Shared,
@@ -200,7 +200,8 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         count, part = len(chosen.inputs), found.unbroken
         duration_s = (part.stop - part.start) * found.step_s
         told_apart = count == 1 or (count > 1 and chosen.by_torque)
-        if told_apart and is_broad(band, found.step_s, duration_s, count):
+        broad = told_apart and is_broad(band, found.step_s, duration_s)
+        if broad and is_resolved(band, _middle(found, chosen), duration_s, count):
             return replace(made, excitation=propose_band(band, duration_s, count))
         return replace(made, one_shot=True)
     shared = found.shared
@@ -242,6 +243,11 @@ def _band(found: Findings, chosen: Chosen) -> tuple[float, float]:
     nyquist = 0.4 / found.step_s
     low = min((one[0] for one in bands), default=1 / found.duration_s)
     return low, min(max((one[1] for one in bands), default=nyquist), nyquist)
+
+
+def _middle(found: Findings, chosen: Chosen) -> float:
+    """Frequency below which half of the energy of the slowest input is [Hz]."""
+    return min(energy_band(_filled(one.column.values), found.step_s, 0.0)[0] for one in chosen.inputs)
 
 
 def _filled(values: FloatArray) -> FloatArray:
