@@ -111,7 +111,7 @@ def _between(low: float, high: float) -> float:
     """The number from one to another that has the fewest digits, not below zero."""
     low = max(low, 0.0)
     for digits in range(12):
-        found = math.ceil(low * 10**digits) / 10**digits
+        found: float = math.ceil(low * 10**digits) / 10**digits
         if found <= high:
             return found
     return high

@@ -129,7 +129,7 @@ def propose_band(band: tuple[float, float], duration_s: float, n_input: int) -> 
     """
     resolution = _resolution(band, duration_s, n_input)
     low, high = max(float(f"{band[0]:.3g}"), resolution), float(f"{band[1]:.3g}")
-    told = ("nothing repeats; band by where the inputs have their energy",)
+    told: tuple[str, ...] = ("nothing repeats; band by where the inputs have their energy",)
     if n_input > 1:
         told += ("for a rigid model, which reads large motions, say `one_shot: true` below `acquire` in place of this",)
     return Excitation({"signal": "arbitrary", "low_hz": low, "high_hz": high, "resolution_hz": resolution}, told)
