@@ -37,7 +37,7 @@ def saturated_shares(record: Record) -> FloatArray:
         np.array([share.max() if _told(share) else 0.0 for _, share in found])
         for found in (_inputs(record), _outputs(record))
     )
-    return np.maximum(outputs[:, None], inputs)
+    return np.asarray(np.maximum(outputs[:, None], inputs))
 
 
 def saturation_error(share: float) -> float:

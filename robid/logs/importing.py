@@ -102,7 +102,7 @@ def import_shot(mapping: LogMapping) -> Record:
         DataError: If the log is missing, unreadable or not what was said; every problem at once.
     """
     check_shot(mapping)
-    log, problems, notes = _read(mapping, pieces=True)
+    log, problems, notes = _read(mapping)
     problems += [] if log.clock is None else clock_problems(log.clock)
     problems += [] if log.clock is None else check_steps(log.clock, slice(None))
     _raise(mapping.file, problems)
@@ -141,7 +141,7 @@ def import_arbitrary(
         DataError: If the log is missing, unreadable, too short or not what was said; every problem at once.
     """
     check_shot(mapping)
-    log, problems, notes = _read(mapping, pieces=True)
+    log, problems, notes = _read(mapping)
     problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
     segments = log.n_sample // segment_samples
     problems += [] if segments or not log.n_sample else check_segment(mapping, log.n_sample, segment_samples)
@@ -159,17 +159,12 @@ def import_arbitrary(
     )
 
 
-def _read(mapping: LogMapping, *, pieces: bool = False) -> tuple[Log, list[DataError], list[str]]:
-    """Reads a log, checks each column for itself, their lengths and the time, and resamples it to that if asked to.
-
-    Args:
-        mapping: The log mapping.
-        pieces: Whether nothing repeats, so that a part of it is all that can be used of a log with gaps.
-    """
+def _read(mapping: LogMapping) -> tuple[Log, list[DataError], list[str]]:
+    """Reads the used part of a log, checks its columns and its time, and resamples it to that if asked to."""
     columns, problems = read_columns(mapping)
     problems += check_lengths(mapping, columns)
     part = chosen_part(mapping, columns)
-    whole = whole_piece(mapping, columns, part) if pieces else ""
+    whole = whole_piece(mapping, columns, part)
     columns = {name: column[part] for name, column in columns.items()}
     problems += check_values(mapping, columns, part.start or 0, whole)
     clock = None

@@ -1,4 +1,4 @@
-"""Which part of a log without periods is used, and the longest one in which nothing is missing."""
+"""Which part of a log is used, and the longest one in which nothing is missing."""
 
 from __future__ import annotations
 
@@ -16,6 +16,12 @@ from robid.logs.mapping import LogMapping
 _GAP = 1.5
 """Time step, in usual ones, from which samples are missing."""
 
+_ROUNDING = 1e-3
+"""Time steps by which a limit may miss a sample and still holds it."""
+
+_MARGIN = 0.4
+"""Share of a time step by which the limits of a part may lie beyond it."""
+
 _FEWEST = 8
 """Samples from which a piece is worth naming."""
 
@@ -30,17 +36,17 @@ def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> sli
     Raises:
         DataError: If hardly any sample lies there.
     """
-    if not mapping.is_cut:
+    time = _seconds(mapping, columns) if mapping.is_cut else np.zeros(0)
+    if not len(time):
         return slice(None)
-    time = _seconds(mapping, columns)
-    stop = len(time) if mapping.to_s is None else int(np.searchsorted(time, mapping.to_s, side="right"))
-    start = int(np.searchsorted(time, mapping.from_s))
+    rounding = _ROUNDING * mapping.sampling_period_s
+    stop = len(time) if mapping.to_s is None else int(np.searchsorted(time, mapping.to_s + rounding))
+    start = int(np.searchsorted(time, mapping.from_s - rounding))
     if stop - start >= 2:
         return slice(start, stop)
     end = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
-    last = float(time[-1]) if len(time) else 0.0
-    what = f"It lasts {last:.6g} s: from {mapping.from_s:g} s to {end} it has {max(stop - start, 0)} samples."
-    raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {last:.6g}.")
+    what = f"It lasts {time[-1]:.6g} s: from {mapping.from_s:g} s to {end} it has {max(stop - start, 0)} samples."
+    raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {time[-1]:.6g}.")
 
 
 def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: slice) -> str:
@@ -56,6 +62,8 @@ def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: 
     """
     time = _seconds(mapping, columns)
     first, stop, _ = part.indices(len(time))
+    if stop - first < _FEWEST:
+        return ""
     steps = np.diff(time)
     told = [np.isfinite(column[: len(time)]) for column in columns.values() if column.dtype.kind == "f"]
     sound = np.logical_and.reduce([np.isfinite(time), *told])
@@ -69,9 +77,20 @@ def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: 
     begin, end = int(starts[longest]), int(stops[longest])
     if end - begin < _FEWEST or (begin <= first and end >= stop - 1):
         return ""
-    low = _between(time[begin] - 0.4 * steps[begin], time[begin])
-    high = _between(time[end], time[end] + 0.4 * steps[end - 1])
+    low, high = limits_of(time, begin, end)
     return f"Set from_s to {low:.12g} and to_s to {high:.12g}: the longest part in which nothing is missing."
+
+
+def limits_of(time: FloatArray, first: int, last: int) -> tuple[float, float]:
+    """Returns numbers with few digits between which, inclusive, the samples from one to another lie.
+
+    Args:
+        time (n_sample,): Time of each sample since the first [s].
+        first: The first sample that is meant.
+        last: The last one, after it.
+    """
+    low = _between(time[first] - _MARGIN * (time[first + 1] - time[first]), time[first])
+    return low, _between(time[last], time[last] + _MARGIN * (time[last] - time[last - 1]))
 
 
 def _seconds(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
@@ -80,19 +99,19 @@ def _seconds(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> FloatA
     index = np.arange(count)
     if mapping.time is None or mapping.time.variable not in columns:
         return mapping.sampling_period_s * index
-    stamps = columns[mapping.time.variable][:count].astype(float) * mapping.time.to_seconds
+    stamps = columns[mapping.time.variable][:count].astype(float)
     known = np.isfinite(stamps)
     if not known.any():
         return mapping.sampling_period_s * index
     stamps = np.interp(index, index[known], stamps[known])
-    return np.asarray(stamps - stamps[0])
+    return np.asarray((stamps - stamps[0]) * mapping.time.to_seconds)
 
 
 def _between(low: float, high: float) -> float:
     """The number from one to another that has the fewest digits, not below zero."""
     low = max(low, 0.0)
     for digits in range(12):
-        found = math.ceil(low * 10**digits) / 10**digits
+        found: float = math.ceil(low * 10**digits) / 10**digits
         if found <= high:
             return found
     return high

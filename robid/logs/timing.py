@@ -37,7 +37,7 @@ class Clock:
         step_s: Mean time step, those across gaps left out [s].
         gaps (n_gap,): Samples after which others are missing.
         first: Sample of the log that is the first of these.
-        whole: What to set for the longest part in which nothing is missing; empty where the log has periods.
+        whole: What to set for the longest part in which nothing is missing; empty where there is none.
     """
 
     where: str
@@ -82,7 +82,8 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     if mapping.time is None:
         return None, []
     where, stated = mapping.place(mapping.time.variable), mapping.sampling_period_s
-    time = stamps.astype(float) * mapping.time.to_seconds
+    # Nanoseconds since 1970 have more digits than a float holds.
+    time = (stamps - stamps[0]).astype(float) * mapping.time.to_seconds
     if np.ptp(time) == 0:
         remedy = "Correct time.variable, or leave out `time`."
         return None, [DataError(f"Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)]
@@ -103,7 +104,7 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
 
 def _unit_remedy(mapping: LogMapping, exponent: int) -> str:
     """Names the unit of the time that gives the stated steps, where there is one."""
-    units = {0: "s", -3: "ms", -6: "us"}
+    units = {0: "s", -3: "ms", -6: "us", -9: "ns"}
     own = {unit: power for power, unit in units.items()}[mapping.time.unit] if mapping.time is not None else 0
     fitting = units.get(own - exponent)
     return f"Set time.unit to {fitting}." if fitting else "Correct the unit of `time`, or sampling_period_s."

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from robid.signals.quantities import QUANTITIES, UNITS, Channel, QuantityName, Side, units_of
+from robid.signals.quantities import DRIVES, QUANTITIES, UNITS, Channel, QuantityName, Side, units_of
 
 UnitName: TypeAlias = Literal[
     "N m",
@@ -224,6 +224,13 @@ def input_problems(inputs: tuple[InputChannel, ...]) -> list[str]:
         found.append("either all torques are normalised currents, or none")
     if len({channel.hold for channel in inputs}) > 1:
         found.append("all must have the same `hold`")
+    kinds = {channel.name: channel.channel for channel in inputs}
+    mixed = {one.quantity for one in kinds.values()}
+    if len(mixed) > 1 and not mixed <= DRIVES and any(channel.quantity is None for channel in inputs):
+        told = ", ".join(f"{name} is in {one.unit} ({one.title})" for name, one in kinds.items())
+        found.append(
+            f"they mix quantities: {told}; correct the unit, or state the `quantity` of every input if it is meant so"
+        )
     return found
 
 

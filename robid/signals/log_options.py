@@ -19,12 +19,12 @@ class TimeChannel:
     """The log's own time, against which the sampling period is checked."""
 
     variable: str = field(metadata={"description": "Name of the variable in the log."})
-    unit: Literal["s", "ms", "us"] = field(default="s", metadata={"description": "Unit of the time."})
+    unit: Literal["s", "ms", "us", "ns"] = field(default="s", metadata={"description": "Unit of the time."})
 
     @property
     def to_seconds(self) -> float:
         """Factor to seconds."""
-        return {"s": 1.0, "ms": 1e-3, "us": 1e-6}[self.unit]
+        return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[self.unit]
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ class LogOptions:
     from_s: float = field(
         default=0.0,
         metadata={
-            "description": "Of one shot or an arbitrary signal: from where on the log is used, since its first sample,"
-            " by its own time where it has one [s].",
+            "description": "From where on the log is used, since its first sample, by its own time where it has one;"
+            " periods are counted from there [s].",
             "ge": 0,
         },
     )
@@ -112,7 +112,7 @@ class LogOptions:
 
     @property
     def is_cut(self) -> bool:
-        """Whether only a part of a log without periods is used."""
+        """Whether only a part of the log is used."""
         return self.from_s > 0 or self.to_s is not None
 
     @property

@@ -1,5 +1,7 @@
 """Logs of signals of which nothing but a band is known, through the CLI: what comes out, what is refused and why."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -114,6 +116,51 @@ def test_several_configurations_have_one_grid_whatever_their_logs_last(logs, pla
     np.testing.assert_allclose(frf.response[0], frf.response[1], rtol=1e-5)
 
 
+CUT = re.compile(r"Set from_s to ([\d.]+) and to_s to ([\d.]+): the longest part")
+
+
+@pytest.mark.parametrize("resample", [False, True])
+@pytest.mark.parametrize("missing", ["dropped", "nan", "both"])
+def test_logs_with_missing_samples_are_cut_to_what_is_whole_in_all_of_them(logs, played, missing, resample):
+    """Each log tells its own longest part within what is left of the one before."""
+    for experiment, (gap, hole) in ((1, (2100, 9000)), (2, (8200, 1500))):
+        torque, angle = (x[0, 0, experiment - 1, 0].copy() for x in (played["noise"].inputs, played["noise"].outputs))
+        if missing != "dropped":
+            torque[hole, 1] = np.nan
+        kept = np.delete(np.arange(12_000), np.s_[gap : gap + 3] if missing != "nan" else [])
+        columns = {"t": (5 + kept * 1e-3)[:, None], "torque": torque[kept], "angle": angle[kept]}
+        savemat(logs.folder / "logs" / f"log{experiment}.mat", columns)
+    logs.change("# references", "time: {variable: t}" + "\n        resample: time" * resample, "noise.yaml")
+    rounds = 0
+    while (answer := logs.robid("run", "noise.yaml")).code:
+        rounds += 1
+        assert (answer.code, rounds) in {(4, 1), (4, 2)}
+        (found_part,) = set(CUT.findall(answer.flat))
+        text = (logs.folder / "noise.yaml").read_text()
+        text = re.sub(r"        (from|to)_s: .*\n", "", text)
+        cut = "        from_s: {}\n        to_s: {}\n".format(*found_part)
+        (logs.folder / "noise.yaml").write_text(text.replace("        format: mat\n", f"        format: mat\n{cut}"))
+    assert rounds
+    record = record_from_artifact(read_artifact(logs.runs / "log" / "record.h5", RECORD))
+    first, last = {"dropped": (2103, 8199), "nan": (1501, 8999), "both": (2103, 8199)}[missing]
+    assert any("used from" in note for note in record.notes)
+    used = record.inputs.shape[4]
+    assert used == (last + 1 - first) // 2000 * 2000
+    expected = played["noise"].inputs[0, 0, 0, 0, first : first + used]
+    np.testing.assert_allclose(record.inputs[0, 0, 0, 0], expected, atol=2e-6 * np.abs(expected).max())
+
+
+def test_a_part_that_is_none_is_refused(logs):
+    logs.change("# references", "from_s: 30", "noise.yaml")
+    answer = logs.robid("run", "noise.yaml")
+    assert answer.code == 4
+    assert "It lasts 11.999 s" in answer.flat
+    logs.change("from_s: 30", "from_s: 3\n        to_s: 2", "noise.yaml")
+    assert "2 is not above from_s 3" in logs.robid("run", "noise.yaml").flat
+    logs.change("to_s: 2", "to_s: 9", "noise.yaml")
+    run(logs)
+
+
 REFUSED = [
     # what is changed, exit code, what is said, and what then helps
     ("resolution_hz: 0.5", "resolution_hz: 0.05", 4, "resolution_hz to 0.08334 or more", ("0.05", "0.08334")),
@@ -121,6 +168,7 @@ REFUSED = [
     ("high_hz: 60", "high_hz: 500", 2, "lower high_hz", ("500", "60")),
     ("        # ref", "        drop_periods: 1\n        # ref", 2, "has no periods", ("drop_periods: 1", "")),
     ("        # ref", "        one_shot: true\n        # ref", 2, "leave one of them out", ("one_shot: true", "")),
+    ("    experiments: 2", "    periods: 3\n    experiments: 2", 2, "leave it out", ("    periods: 3\n", "")),
     (
         "        # ref",
         "        resample: period\n        # ref",
@@ -219,7 +267,7 @@ def test_a_log_is_read_anew_where_its_signal_is_another_one_on_the_same_lines(sh
         found = record_from_artifact(read_artifact(record, RECORD))
         return found.segments, any("found to be excited" in note for note in found.notes)
 
-    periodic = "{period_s: 1, low_hz: 2, high_hz: 60, grid: full, lines: found}"
+    periodic = "{period_s: 1, low_hz: 2, high_hz: 60, grid: full, lines: found}\n    periods: 4"
     every, arbitrary = periodic.replace("found", "all"), "{signal: arbitrary, low_hz: 2, high_hz: 60, resolution_hz: 1}"
     assert notes((periodic, periodic)) == (0, True)
     assert notes((periodic, every)) == (0, False)

@@ -163,6 +163,72 @@ def test_a_signal_that_does_not_repeat_gets_a_band(shop):
     assert load_experiment(shop.folder / "noise.yaml").experiment.campaigns["log"].is_arbitrary
 
 
+def coupled(torque):
+    """Angles of two coupled inertias with dampers, from rest."""
+    inverse, damping = np.linalg.inv([[0.05, 0.01], [0.01, 0.03]]), np.diag([3.0, 2.0])
+    speed, angle, angles = np.zeros(2), np.zeros(2), np.zeros_like(torque)
+    for at, push in enumerate(torque):
+        angles[at] = angle
+        speed = speed + 1e-3 * inverse @ (push - damping @ speed)
+        angle = angle + 1e-3 * speed
+    return angles
+
+
+def moves(rng):
+    """Torque (12000, 2) of short moves to and fro, with pauses."""
+    torque = np.zeros((24_000, 2))
+    for joint in range(2):
+        at, way = 0, 1.0
+        while at < len(torque):
+            ramp, pause = rng.integers(10, 60), rng.integers(20, 200)
+            push = way * rng.uniform(0.4, 1) * np.sin(np.linspace(0, np.pi, ramp)) ** 2
+            part = np.concatenate([push, -push, np.zeros(pause)])[: len(torque) - at]
+            torque[at : at + len(part), joint] = part
+            at, way = at + len(part), -way
+    return torque
+
+
+@pytest.mark.parametrize("signal", ["noise", "moves"])
+@pytest.mark.parametrize("gap", [False, True])
+def test_signals_of_two_joints_give_a_response_without_a_further_word(shop, signal, gap):
+    rng = np.random.default_rng(5)
+    torque = rng.normal(size=(24_000, 2)) if signal == "noise" else moves(rng)
+    angle = coupled(torque)
+    moments = np.arange(24_000) + (0.1 * rng.uniform(-1, 1, 24_000) if gap else 0)
+    columns = {"t [ns]": np.round(1e6 * moments), "tau_1 [Nm]": torque[:, 0], "tau_2 [Nm]": torque[:, 1]}
+    columns |= {"q_1 [rad]": angle[:, 0], "q_2 [rad]": angle[:, 1]}
+    kept = np.delete(np.arange(24_000), np.s_[3000:3040] if gap else [])
+    table = np.stack([one[kept] for one in columns.values()], axis=1)
+    np.savetxt(shop.folder / "log.csv", table, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
+    assert shop.robid("inspect", "log.csv", "--propose", "two.yaml").code == 0
+    text = (shop.folder / "two.yaml").read_text()
+    acquire = load_experiment(shop.folder / "two.yaml").experiment.campaigns["log"].source.acquire
+    assert acquire.time.unit == "ns"
+    assert acquire.resample == ("time" if gap else None)
+    assert acquire.is_cut == gap
+    answer = shop.robid("run", "two.yaml")
+    assert answer.code == 0, answer.err
+    assert "2 x 2 response" in answer.out
+    # The other use that the comment names works as well.
+    text = re.sub(r"    (excitation|estimate): .*\n", "", text)
+    (shop.folder / "shot.yaml").write_text(text.replace("        time:", "        one_shot: true\n        time:"))
+    assert shop.robid("run", "shot.yaml").code == 0
+
+
+def test_volts_are_mapped_with_a_scale_to_fill_in(shop):
+    columns = make_columns()
+    table = {"cmd [V]": columns["tau"], "tacho [V]": columns["omega_motor"], "pos [V]": columns["theta_motor"]}
+    np.savetxt(
+        shop.folder / "log.csv", np.stack([*table.values()], 1), delimiter=",", header=",".join(table), comments=""
+    )
+    assert shop.robid("inspect", "log.csv", "--sampling-period", "1e-3", "--propose", "volts.yaml").code == 0
+    acquire = load_experiment(shop.folder / "volts.yaml").experiment.campaigns["log"].source.acquire
+    assert [one.variable for one in acquire.inputs] == ["cmd [V]"]
+    assert "pos [V]" in [one.variable for one in acquire.outputs]
+    assert (shop.folder / "volts.yaml").read_text().count("scale: 1") == len(acquire.inputs) + len(acquire.outputs)
+    assert shop.robid("run", "volts.yaml").code == 0
+
+
 @pytest.mark.parametrize(
     ("name", "content", "code", "text"),
     [

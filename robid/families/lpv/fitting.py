@@ -25,6 +25,7 @@ from robid.signals.quantities import Channel
 from robid.validation.doubt import Doubt
 from robid.validation.lpv.grading import assess_lpv
 from robid.validation.lpv.validating import validate_lpv
+from robid.validation.saturated import saturation_doubts
 
 _SAME = 1e-3  # rad, or m
 _STILL = 0.1  # of the range, up to which an output that schedules may move in one position
@@ -55,7 +56,12 @@ def fit(data: Data, work: Work) -> Artifact:
             identifiable_relative_std=settings.identifiable_relative_std,
         )
     work.progress.advance()
-    return model_of(solution, assess_lpv(solution, list(doubts_of_scheduling(frf, data.loaded, settings))))
+    told = [*doubts_of_scheduling(frf, data.loaded, settings), *_saturated(frf)]
+    return model_of(solution, assess_lpv(solution, told))
+
+
+def _saturated(frf: Frf) -> tuple[Doubt, ...]:
+    return () if frf.saturated_share is None else saturation_doubts(frf.input_names, frf.saturated_share.max(axis=1))
 
 
 @contextmanager

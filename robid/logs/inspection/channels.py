@@ -206,7 +206,7 @@ def _unit_of(signal: Signal) -> tuple[Settings, list[str]]:
         return {"unit": "m/s^2", "scale": _GRAVITY}, []
     usual = _UNIT[signal.role]
     if signal.role == "voltage" or unit == "V":
-        return {"unit": usual}, [f"the log has volts: put {usual} per volt into `scale`"]
+        return {"unit": usual, "scale": 1}, [f"the log has volts: `scale` is a placeholder for {usual} per volt"]
     stated = signal.column.unit or unit
     told = f"unit `{stated}` not known" if stated else "unit not stated"
     return {"unit": usual}, [f"{told}, {usual} assumed"]

@@ -13,7 +13,7 @@ from robid.logs.inspection.channels import Chosen, choose, propose_inputs, propo
 from robid.logs.inspection.contents import Column, Contents, join_contents, read_contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_names
 from robid.logs.inspection.numbered import Numbered, part_numbered
-from robid.logs.inspection.proposal import Proposal, is_broad, propose_band, propose_lines
+from robid.logs.inspection.proposal import Proposal, is_broad, is_resolved, propose_band, propose_lines
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.repetition import (
     Shared,
@@ -193,12 +193,19 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         None,
         resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "",
     )
+    repeats = found.shared is not None and len(found.lines)
+    if found.sampling.gaps and (made.resample or not repeats):
+        made = replace(made, part_s=found.sampling.longest_s)
     if found.shared is None or not len(found.lines):
-        if len(chosen.inputs) == 1 and is_broad(band, found.step_s, found.duration_s):
-            return replace(made, excitation=propose_band(band, found.duration_s))
+        count, part = len(chosen.inputs), found.unbroken
+        duration_s = (part.stop - part.start) * found.step_s
+        told_apart = count == 1 or (count > 1 and chosen.by_torque)
+        broad = told_apart and is_broad(band, found.step_s, duration_s)
+        if broad and is_resolved(band, _middle(found, chosen), duration_s, count):
+            return replace(made, excitation=propose_band(band, duration_s, count))
         return replace(made, one_shot=True)
     shared = found.shared
-    drop, count, last = _place(found, shared)
+    drop, count, last = _place(found, shared, cut=made.part_s is not None)
     repetition = Repetition(shared.samples, shared.std_samples, reachable=True)
     drifts = repetition.drifts(count, shared.whole, found.lines)
     return replace(
@@ -211,11 +218,14 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
     )
 
 
-def _place(found: Findings, shared: Shared) -> tuple[int, int, bool]:
-    """Periods to drop and to use, and whether they are counted from the end: those without a gap."""
+def _place(found: Findings, shared: Shared, *, cut: bool) -> tuple[int, int, bool]:
+    """Periods to drop and to use, and whether they are counted from the end: those without a gap.
+
+    Where the log is cut to its longest part without a gap, they are counted in that.
+    """
     part, whole = found.unbroken, shared.whole
     drop, count, last = 0, int(shared.held + 1e-3), from_end(shared)
-    if found.sampling.gaps:
+    if found.sampling.gaps and not cut:
         drop = -(-part.start // whole)
         inside = part.stop // whole - drop
         last = part.stop == found.n_sample and count > inside
@@ -233,6 +243,11 @@ def _band(found: Findings, chosen: Chosen) -> tuple[float, float]:
     nyquist = 0.4 / found.step_s
     low = min((one[0] for one in bands), default=1 / found.duration_s)
     return low, min(max((one[1] for one in bands), default=nyquist), nyquist)
+
+
+def _middle(found: Findings, chosen: Chosen) -> float:
+    """Frequency below which half of the energy of the slowest input is [Hz]."""
+    return min(energy_band(_filled(one.column.values), found.step_s, 0.0)[0] for one in chosen.inputs)
 
 
 def _filled(values: FloatArray) -> FloatArray:

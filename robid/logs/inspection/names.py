@@ -28,7 +28,8 @@ _WORDS: dict[Role, str] = {
     "voltage": "voltage volt volts uq ud vq vd spannung",
     "angle": "angle angles ang theta phi rotation winkel",
     "position": "position positions pos posn enc encoder lage displacement disp travel slide qpos",
-    "speed": "speed speeds vel velocity velocities omega qd dq qdot dqdt rpm drehzahl geschwindigkeit qvel",
+    "speed": "speed speeds vel velocity velocities omega qd dq qdot dqdt rpm drehzahl geschwindigkeit qvel tacho"
+    " tachometer",
     "acceleration": "acceleration accelerations acc accel qdd ddq qddot beschleunigung qacc",
     "other": "temperature temp status state flag mode counter count index seq error err warning vdc bus dclink id sec"
     " secs nanosec nanosecs digital din dout msr mask valid quality humidity frame",

@@ -24,6 +24,9 @@ _ARBITRARY = 0.02
 _SEGMENTS = 20
 """Segments into which a signal that does not repeat is cut."""
 
+_RESOLVED = 0.25
+"""Share of the frequency that halves the energy of several inputs up to which a resolution tells something."""
+
 _FREQUENCIES = 400
 """Frequencies of its response at most."""
 
@@ -57,6 +60,7 @@ class Proposal:
         take_last: Whether periods are counted from the end.
         resample: Clock to resample to; empty for none.
         one_shot: Whether the log is a record without a response.
+        part_s: From where to where it is used, None for all of it [s].
     """
 
     inputs: tuple[Entry, ...]
@@ -68,6 +72,7 @@ class Proposal:
     take_last: bool = False
     resample: str = ""
     one_shot: bool = False
+    part_s: tuple[float, float] | None = None
 
 
 def propose_lines(shared: Shared, lines: IntArray, step_s: float) -> Excitation:
@@ -114,19 +119,38 @@ def _dense_part(lines: IntArray) -> IntArray:
     return lines
 
 
-def propose_band(band: tuple[float, float], duration_s: float) -> Excitation:
+def propose_band(band: tuple[float, float], duration_s: float, n_input: int) -> Excitation:
     """Proposes band and resolution of a signal that does not repeat.
 
     Args:
         band: Where its energy is [Hz].
         duration_s: How long it lasts [s].
+        n_input: Inputs to be told apart.
     """
-    resolution = float(f"{max(_SEGMENTS / duration_s, (band[1] - band[0]) / _FREQUENCIES):.2g}")
+    resolution = _resolution(band, duration_s, n_input)
     low, high = max(float(f"{band[0]:.3g}"), resolution), float(f"{band[1]:.3g}")
-    told = "nothing repeats; band by where the inputs have their energy"
-    return Excitation({"signal": "arbitrary", "low_hz": low, "high_hz": high, "resolution_hz": resolution}, (told,))
+    told: tuple[str, ...] = ("nothing repeats; band by where the inputs have their energy",)
+    if n_input > 1:
+        told += ("for a rigid model, which reads large motions, say `one_shot: true` below `acquire` in place of this",)
+    return Excitation({"signal": "arbitrary", "low_hz": low, "high_hz": high, "resolution_hz": resolution}, told)
 
 
 def is_broad(band: tuple[float, float], step_s: float, duration_s: float) -> bool:
     """Returns whether a signal's band [Hz] is wide enough for a frequency response."""
     return band[1] > _ARBITRARY * 0.5 / step_s and (band[1] - band[0]) * duration_s > 4 * _SEGMENTS
+
+
+def is_resolved(band: tuple[float, float], middle_hz: float, duration_s: float, n_input: int) -> bool:
+    """Returns whether the resolution that tells some inputs apart is finer than what half of their energy needs.
+
+    Args:
+        band: Where the energy is [Hz].
+        middle_hz: Frequency below which half of it is, of the slowest input [Hz].
+        duration_s: How long the log lasts [s].
+        n_input: Inputs to be told apart.
+    """
+    return n_input == 1 or _resolution(band, duration_s, n_input) < _RESOLVED * middle_hz
+
+
+def _resolution(band: tuple[float, float], duration_s: float, n_input: int) -> float:
+    return float(f"{max(_SEGMENTS * n_input / duration_s, (band[1] - band[0]) / _FREQUENCIES):.2g}")

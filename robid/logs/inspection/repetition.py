@@ -124,9 +124,9 @@ def shorten(shared: Shared, lines: IntArray) -> tuple[Shared, IntArray]:
     return shorter, lines // count
 
 
-def energy_band(values: FloatArray, step_s: float) -> tuple[float, float]:
-    """Returns the frequencies between which nearly all energy of a signal lies [Hz]."""
+def energy_band(values: FloatArray, step_s: float, part: float = _ENERGY) -> tuple[float, float]:
+    """Returns the frequencies between which a part of a signal's energy lies, nearly all unless told [Hz]."""
     power = np.abs(rfft(np.asarray(detrend(values)))) ** 2
     share = np.cumsum(power) / max(float(power.sum()), np.finfo(float).tiny)
-    low, high = np.searchsorted(share, [(1 - _ENERGY) / 2, (1 + _ENERGY) / 2])
+    low, high = np.searchsorted(share, [(1 - part) / 2, (1 + part) / 2])
     return float(max(low, 1) / (len(values) * step_s)), float(high / (len(values) * step_s))

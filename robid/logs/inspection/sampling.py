@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import read_name, tokens, unit_of_name
+from robid.logs.pieces import limits_of
 
 _TIME = {
     "time": 3,
@@ -49,6 +50,7 @@ class Sampling:
         missing: Samples that are missing there, about.
         first_gap: Sample before the first of them.
         longest: First sample of the longest part without one, and the sample after its last.
+        longest_s: From where to where it lasts, since the first sample [s].
         backward: Steps at which time stands still or goes back.
         told_by: What else says so, as a number of the log.
         others: Further times, as of the moment of writing.
@@ -63,6 +65,7 @@ class Sampling:
     missing: int = 0
     first_gap: int = 0
     longest: tuple[int, int] = (0, 0)
+    longest_s: tuple[float, float] = (0.0, 0.0)
     backward: int = 0
     told_by: str = ""
     others: tuple[str, ...] = ()
@@ -146,6 +149,7 @@ def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sam
     mean = float(inside.mean())
     edges = np.concatenate([[0], gaps + 1, [len(steps) + 1]])
     longest = int(np.argmax(np.diff(edges)))
+    begin, end = int(edges[longest]), int(edges[longest + 1])
     return Sampling(
         variable,
         "s",
@@ -155,7 +159,8 @@ def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sam
         gaps=len(gaps),
         missing=round(float(np.sum(steps[gaps] / mean - 1))),
         first_gap=int(gaps[0]) if len(gaps) else 0,
-        longest=(int(edges[longest]), int(edges[longest + 1])),
+        longest=(begin, end),
+        longest_s=limits_of(to_s * np.concatenate([[0.0], np.cumsum(steps)]), begin, max(end - 1, begin + 1)),
         backward=int(np.count_nonzero(steps <= 0)),
     )
 

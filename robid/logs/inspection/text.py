@@ -10,11 +10,10 @@ from pathlib import Path
 
 from robid.logs.inspection.channels import Entry
 from robid.logs.inspection.findings import Findings
-from robid.logs.inspection.sampling import Sampling
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z]+)?")
 _WORDS = ("true", "false", "yes", "no", "on", "off", "null", "y", "n")
-_UNITS = ("s", "ms", "us")
+_UNITS = ("s", "ms", "us", "ns")
 _ONE_SHOT = (
     "nothing repeats, so it is taken for a record without a response; for one say excitation:"
     " {signal: arbitrary, low_hz: .., high_hz: .., resolution_hz: ..} in place of this"
@@ -59,12 +58,14 @@ def write_experiment(
     ]
     lines += [f"{inside}format: {format_}"] if format_ else []
     lines += [f"{inside}dialect: {_flow(dialect)}"] if dialect else []
-    lines += [f"{inside}{one}" for one in _sampling(found.sampling, found.step_s, made.periods)]
+    lines += [f"{inside}{one}" for one in _sampling(found)]
+    lines += [f"{inside}{one}" for one in _part(made.part_s)]
     lines += [f"{inside}resample: {made.resample}{_comment(_resampled(found))}"] if made.resample else []
     lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
-        reason = "the longest part without a gap is at its end" if found.sampling.gaps else _held(found)
+        gaps = found.sampling.gaps and made.part_s is None
+        reason = "the longest part without a gap is at its end" if gaps else _held(found)
         lines += [f"{inside}take: last # {reason}"]
     lines += _entries("inputs", made.inputs, inside, "a torque, a current or a command", path)
     lines += _entries("outputs", made.outputs, inside, "an angle or a speed", path)
@@ -74,7 +75,7 @@ def write_experiment(
         lines += [] if made.one_shot else [f"{inside}# ({_REFERENCES})"]
     if "experiment" in counts:
         lines += [f"    experiments: {counts['experiment']}"]
-    elif len(made.inputs) > 1 and not made.one_shot:
+    elif len(made.inputs) > 1 and not (made.one_shot or _is_arbitrary(found)):
         lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
     lines += _estimate(found, counts.get("experiment", 1))
     lines += ["execution: {backend: serial} # a single log is one task"]
@@ -111,9 +112,12 @@ def _estimate(found: Findings, experiments: int) -> list[str]:
     made = found.proposal
     if made.one_shot:
         return []
-    arbitrary = made.excitation is not None and made.excitation.is_arbitrary
-    local = ", estimator: local_periodic" if len(made.inputs) > experiments and not arbitrary else ""
+    local = ", estimator: local_periodic" if len(made.inputs) > experiments and not _is_arbitrary(found) else ""
     return [f"    estimate: {{compensation: none{local}}}"]
+
+
+def _is_arbitrary(found: Findings) -> bool:
+    return found.proposal.excitation is not None and found.proposal.excitation.is_arbitrary
 
 
 def _campaign(found: Findings) -> list[str]:
@@ -126,7 +130,14 @@ def _campaign(found: Findings) -> list[str]:
     return lines
 
 
-def _sampling(sampling: Sampling, step_s: float, periods: int | None) -> list[str]:
+def _part(part_s: tuple[float, float] | None) -> list[str]:
+    if part_s is None:
+        return []
+    return [f"from_s: {_value(part_s[0])} # the longest part without a gap", f"to_s: {_value(part_s[1])}"]
+
+
+def _sampling(found: Findings) -> list[str]:
+    sampling, step_s = found.sampling, found.step_s
     checks: tuple[str, ...] = ()
     if sampling.step_s is None:
         checks = ("nothing in the log tells it",)
@@ -138,8 +149,9 @@ def _sampling(sampling: Sampling, step_s: float, periods: int | None) -> list[st
             () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
         )
         if sampling.gaps:
-            places = f"samples are missing at {sampling.gaps} places, first after {sampling.first_gap}"
-            told += (f"{places}: {'use a part without' if periods is None else 'the longest part without is used'}",)
+            count = "one place" if sampling.gaps == 1 else f"{sampling.gaps} places"
+            places = f"samples are missing at {count}, first after {sampling.first_gap}"
+            told += (f"{places}: the longest part without is used",)
         if sampling.backward:
             told += (f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out",)
         lines.append(f"time: {{variable: {_text(sampling.variable)}, unit: {sampling.unit}}}{_comment(told)}")
@@ -157,7 +169,7 @@ def _held(found: Findings) -> str:
 
 
 def _dropped(found: Findings) -> tuple[str, ...]:
-    if found.unbroken.start:
+    if found.unbroken.start and found.proposal.part_s is None:
         return (f"the longest part without a gap begins at sample {found.unbroken.start}",)
     names = found.shared.transient if found.shared else ()
     return (f"the first period of {', '.join(names)} differs from the others",)

@@ -42,7 +42,8 @@ def describe_sampling(found: Findings) -> str:
     if sampling.told_by:
         told.append(f"as {sampling.told_by} says")
     if sampling.gaps:
-        told.append(f"{sampling.gaps} gaps, about {sampling.missing} samples missing, first after {sampling.first_gap}")
+        gaps = "1 gap" if sampling.gaps == 1 else f"{sampling.gaps} gaps"
+        told.append(f"{gaps}, about {sampling.missing} samples missing, first after {sampling.first_gap}")
     if sampling.backward:
         told.append(f"time stands still or goes back {sampling.backward} times")
     return "; ".join(told)

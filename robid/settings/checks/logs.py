@@ -41,9 +41,6 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
             yield (*inside, "drop_periods"), "one shot has no periods"
     if acquire.to_s is not None and acquire.to_s <= acquire.from_s:
         yield (*inside, "to_s"), f"{acquire.to_s:g} is not above from_s {acquire.from_s:g}"
-    if acquire.is_cut and not (acquire.one_shot or campaign.is_arbitrary):
-        key = "from_s" if acquire.from_s > 0 else "to_s"
-        yield (*inside, key), "is for logs without periods: use `drop_periods`, `periods` and `take`"
     if acquire.resample == "time" and acquire.time is None:
         yield (*inside, "resample"), "there is no `time` to resample to"
     if acquire.resample == "period" and (acquire.one_shot or campaign.is_arbitrary):
@@ -92,7 +89,9 @@ def _signal(field: FieldPath, campaign: Campaign, acquire: Acquire) -> _Found:
     if acquire.one_shot:
         yield (*inside, "one_shot"), "an arbitrary signal is for responses, one shot for records: leave one of them out"
     if acquire.drop_periods:
-        yield (*inside, "drop_periods"), "an arbitrary signal has no periods"
+        yield (*inside, "drop_periods"), "an arbitrary signal has no periods: use `from_s` and `to_s`, or leave it out"
+    if "periods" in campaign.model_fields_set:
+        yield (*field, "periods"), "an arbitrary signal has no periods, all of its log is used: leave it out"
     if estimate.estimator != "local":
         yield (*field, "estimate", "estimator"), "an arbitrary signal is read by `local`: leave it out"
     if estimate.compensation_kind == "silent_lines":

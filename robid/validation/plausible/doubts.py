@@ -9,16 +9,15 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
 from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
-from robid.frf.saturation import SATURATED_SHARE, saturation_error
 from robid.robot.description import Robot
 from robid.validation.doubt import Doubt, two_digits
 from robid.validation.plausible.angles import judge_angles
 from robid.validation.plausible.evidence import CLEAR, Evidence, gather_evidence
 from robid.validation.plausible.gravity import gravity_signs, judge_gravity, judge_places, weigh
 from robid.validation.plausible.signs import judge_signs
+from robid.validation.saturated import saturation_doubts
 
 _LOST = 2.0
-_CLIPPED = 0.05  # of the time, from which a response that may be off by as much must not be used
 _HALF_TURN = 0.5
 
 
@@ -55,7 +54,7 @@ def evidence_doubts(
     turned = [
         doubt for doubt in signs.doubts if doubt.cause != "angle_sign" or doubt.message.partition(":")[0] not in told
     ]
-    doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence), *_saturation_doubts(evidence))
+    doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence), *_saturated(evidence))
     return tuple(sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength))), angles.notes
 
 
@@ -100,17 +99,5 @@ def _noise_doubts(evidence: Evidence) -> list[Doubt]:
     return doubts
 
 
-def _saturation_doubts(evidence: Evidence) -> list[Doubt]:
-    """Motors whose signals lie at a limit: where the log has clipped them, the response is off by about that share."""
-    if evidence.saturated_share is None:
-        return []
-    doubts = []
-    for name, share in zip(evidence.names, evidence.saturated_share.max(axis=0).tolist(), strict=True):
-        if share > 0:
-            off = f"{two_digits(100 * saturation_error(share))} %"
-            told = (
-                f"{name}: its signals saturate for {two_digits(100 * share)} % of the time, which may put its response"
-                f" off by {off} and more"
-            )
-            doubts.append(Doubt("saturation", told, decisive=share > _CLIPPED, strength=1 + share / SATURATED_SHARE))
-    return doubts
+def _saturated(evidence: Evidence) -> tuple[Doubt, ...]:
+    return () if evidence.saturated_share is None else saturation_doubts(evidence.names, evidence.saturated_share)

@@ -246,6 +246,15 @@ def test_time_that_runs_backward_is_located(tmp_path):
     assert "sample 2999: Time does not advance" in refused(tmp_path, signals)
 
 
+def test_a_constant_time_is_one_problem(tmp_path):
+    signals = make_signals()
+    signals["time"][:] = 3.0
+    message = refused(tmp_path, signals)
+    assert "Time does not advance: it is constant (3)" in message
+
+    assert message.count("remedy") == 1
+
+
 def test_all_problems_come_at_once(tmp_path):
     signals = make_signals()
     signals["q_motor"][10] = np.nan

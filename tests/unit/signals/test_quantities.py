@@ -1,5 +1,6 @@
 """Quantities, units and sides: what each unit is in SI, and who accepts which channels."""
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -109,7 +110,14 @@ def test_what_contradicts_itself_is_told(channel, told):
 def test_inputs_of_one_log_must_go_together():
     torque, ratio = InputChannel("a", "u"), InputChannel("b", "i", "A", normalised=True)
     command = InputChannel("c", "r", "m/s")
-    assert input_problems((torque, command)) == []
+    (mixed,) = input_problems((torque, command))
+    assert "a is in N m (torque), c is in m/s (speed reference)" in mixed
+    stated = tuple(replace(one, quantity=one.channel.quantity) for one in (torque, command))
+    assert input_problems(stated) == []
+    (mixed,) = input_problems((torque, InputChannel("d", "a", "mm/s^2")))
+    assert "d is in m/s^2 (acceleration)" in mixed
+    assert input_problems((torque, InputChannel("e", "f", "N"))) == []
+    assert input_problems((InputChannel("X", "x", "mm"), InputChannel("A", "a", "deg"))) == []
     assert input_problems((torque, ratio)) == ["either all torques are normalised currents, or none"]
     assert input_problems((torque, InputChannel("b", "u", hold="band_limited"))) == ["all must have the same `hold`"]
 
