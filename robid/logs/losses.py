@@ -17,6 +17,9 @@ _MOST = 50
 _BLOCKS = 64
 """Blocks of a period, in each of which the lag is constant."""
 
+_FEWEST = 4
+"""Blocks that tell of a lag."""
+
 _JUMP = 0.05
 """Share of what a constant lag leaves that a jump has to explain."""
 
@@ -37,6 +40,9 @@ _UNLIKE = 0.2
 
 _ALL = 0.4
 """Twice the highest line, in cycles per sample, from which nothing is filtered."""
+
+_STANDS_OUT = 10.0
+"""Noise of a sample, for each one lost, by which a period has to leave more than another to be the wrong one."""
 
 _LENGTH = 0.8
 """Half the length of the filter, in periods of the highest line: it is sharp enough for twice its frequency."""
@@ -68,14 +74,14 @@ def find_losses(signal: FloatArray, period: int, lines: IntArray, measured: floa
         measured: Its period as a constant one was measured, if it was [samples].
 
     Returns:
-        Losses in the order of the signal; none where a constant period tells it as well.
+        Losses in the order of the signal; none where a constant period tells them as well.
     """
     most, block = min(_MOST, period // 4), max(period // _BLOCKS, 4)
     if most < 1 or len(signal) - period - most < 2 * block:
         return []
     flat, cut = _smooth(signal, period, lines)
     count = (len(flat) - period) // block
-    if count < 2:
+    if count < _FEWEST:
         return []
     apart = _costs(flat, period, count, block, most)
     jump = _JUMP * float(apart.sum(axis=0).min())
@@ -84,10 +90,11 @@ def find_losses(signal: FloatArray, period: int, lines: IntArray, measured: floa
     if not lags.any() or not _believed(apart, path, most):
         return []
     left = float(apart[np.arange(count), path].sum())
-    if left >= _clock_cost(flat, measured, used) or left > _UNLIKE * 2 * float((flat[used] ** 2).sum()):
-        return []
-    jumps = (np.flatnonzero(np.diff(lags)) + 1).tolist()
+    told = left < min(_clock_cost(flat, measured, used), _UNLIKE * 2 * float((flat[used] ** 2).sum()))
+    jumps = (np.flatnonzero(np.diff(lags)) + 1).tolist() if told else []
     losses = [_loss(flat, period, block, lags, at) for at in jumps]
+    if not losses and np.all(lags[1:-1] == lags[1]):
+        return _lost_between(signal, period, lines, int(lags[1]))
     return _merged([Loss(one.after + cut, one.samples) for one in losses], block)
 
 
@@ -104,6 +111,24 @@ def _smooth(signal: FloatArray, period: int, lines: IntArray) -> tuple[FloatArra
     if 2 * high >= _ALL or half < 1:
         return level, 0
     return np.asarray(fftconvolve(level, firwin(2 * half + 1, 2 * high, fs=1.0), mode="valid")), half
+
+
+def _lost_between(signal: FloatArray, period: int, lines: IntArray, lag: int) -> list[Loss]:
+    """The loss where the second of two periods begins, which looks like another period, but for the lines' own one."""
+    real = period - lag
+    if not real + period <= len(signal) < 3 * min(period, real):
+        return []
+    stated, other = (
+        sum(_beside_lines(signal[first : first + length], lines) for first in (0, real)) for length in (period, real)
+    )
+    noise = stated / (2 * max(period - 2 * len(lines), 1)) + _LEAST * float(np.var(signal))
+    return [Loss(period - 1, lag)] if other - stated > _STANDS_OUT * abs(lag) * noise else []
+
+
+def _beside_lines(block: FloatArray, lines: IntArray) -> float:
+    """Energy of a block beside lines of its length and its mean."""
+    power = np.abs(rfft(block - block.mean())) ** 2
+    return max(float(len(block) * np.var(block) - 2 * power[lines[2 * lines < len(block)]].sum() / len(block)), 0.0)
 
 
 def _least_gain(flat: FloatArray, period: int, block: int, lags: IntArray) -> float:
