@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import rfft
 from scipy.interpolate import make_interp_spline
-from scipy.signal import detrend
+from scipy.signal import fftconvolve, firwin
 
 from robid.arrays import FloatArray, IntArray
-from robid.logs.period import limit_band
 
 _MOST = 50
 """Largest number of samples lost within one period that is looked for."""
@@ -17,14 +17,35 @@ _MOST = 50
 _BLOCKS = 64
 """Blocks of a period, in each of which the lag is constant."""
 
+_FEWEST = 4
+"""Blocks that tell of a lag."""
+
 _JUMP = 0.05
 """Share of what a constant lag leaves that a jump has to explain."""
+
+_LIKELY = 12.0
+"""Logarithm of the likelihood that a jump has to gain where what is left is noise."""
+
+_LEAST = 1e-6
+"""Noise that is taken to be in the difference of two periods at least, relative to the signal's energy."""
 
 _EXPLAINED = 0.5
 """Share of what periods that did not move leave below which a lag is believed, where it is."""
 
+_SIGMAS = 2.5
+"""Standard deviations of what the blocks gain by a lag from which it is believed in noise: half of its own."""
+
 _UNLIKE = 0.2
 """Mismatch between the periods, with the jumps, above which the signal does not repeat."""
+
+_ALL = 0.4
+"""Twice the highest line, in cycles per sample, from which nothing is filtered."""
+
+_STANDS_OUT = 10.0
+"""Noise of a sample, for each one lost, by which a period has to leave more than another to be the wrong one."""
+
+_LENGTH = 0.8
+"""Half the length of the filter, in periods of the highest line: it is sharp enough for twice its frequency."""
 
 
 @dataclass(frozen=True)
@@ -53,41 +74,101 @@ def find_losses(signal: FloatArray, period: int, lines: IntArray, measured: floa
         measured: Its period as a constant one was measured, if it was [samples].
 
     Returns:
-        Losses in the order of the signal; none where a constant period tells it as well.
+        Losses in the order of the signal; none where a constant period tells them as well.
     """
     most, block = min(_MOST, period // 4), max(period // _BLOCKS, 4)
-    if most < 1 or len(signal) - period - 2 * most < 2 * block:
+    if most < 1 or len(signal) - period - most < 2 * block:
         return []
-    low = lines.min() / period if lines.min() > 2 else 0.0
-    flat = limit_band(np.asarray(detrend(signal)), low, lines.max() / period)
-    first, count = most, (len(flat) - period - 2 * most) // block
-    apart = _costs(flat, period, first, count, block, most)
-    path = _follow_lag(apart)
+    flat, cut = _smooth(signal, period, lines)
+    count = (len(flat) - period) // block
+    if count < _FEWEST:
+        return []
+    apart = _costs(flat, period, count, block, most)
+    jump = _JUMP * float(apart.sum(axis=0).min())
+    path = _follow_lag(apart, max(jump, _least_gain(flat, period, block, _follow_lag(apart, jump) - most)))
+    lags, used = path - most, slice(0, count * block)
+    if not lags.any() or not _believed(apart, path, most):
+        return []
     left = float(apart[np.arange(count), path].sum())
-    lags = path - most
-    moved, used = lags != 0, slice(first, first + count * block)
-    if not moved.any() or moved.all():
-        return []
-    explained = float(apart[np.arange(count), path][moved].sum()) < _EXPLAINED * float(apart[moved, most].sum())
-    energy = 2 * float((flat[used] ** 2).sum())
-    if not explained or left >= _clock_cost(flat, measured, used) or left > _UNLIKE * energy:
-        return []
-    jumps = (np.flatnonzero(np.diff(lags)) + 1).tolist()
-    return _merged([_loss(flat, period, first, block, lags, at) for at in jumps], block)
+    told = left < min(_clock_cost(flat, measured, used), _UNLIKE * 2 * float((flat[used] ** 2).sum()))
+    jumps = (np.flatnonzero(np.diff(lags)) + 1).tolist() if told else []
+    losses = [_loss(flat, period, block, lags, at) for at in jumps]
+    if not losses and np.all(lags[1:-1] == lags[1]):
+        return _lost_between(signal, period, lines, int(lags[1]))
+    return _merged([Loss(one.after + cut, one.samples) for one in losses], block)
 
 
-def _costs(flat: FloatArray, period: int, first: int, count: int, block: int, most: int) -> FloatArray:
-    """Squared difference (n_block, n_lag) between each block and its copy one period later, for each lag."""
-    here = flat[first : first + count * block]
-    shifts = first + period - np.arange(-most, most + 1)
-    return np.stack(
-        [((flat[at : at + len(here)] - here) ** 2).reshape(count, block).sum(axis=1) for at in shifts], axis=1
+def _smooth(signal: FloatArray, period: int, lines: IntArray) -> tuple[FloatArray, int]:
+    """The signal without drift and with less noise above its lines, and how many samples of it are cut at each end.
+
+    A short filter keeps what repeats as it is, up to the ends.
+    """
+    # What one period is above the one before tells drift from slow lines.
+    drift = float(np.mean(signal[period:] - signal[:-period])) / period
+    level = signal - signal.mean() - drift * (np.arange(float(len(signal))) - (len(signal) - 1) / 2)
+    high = float(lines.max()) / period
+    half = min(round(_LENGTH / high), period // 8)
+    if 2 * high >= _ALL or half < 1:
+        return level, 0
+    return np.asarray(fftconvolve(level, firwin(2 * half + 1, 2 * high, fs=1.0), mode="valid")), half
+
+
+def _lost_between(signal: FloatArray, period: int, lines: IntArray, lag: int) -> list[Loss]:
+    """The loss where the second of two periods begins, which looks like another period, but for the lines' own one."""
+    real = period - lag
+    if not real + period <= len(signal) < 3 * min(period, real):
+        return []
+    stated, other = (
+        sum(_beside_lines(signal[first : first + length], lines) for first in (0, real)) for length in (period, real)
     )
+    noise = stated / (2 * max(period - 2 * len(lines), 1)) + _LEAST * float(np.var(signal))
+    return [Loss(period - 1, lag)] if other - stated > _STANDS_OUT * abs(lag) * noise else []
 
 
-def _follow_lag(apart: FloatArray) -> IntArray:
+def _beside_lines(block: FloatArray, lines: IntArray) -> float:
+    """Energy of a block beside lines of its length and its mean."""
+    power = np.abs(rfft(block - block.mean())) ** 2
+    return max(float(len(block) * np.var(block) - 2 * power[lines[2 * lines < len(block)]].sum() / len(block)), 0.0)
+
+
+def _least_gain(flat: FloatArray, period: int, block: int, lags: IntArray) -> float:
+    """What a jump of the lag has to gain of what lags leave, where the noise of neighbouring samples is alike."""
+    here = np.arange(len(lags) * block)
+    noise = flat[np.minimum(here + period - np.repeat(lags, block), len(flat) - 1)] - flat[here]
+    power = np.abs(rfft(noise, 2 * len(noise))) ** 2
+    # Samples for each independent one: the sum of the squared correlation.
+    alike = float((power**2).mean()) / max(float(power.mean()) ** 2, float(np.finfo(float).tiny))
+    return 2 * _LIKELY * alike * max(float((noise**2).mean()), _LEAST * float(np.mean(flat**2)))
+
+
+def _believed(apart: FloatArray, path: IntArray, most: int) -> bool:
+    """Whether lags explain most of what they should, or stand out of noise in many blocks."""
+    moved = path != most
+    here, stayed = apart[np.arange(len(path)), path][moved], apart[moved, most]
+    gain = stayed - here
+    return bool(here.sum() < _EXPLAINED * stayed.sum() or gain.sum() > _SIGMAS * np.sqrt(np.sum(gain**2)))
+
+
+def _costs(values: FloatArray, period: int, count: int, block: int, most: int) -> FloatArray:
+    """Squared difference (n_block, n_lag) between each block and its copy one period later, for each lag.
+
+    Where the signal ends before, a lag costs hardly more than the best one.
+    """
+    here = values[: count * block]
+    beyond = np.append(values, np.full(most, np.nan))
+    costs = [
+        ((beyond[period - lag : period - lag + len(here)] - here) ** 2).reshape(count, block).sum(axis=1)
+        for lag in range(-most, most + 1)
+    ]
+    apart = np.stack(costs, axis=1)
+    # A little more than that, so that a lag which can be seen is preferred.
+    best = np.nanmin(apart, axis=1, keepdims=True) + block * _LEAST * float(np.mean(values**2))
+    return np.asarray(np.where(np.isnan(apart), best, apart))
+
+
+def _follow_lag(apart: FloatArray, jump: float) -> IntArray:
     """Index of the lag (n_block,) in each block that leaves least, jumps counted (Viterbi)."""
-    count, jump = len(apart), _JUMP * float(apart.sum(axis=0).min())
+    count = len(apart)
     total, came = apart[0].copy(), np.zeros(apart.shape, int)
     stay = np.arange(apart.shape[1])
     for at in range(1, count):
@@ -113,10 +194,12 @@ def _clock_cost(flat: FloatArray, measured: float | None, used: slice) -> float:
     return float(np.mean(apart**2) * (used.stop - used.start))
 
 
-def _loss(flat: FloatArray, period: int, first: int, block: int, lags: IntArray, at: int) -> Loss:
+def _loss(flat: FloatArray, period: int, block: int, lags: IntArray, at: int) -> Loss:
     """The loss that a jump of the lag before a block shows, to a sample where the signal tells it."""
-    near = np.arange(max(first, first + (at - 1) * block), first + (at + 1) * block)
-    before, after = ((flat[near + period - lags[one]] - flat[near]) ** 2 for one in (at - 1, at))
+    near = np.arange(max(at - 1, 0) * block, min((at + 1) * block, len(flat) - period))
+    before, after = (
+        (flat[np.minimum(near + period - lags[one], len(flat) - 1)] - flat[near]) ** 2 for one in (at - 1, at)
+    )
     jump = near[0] + int(np.argmin(np.concatenate([[0.0], np.cumsum(before - after)])))
     # A loss enters one period ahead and leaves where it is.
     enters = abs(lags[at]) > abs(lags[at - 1])

@@ -77,17 +77,30 @@ def find_periods(logged: FloatArray, period: FloatArray) -> Match:
     each = correlation(logged, period)
     mean = each.mean(axis=1)
     best = int(np.argmax(mean))
-    first = best % n_sample
-    # A period of which a few samples are missing, where play began or ended, is none.
-    alike = mean[first::n_sample] >= max(ALIKE, 1 - 2 * (1 - mean[best]) - _MISSING)
     if mean[best] < ALIKE:
         return Match(best, 0, float(mean[best]), np.zeros(period.shape[1]))
-    skipped = int(np.argmax(alike))
-    count = int(np.argmin(np.append(alike[skipped:], False)))
-    start = first + skipped * n_sample
+    # A period of which a few samples are missing, where play began or ended, is none.
+    start, count = _longest(mean, n_sample, max(ALIKE, 1 - 2 * (1 - float(mean[best])) - _MISSING))
     blocks = logged[start : start + count * n_sample].reshape(count, n_sample, -1).mean(axis=0)
     gain = np.sum(blocks * period, axis=0) / np.sum(period**2, axis=0)
     return Match(start, count, float(mean[best]), np.asarray(gain))
+
+
+def _longest(mean: FloatArray, n_sample: int, limit: float) -> tuple[int, int]:
+    """First sample and number of the most periods in succession; of as many, those that are most alike.
+
+    Lost samples move what follows, so that other periods may begin at other samples.
+    """
+    count = (mean >= limit).astype(int)
+    total = np.where(count > 0, mean, 0.0)
+    for begin in reversed(range(0, len(mean) - n_sample, n_sample)):
+        following = slice(begin + n_sample, min(begin + 2 * n_sample, len(mean)))
+        here = slice(begin, begin + following.stop - following.start)
+        total[here] += np.where(count[here] > 0, total[following], 0.0)
+        count[here] *= 1 + count[following]
+    longest = np.flatnonzero(count == count.max())
+    start = int(longest[np.argmax(total[longest])])
+    return start, int(count[start])
 
 
 def correlation(logged: FloatArray, period: FloatArray) -> FloatArray:

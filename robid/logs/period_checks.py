@@ -108,8 +108,10 @@ def _other_clock(where: str, steady: FloatArray, stated: Stated, clock: Clock, f
         f" every {stated.samples} ({stated.period_s:.9g} s)."
     )
     changed = {"sampling_period_s": _number(step), **_period_settings(steady, stated, real, step)}
-    remedy = _set(changed)
-    if bridged:
+    # Once the clock is right, a fraction of a sample would be the next message's reason.
+    split = found.std_samples <= _SURE and found.drifts(stated.periods, real, stated.lines)
+    remedy = _set({**changed, **({"resample": "period"} if split else {})})
+    if bridged and not split:
         remedy += f" Or, where logs have different clocks: set resample to time and excitation.period_s to {lasts:.9g}."
     return DataError(what, where=clock.where, remedy=remedy)
 

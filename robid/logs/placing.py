@@ -20,6 +20,9 @@ from robid.logs.stated import Stated
 from robid.logs.timing import Clock, check_count
 from robid.signals.log_channels import LogChannel
 
+_STILL = 1e-3
+"""Distance from its last sample, relative to its span, within which a reference rests."""
+
 
 @dataclass(frozen=True)
 class Log:
@@ -121,7 +124,7 @@ def _unmatched(
     if match.count == 0:
         what, remedy = explain_mismatch(logged, played, names)
         return [DataError(what, where=where, remedy=remedy)]
-    steady = logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))]
+    steady = _playing(logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))])
     # Where samples were lost on the way nothing repeats, and the count says more.
     if measure_repetition(steady, n_sample, stated.lines).samples is not None:
         problems, _ = check_period(where, steady, stated, clock, Part(match.start, matched=True))
@@ -134,6 +137,13 @@ def _unmatched(
     )
     fewer = match.count - stated.dropped
     shorter = f"set periods to {fewer}" if fewer > 0 else "record longer"
-    remedy = f"Look for lost samples after sample {stop}, or {shorter}."
+    before = f"before sample {match.start} and " if match.start else ""
+    remedy = f"Look for lost samples {before}after sample {stop}, or {shorter}."
     # A wrong size would only come up once the count is right.
     return [DataError(what, where=where, remedy=remedy), *_sizes(mapping, match, played)[0]]
+
+
+def _playing(signal: FloatArray) -> FloatArray:
+    """A reference without the rest at its end."""
+    moving = np.flatnonzero(np.abs(signal - signal[-1]) > _STILL * np.ptp(signal))
+    return signal[: moving[-1] + 2] if len(moving) else signal

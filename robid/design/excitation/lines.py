@@ -9,6 +9,14 @@ from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.options import ChosenLineOptions, ExcitationOptions
 from robid.errors import SettingsError
 
+_WHOLE = 1e-6
+"""Relative distance from a whole number of samples that is passed over."""
+
+_SLIP = 0.01
+"""Relative error of a sampling period that is taken to be a slip."""
+
+_DIGITS = 3
+
 
 def samples_per_period(period_s: float, sampling_period_s: float) -> int:
     """Returns the whole number of samples in one period.
@@ -18,13 +26,24 @@ def samples_per_period(period_s: float, sampling_period_s: float) -> int:
     """
     ratio = period_s / sampling_period_s
     count = round(ratio)
-    if count < 1 or abs(ratio - count) > 1e-6 * ratio:
+    if count < 1 or abs(ratio - count) > _WHOLE * ratio:
         raise SettingsError(
             f"A period of {period_s:g} s is {ratio:.6g} samples of {sampling_period_s:g} s, not a whole number.",
             where="excitation.period_s",
-            remedy=f"Use a period of {max(count, 1) * sampling_period_s:.9g} s.",
+            remedy=f"{_rounder(period_s, sampling_period_s)} a period of {max(count, 1) * sampling_period_s:.9g} s.",
         )
     return count
+
+
+def _rounder(period_s: float, sampling_period_s: float) -> str:
+    """Begins a remedy with the sampling period of few digits that was meant where the period is a multiple of it."""
+    for digits in range(_DIGITS):
+        meant = float(f"{sampling_period_s:.{digits}e}")
+        ratio = period_s / meant
+        whole = round(ratio) > 0 and abs(ratio - round(ratio)) < _WHOLE * ratio
+        if whole and abs(meant / sampling_period_s - 1) < _SLIP:
+            return f"Use a sampling period of {meant:g} s, or"
+    return "Use"
 
 
 def period_samples(options: ExcitationOptions, sampling_period_s: float) -> int:

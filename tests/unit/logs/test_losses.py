@@ -5,13 +5,15 @@ import re
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.signal import lfilter
 
 from robid.errors import DataError
 from robid.logs.importing import import_log
 from robid.logs.losses import find_losses
 from robid.logs.mapping import LogMapping
+from robid.logs.match import PlayedExcitation
 from robid.logs.period import measure_repetition
-from robid.signals.log_channels import InputChannel, OutputChannel
+from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
 from robid.signals.log_options import TimeChannel
 
 PERIOD, LINES = 1000, np.arange(10, 200)
@@ -64,6 +66,93 @@ def test_a_sample_too_many_and_two_losses_are_told_as_they_are():
 @pytest.mark.parametrize("fraction", [0.05, 0.26, 0.5, 0.9, -1.3])
 def test_another_clock_loses_nothing(fraction):
     assert lost_of(wave(5, 1 + fraction / PERIOD)) == []
+
+
+@pytest.mark.parametrize("after", [940, 970, 985, 990, 998, 999, 1010, 1030])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_loss_near_the_middle_of_two_periods_is_no_other_period(after, noise):
+    generator = np.random.default_rng(after)
+    (found,) = lost_of(without(wave(2), after) + noise * generator.normal(size=2 * PERIOD - 1))
+    assert (found.samples, found.after) == (1, pytest.approx(after, abs=15))
+
+
+@pytest.mark.parametrize("after", [300, 700, 1500, 2400])
+@pytest.mark.parametrize("highest", [60, 200])
+def test_a_loss_under_noise_of_30_percent_is_found(after, highest):
+    lines, generator = np.arange(3, highest), np.random.default_rng(after + highest)
+    phases = generator.uniform(0, 2 * np.pi, len(lines))
+    clean = np.cos(2 * np.pi * np.outer(np.arange(3 * PERIOD) / PERIOD, lines) + phases).sum(axis=1)
+    signal = without(clean, after) + 0.3 * clean.std() * generator.normal(size=3 * PERIOD - 1)
+    found = find_losses(signal, PERIOD, lines, measure_repetition(signal, PERIOD, lines).samples)
+    assert 1 in [one.samples for one in found]
+    # Slow waves tell less exactly where.
+    assert min(abs(one.after - after) for one in found) < 100
+
+
+@pytest.mark.parametrize("periods", [2, 3, 5])
+@pytest.mark.parametrize("highest", [30, 200])
+@pytest.mark.parametrize("colour", [0.0, 0.98])
+def test_noise_and_wandering_lose_nothing(periods, highest, colour):
+    lines = np.arange(3, highest)
+    for seed in range(3):
+        generator = np.random.default_rng(seed)
+        phases = generator.uniform(0, 2 * np.pi, len(lines))
+        clean = np.cos(2 * np.pi * np.outer(np.arange(periods * PERIOD) / PERIOD, lines) + phases).sum(axis=1)
+        noise = lfilter([1.0], [1.0, -colour], generator.normal(size=len(clean)))
+        for share in (0.0, 0.1, 0.3):
+            signal = clean + share * clean.std() / noise.std() * noise
+            assert find_losses(signal, PERIOD, lines, measure_repetition(signal, PERIOD, lines).samples) == []
+
+
+def test_a_period_that_is_one_sample_shorter_loses_nothing():
+    at = np.arange(2.0 * PERIOD)
+    shorter = np.cos(2 * np.pi * np.outer(at / (PERIOD - 1), LINES) + PHASES).sum(axis=1) / 10
+    assert lost_of(shorter) == []
+
+
+def import_references(folder, signal, periods, **settings):
+    """A log with the reference, at rest before and after."""
+    logged = np.concatenate([np.zeros(137), signal, np.zeros(211)])
+    columns = {"u": logged, "q": np.roll(logged, 3), "r": logged}
+    savemat(folder / "log.mat", {name: values[:, None] for name, values in columns.items()})
+    mapping = LogMapping(
+        file=folder / "log.mat",
+        sampling_period_s=1e-3,
+        inputs=(InputChannel("motor", "u", "N m"),),
+        outputs=(OutputChannel("motor", "q"),),
+        references=(ReferenceChannel("motor", "r"),),
+        **settings,
+    )
+    return import_log(
+        mapping,
+        samples_per_period=PERIOD,
+        periods=periods,
+        excited_lines=LINES,
+        configurations=np.zeros((1, 1)),
+        played=PlayedExcitation(wave(1)[None, None, :, None], "speed_reference", 0, 0),
+    )
+
+
+@pytest.mark.parametrize("settings", [{}, {"drop_periods": 1}, {"take": "last"}])
+@pytest.mark.parametrize(("after", "whole"), [(900, 4), (1499, 3), (2600, 2), (3100, 3), (4300, 4)])
+def test_references_find_the_longest_part_without_a_loss(tmp_path, after, whole, settings):
+    lossy, wanted = without(wave(5), after), 5 - settings.get("drop_periods", 0)
+    with pytest.raises(DataError, match=r"lost samples|missing after about sample") as caught:
+        import_references(tmp_path, lossy, wanted, **settings)
+    told = dict(re.findall(r"(drop_periods|periods|take) to (\w+)", caught.value.remedy))
+    kept = int(told.pop("periods"))
+    assert kept == whole - settings.get("drop_periods", 0)
+    changed = {name: int(value) if value.isdigit() else value for name, value in told.items()}
+    record = import_references(tmp_path, lossy, kept, **{**settings, **changed})
+    blocks = record.inputs[0, 0, 0, :, :, 0]
+    np.testing.assert_allclose(blocks, np.broadcast_to(wave(1), blocks.shape), atol=1e-9)
+
+
+def test_references_of_two_periods_do_not_ask_for_another_period(tmp_path):
+    with pytest.raises(DataError) as caught:
+        import_references(tmp_path, without(wave(2), 1001), 2)
+    assert "period_s" not in caught.value.remedy
+    assert import_references(tmp_path, without(wave(2), 1001), 1).inputs.shape[3] == 1
 
 
 def followed(folder, signal, periods, **settings):

@@ -66,6 +66,6 @@ def test_configurations_elsewhere_are_not_read(tmp_path, reads):
 
 def test_a_copy_is_refused_with_its_place(tmp_path, reads):
     seen = {"a": write(tmp_path / "a.h5", (1, 2), ()), "b": write(tmp_path / "b.h5", (3, 4), ())}
-    with pytest.raises(DataError, match="configuration 2, realization 1, experiment 1 .* are those of `b`"):
+    with pytest.raises(DataError, match=r"configuration 2, realization 1, experiment 1 .* are those of `b`"):
         copies.refuse_copies(FIT, seen, write(tmp_path / "new.h5", (5, 4), ()))
     assert max(reads.values()) <= 3
