@@ -65,7 +65,7 @@ def test_logs_that_agree_keep_their_own_interval():
 @pytest.mark.parametrize(
     "other",
     [
-        measured("one", [76.8]),
+        Measured(replace(table([76.8]), configuration=np.array([1])), np.zeros((2, 1)), ("two", "one")),
         measured("two", [76.8], at=0.1),
         measured("two", [85.0]),
         measured("two", [76.8], kind="antiresonance"),
