@@ -89,6 +89,7 @@ class Shown:
         new: What the validation read.
         true: True value of each parameter by name; empty for a measured robot.
         told: What the page warns of anyway.
+        beside: The run's other fits of the family, which may have measured the same.
     """
 
     data: Data
@@ -97,6 +98,7 @@ class Shown:
     new: Data | None = None
     true: Mapping[str, float] = field(default_factory=dict)
     told: tuple[str, ...] = ()
+    beside: tuple[Shown, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -91,7 +91,10 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], cha
     run = _read(loaded, folder, present)
     warnings = _warnings(loaded, run.frfs)
     shown = {name: _shown(loaded, folder, name, run, warnings) for name in run.models}
-    fits = tuple(family_of(loaded, name).report(each) for name, each in shown.items())
+    fits = tuple(
+        family_of(loaded, name).report(replace(each, beside=_beside(loaded, name, shown)))
+        for name, each in shown.items()
+    )
     excitations = tuple(_excitation(loaded, run, name) for name in run.excitations)
     alone = [(name, frf) for name, frf in run.frfs.items() if name not in _fitted(loaded, run)]
     content = ReportContent(
@@ -143,6 +146,12 @@ def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warning
         true=_truth(loaded, folder, name),
         told=warnings,
     )
+
+
+def _beside(loaded: LoadedExperiment, name: str, shown: Mapping[str, Shown]) -> tuple[Shown, ...]:
+    """The other fits of the same family."""
+    family = family_of(loaded, name)
+    return tuple(each for other, each in shown.items() if other != name and family_of(loaded, other) is family)
 
 
 def _comparison(loaded: LoadedExperiment, shown: Mapping[str, Shown]) -> dict[str, float]:

@@ -104,3 +104,40 @@ def test_parts_of_the_log_have_their_resonances_within_each_others_intervals(dat
             assert all(lower <= peak <= upper for _, peak, _ in rows), rows
             assert upper - lower < 0.01 * upper
     assert not [key for key in summary if "resonance_2" in key]
+
+
+def test_logs_of_one_place_are_pooled_whichever_fit_reads_them(data_folder, tmp_path, monkeypatch, capsys):
+    """Parts of the log of which two have clocks that are off by 1 %: their resonances lie 0.8 Hz apart."""
+    monkeypatch.setenv("ROBID_DATA", str(data_folder("motor_bench").parent))
+    monkeypatch.chdir(tmp_path)
+    text = CONFIG.read_text().replace("robots/", f"{CONFIG.parent}/robots/")
+    head, campaign = text.partition("fits:")[0].split("  estimation:\n")
+    campaign = campaign.replace("        time: {variable: time, unit: us}\n", "")
+    parts = ""
+    for name, dropped, slower in (("monday", 1, 0.99), ("tuesday", 5, 1.0), ("friday", 9, 1.01)):
+        own = campaign.replace("periods: 19", "periods: 4").replace("drop_periods: 1", f"drop_periods: {dropped}")
+        own = own.replace("period_s: 4.0e-4", f"period_s: {4e-4 * slower:.7g}").replace(
+            "period_s: 1,", f"period_s: {slower},"
+        )
+        own = own.replace("low_hz: 11,", f"low_hz: {11 / slower},").replace(
+            "high_hz: 250,", f"high_hz: {250 / slower},"
+        )
+        parts += f"  {name}:\n{own}"
+    fits = "".join(
+        f"  {name}: {{family: elastic, from: {read}, free: [{AFTER}]{rest}}}\n"
+        for name, read, rest in (("first", "monday", ", validate_on: tuesday"), ("last", "friday", ""))
+    )
+    (tmp_path / "days.yaml").write_text(f"{head}{parts}fits:\n{fits}execution: {{backend: serial}}\n")
+    assert run_command(["run", "days.yaml"]) == 5
+    assert "measured intervals hold what monday, tuesday, friday scatter" in capsys.readouterr().out
+    summary = json.loads((tmp_path / "runs/motor_bench/summary.json").read_text())
+    for kind in MODES:
+        place = f"resonances.configuration_1.drive.{kind}_1"
+        first, last = (
+            {key.rpartition(".")[2]: value for key, value in summary.items() if key.startswith(f"fits.{name}.{place}.")}
+            for name in ("first", "last")
+        )
+        assert first["repeats"] == last["repeats"] == 3
+        assert first["mean_peak_hz"] == pytest.approx(last["mean_peak_hz"], rel=1e-9)
+        for one, other in ((first, last), (last, first)):
+            assert one["peak_lower_hz"] < other["peak_hz"] < one["peak_upper_hz"]

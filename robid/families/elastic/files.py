@@ -67,6 +67,7 @@ _RESONANCES = {
     "elastic/resonances/pole_lower_hz": Column("Hz", _RESONANCE, "Lower end of its interval"),
     "elastic/resonances/pole_upper_hz": Column("Hz", _RESONANCE, "Upper end of its interval"),
 }
+_NEW_RESONANCES = {f"elastic/new_resonances/{name.rpartition('/')[2]}": column for name, column in _RESONANCES.items()}
 _VALIDATION = {
     "elastic/configurations": Column("rad", ("configuration", "joint"), "Arm-side joint angles"),
     "elastic/frequency_hz": Column("Hz", ("frequency",), "Frequencies"),
@@ -106,10 +107,18 @@ def resonances_from_artifact(artifact: Artifact) -> ResonanceTable:
     return from_datasets(ResonanceTable, artifact, "elastic/resonances/")
 
 
-def validation_of(validation: Validation) -> Artifact:
-    """Turns a validation into an artifact."""
-    own = to_datasets(validation, _VALIDATION, "elastic/", without=("outcome",))
-    return validation_to_artifact(_NAME, validation.outcome, own)
+def validation_of(validation: Validation, resonances: ResonanceTable) -> Artifact:
+    """Turns a validation and the resonances of its data into an artifact."""
+    datasets, attributes = to_datasets(validation, _VALIDATION, "elastic/", without=("outcome",))
+    table = to_datasets(resonances, _NEW_RESONANCES, "elastic/new_resonances/")[0]
+    return validation_to_artifact(_NAME, validation.outcome, ({**datasets, **table}, attributes))
+
+
+def new_resonances_from_artifact(artifact: Artifact) -> ResonanceTable | None:
+    """Resonances of a validation's data; None in validations of old."""
+    if "elastic/new_resonances/measured_hz" not in artifact.datasets:
+        return None
+    return from_datasets(ResonanceTable, artifact, "elastic/new_resonances/")
 
 
 def validation_from_artifact(artifact: Artifact) -> Validation:

@@ -50,17 +50,20 @@ def fit(data: Data, work: Work) -> Artifact:
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
     """Holds an elastic model against a response that it never saw, and against the true robot where it is known."""
     settings = elastic_fit(data.loaded.experiment, data.name)
-    validation = validate_elastic(
+    fitted = (
         _robot(data, data.loaded.experiment.campaigns[settings.validate_on or settings.campaign]),
         solution_from_artifact(model),
         data.response,
         settings.options(),
         delay_s(data.loaded, _campaign(data)),
+    )
+    validation = validate_elastic(
+        *fitted,
         None if true is None else dict(values_in(data.loaded, data.name, true)),
         grade_from_artifact(model).doubts,
         str(settings.validate_on),
     )
-    return validation_of(validation)
+    return validation_of(validation, tabulate_resonances(*fitted))
 
 
 def values_in(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str, float]:

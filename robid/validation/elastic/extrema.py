@@ -31,7 +31,7 @@ _GRID = 601
 KINDS: tuple[Kind, Kind] = ("resonance", "antiresonance")
 _RATIONAL: tuple[Estimator, ...] = (rational_mode, *(partial(rational_mode, half_width_lines=n) for n in (5, 8, 12)))
 _THROUGH_THREE: tuple[Estimator, ...] = (interpolated_mode, parabola_mode)
-_SURE = 0.5  # deviation of a root, in line spacings, that needs no further lines
+_SURE = 0.2  # deviation of a root, in line spacings, that needs no further lines
 _Lines: TypeAlias = tuple[FloatArray, ComplexArray, FloatArray, int]
 
 

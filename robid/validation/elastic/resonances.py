@@ -20,7 +20,8 @@ from robid.validation.elastic.scatter import half_width, jackknife_variance, lea
 
 SAME_CONFIGURATION = 1e-3
 """Largest distance of joints' positions in configurations that repeat each other [rad, or m]."""
-_SAME_EXTREMUM = 0.05  # relative distance between repeats of one
+SAME_EXTREMUM = 0.05
+"""Largest relative distance between repeats of one extremum."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,7 @@ def _repeats(row: _Row, rows: list[_Row], configurations: FloatArray) -> FloatAr
         distance = abs(other.found_hz[0] / row.found_hz[0] - 1)
         known = best.get(other.configuration)
         nearer = known is None or distance < abs(known[0] / row.found_hz[0] - 1)
-        if distance <= _SAME_EXTREMUM and nearer:
+        if distance <= SAME_EXTREMUM and nearer:
             best[other.configuration] = other.found_hz
     return np.array(list(best.values()))
 

@@ -8,9 +8,11 @@ from io import StringIO
 import numpy as np
 from rich.console import Console
 
-from robid.families.elastic.page.content import ElementErrors
-from robid.families.elastic.page.resonances import interval_sentence, interval_text, resonance_section
+from robid.families.elastic.page.content import ElementErrors, RepeatRow
+from robid.families.elastic.page.repeats import interval_text
+from robid.families.elastic.page.resonances import interval_sentence, resonance_section
 from robid.families.elastic.page.sections import element_sentence, fit_tables, sections
+from robid.families.elastic.page.summary import fit_summary
 from robid.report.numbers import MISSING
 from robid.report.section import Notes
 from sample_reports import arm_report, bench_report
@@ -68,6 +70,25 @@ def test_a_row_sets_a_peak_beside_a_peak_and_a_pole_beside_a_pole():
     assert row[3:6] == ["53.97", "53.88 … 54.06", "53.99"]
     assert heads[8:13] == ["Pole or zero [Hz]", "95 % interval", "Model's [Hz]", "95 % interval", "Damping"]
     assert row[8:13] == ["53.94", "53.85 … 54.03", "53.95", "53.90 … 54.00", "1.0 %"]
+
+
+def test_what_several_campaigns_measured_stands_in_one_table():
+    fit = bench_report().fit
+    repeat = RepeatRow(("monday", "monday", "friday"), 53.91, 54.02, 53.96, (53.7, 54.2), 53.93, (53.6, 54.3))
+    rows = (replace(fit.resonances[0], repeat=repeat), *fit.resonances[1:])
+    every, pooled = resonance_section(rows, fit.frf, 0.95)[0].parts
+    assert every.caption.endswith("what monday, friday scatter in the same configuration.")
+    (row,) = pooled.rows
+    assert row.cells[3:] == (
+        "monday (2 times), friday", "53.96", "53.91 … 54.02", "53.70 … 54.20", "53.93", "53.60 … 54.30",
+    )  # fmt: skip
+    shown = printed(list(fit_tables(replace(fit, resonances=rows)))[1], 100)
+    assert "measured intervals hold what monday, friday scatter in the same configuration" in shown
+    summary = fit_summary(replace(fit, resonances=rows), None)
+    place = "resonances.configuration_1.motor.antiresonance_1"
+    assert summary[f"{place}.repeats"] == 3
+    assert summary[f"{place}.mean_peak_upper_hz"] == 54.2
+    assert summary[f"{place}.mean_measured_hz"] == 53.93
 
 
 def test_notes_that_the_page_warns_of_are_not_repeated():

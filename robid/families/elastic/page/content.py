@@ -42,6 +42,29 @@ class ElementErrors:
 
 
 @dataclass(frozen=True)
+class RepeatRow:
+    """A resonance in several measurements of one robot configuration.
+
+    Attributes:
+        campaigns: Campaign of each measurement that shows it.
+        lowest_hz: Lowest measured peak or dip [Hz].
+        highest_hz: Highest one [Hz].
+        peak_hz: Their mean [Hz].
+        peak_interval_hz: Where another measurement's would be found [Hz].
+        pole_hz: Mean pole or zero of the local models [Hz], or None.
+        pole_interval_hz: Where another measurement's would be found [Hz], or None.
+    """
+
+    campaigns: tuple[str, ...]
+    lowest_hz: float
+    highest_hz: float
+    peak_hz: float
+    peak_interval_hz: tuple[float, float]
+    pole_hz: float | None = None
+    pole_interval_hz: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
 class ResonanceRow:
     """One resonance or antiresonance of one channel, measured against the model: peaks, and poles.
 
@@ -57,6 +80,7 @@ class ResonanceRow:
         damping: Its damping ratio, or None.
         pole_hz: Pole or zero of a local model of the measurement [Hz], or None.
         pole_interval_hz: Lower and upper end of its interval [Hz], or None.
+        repeat: What all measurements of the configuration show of it, at the first of them; or None.
     """
 
     configuration: int
@@ -70,6 +94,7 @@ class ResonanceRow:
     damping: float | None = None
     pole_hz: float | None = None
     pole_interval_hz: tuple[float, float] | None = None
+    repeat: RepeatRow | None = None
 
 
 @dataclass(frozen=True)

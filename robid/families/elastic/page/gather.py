@@ -9,8 +9,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.grade import grade_from_artifact
-from robid.families.elastic.files import resonances_from_artifact, solution_from_artifact, validation_from_artifact
-from robid.families.elastic.page.content import ElementErrors, FitContent, GradeRow, ResonanceRow
+from robid.families.elastic.files import solution_from_artifact, validation_from_artifact
+from robid.families.elastic.page.content import ElementErrors, FitContent, GradeRow
+from robid.families.elastic.page.gather_resonances import resonance_rows
 from robid.families.elastic.settings import elastic_fit
 from robid.families.family import Shown
 from robid.families.parameters import parameter_rows
@@ -18,7 +19,6 @@ from robid.fit.elastic.model_error import ModelError
 from robid.fit.elastic.solution import ElasticSolution, Starts
 from robid.report.costs import CostRow, StartRow
 from robid.report.parameters import Estimates, ParameterRow
-from robid.validation.elastic.resonances import ResonanceTable
 
 
 def fit_content(shown: Shown) -> FitContent:
@@ -45,7 +45,7 @@ def fit_content(shown: Shown) -> FitContent:
             identifiable_relative_std=settings.identifiable_relative_std,
             interval_rule=estimate.interval_rule,
         ),
-        resonances=_resonances(resonances_from_artifact(shown.model)),
+        resonances=resonance_rows(shown, estimate.confidence),
         estimation_costs=_costs(" + ".join(settings.campaigns), shown.data.configurations, *costs),
         starts=_starts(solution.starts),
         status=estimate.status.replace("_", " "),
@@ -69,29 +69,6 @@ def _element_errors(error: ModelError) -> ElementErrors:
     above = error.level[error.level > 0]
     level = float(np.median(above)) if above.size else 0.0
     return ElementErrors(error.share_above, error.share_correlated, level)
-
-
-def _resonances(table: ResonanceTable) -> tuple[ResonanceRow, ...]:
-    nowhere = np.full(table.measured_hz.size, np.nan)
-    pole, low, high = (
-        nowhere if values is None else values for values in (table.pole_hz, table.pole_lower_hz, table.pole_upper_hz)
-    )
-    return tuple(
-        ResonanceRow(
-            configuration=int(table.configuration[row]),
-            channel=channel,
-            kind="resonance" if table.kind[row] == "resonance" else "antiresonance",
-            measured_hz=float(table.measured_hz[row]),
-            model_hz=_finite(table.model_hz[row]),
-            interval_hz=_interval(table.lower_hz[row], table.upper_hz[row]),
-            mode_hz=_finite(table.mode_hz[row]),
-            mode_interval_hz=_interval(table.mode_lower_hz[row], table.mode_upper_hz[row]),
-            damping=_finite(table.damping[row]),
-            pole_hz=_finite(pole[row]),
-            pole_interval_hz=_interval(low[row], high[row]),
-        )
-        for row, channel in enumerate(table.channel)
-    )
 
 
 def _starts(starts: Starts) -> tuple[StartRow, ...]:
@@ -125,11 +102,3 @@ def _costs(campaign: str, indices: Sequence[int], cost: FloatArray, expected: Fl
         CostRow(campaign, index, value, wanted if wanted > 0 else None, value - wanted if wanted > 0 else None)
         for index, value, wanted in zip(indices, cost.tolist(), expected.tolist(), strict=True)
     )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _interval(lower: float, upper: float) -> tuple[float, float] | None:
-    return (float(lower), float(upper)) if np.isfinite([lower, upper]).all() else None

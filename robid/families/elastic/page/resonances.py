@@ -10,6 +10,7 @@ from rich.console import Group
 from rich.text import Text
 
 from robid.families.elastic.page.content import FitContent, ResonanceRow
+from robid.families.elastic.page.repeats import interval_text, repeat_sentence, repeat_tables
 from robid.frf.frf import Frf
 from robid.report.bode import configuration_label
 from robid.report.content import KeyNumber
@@ -29,7 +30,7 @@ _CAPTION = (
 _ALONE = (
     "There is one realization: the intervals of what was measured hold its noise and what its lines scatter, but not"
     " what another measurement of the same robot would find. Friction and temperature may move a resonance by more:"
-    " record several realizations, or list a configuration more than once."
+    " record several realizations, or measure a configuration more than once."
 )
 
 
@@ -84,17 +85,6 @@ def resonance_line(row: ResonanceRow) -> ResonanceLine:
     )
 
 
-def interval_text(low_high: tuple[float, float] | None) -> str:
-    """Writes an interval to four digits, or more where its ends would look the same."""
-    if low_high is None:
-        return MISSING
-    for digits in (4, 5):
-        low, high = (significant(value, digits) for value in low_high)
-        if low != high:
-            break
-    return f"{low} … {high}"
-
-
 def resonance_sentence(rows: tuple[ResonanceRow, ...]) -> str:
     """Says how far the model's resonances are from the measured ones."""
     errors = resonance_errors(rows)
@@ -133,7 +123,7 @@ def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) ->
     table = Table(
         ("Conf.", "Channel", "Kind", *peaks, *poles),
         tuple(_row(row, frf) for row in rows),
-        caption=_CAPTION + interval_sentence(frf),
+        caption=_CAPTION + interval_sentence(frf, repeat_sentence(rows)),
         styles=(
             "text", "name", "text", "strong", "number", "number", "number", "text",
             "strong", "number", "number", "number", "number",
@@ -141,22 +131,28 @@ def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) ->
         choice="Configuration",
         fit="tall",
     )  # fmt: skip
-    return (Section("Resonances", resonance_sentence(rows), (table,), "resonances"),)
+    parts = table, *repeat_tables(rows, level)
+    return (Section("Resonances", resonance_sentence(rows), parts, "resonances"),)
 
 
-def interval_sentence(frf: Frf) -> str:
-    """Says what the intervals of measured resonances hold."""
+def interval_sentence(frf: Frf, repeated: str = "") -> str:
+    """Says what the intervals of measured resonances hold.
+
+    Args:
+        frf: The response.
+        repeated: What campaigns scatter that measured the same configuration, if several did.
+    """
     told = []
     if frf.realization_error is not None:
         told.append(f"what leaving out each of {frf.realization_error.shape[1]} realizations changes")
     places = frf.configurations
-    repeated = any(
+    listed = any(
         np.abs(places[first] - places[second]).max(initial=0.0) <= SAME_CONFIGURATION
         for first in range(len(places))
         for second in range(first)
     )
-    if repeated:
-        told.append("what measurements of the same configuration scatter")
+    if repeated or listed:
+        told.append(repeated or "what measurements of the same configuration scatter")
     if not told:
         return _ALONE if frf.total_covariance is None else "The intervals hold what the realizations scatter."
     return f"The intervals of what was measured hold the response's covariance and {' and '.join(told)}."
@@ -196,4 +192,6 @@ def resonance_table(fit: FitContent) -> Group:
         name = Text(f"  {line.channel} {line.kind}{place}")
         table.add_row(name, line.measured, line.interval, line.model, Text(line.mode, style="bold"), line.mode_interval)
     alone = len(rows) - len(found)
-    return with_notes(table, [f"{alone} more that the model does not have are in the report"] if alone else [])
+    notes = [f"{alone} more that the model does not have are in the report"] if alone else []
+    scattered = repeat_sentence(rows)
+    return with_notes(table, [*notes, *([f"measured intervals hold {scattered}"] if scattered else [])])

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from statistics import fmean, median
 
 from robid.families.elastic.page.content import FitContent
+from robid.families.elastic.page.repeats import repeat_summary
 from robid.families.elastic.page.resonances import resonance_errors
 from robid.families.parameters import parameter_summary
 from robid.report.costs import average_and_worst, effort
@@ -83,7 +84,8 @@ def _fit(fit: FitContent) -> dict[str, float]:
 def _modes(fit: FitContent) -> dict[str, float]:
     """Peaks and dips, poles and zeros, measured and of the model, numbered by rising frequency.
 
-    `measured_hz` and `model_hz` are poles or zeros, `peak_hz` and `model_peak_hz` are peaks or dips.
+    `measured_hz` and `model_hz` are poles or zeros, `peak_hz` and `model_peak_hz` are peaks or dips; `mean_...` are
+    those of several measurements.
     """
     found: dict[str, float] = {}
     counts: Counter[str] = Counter()
@@ -95,6 +97,7 @@ def _modes(fit: FitContent) -> dict[str, float]:
         intervals = {"measured": row.pole_interval_hz, "model": row.mode_interval_hz, "peak": row.interval_hz}
         for key, ends in intervals.items():
             values |= {} if ends is None else {f"{key}_lower_hz": ends[0], f"{key}_upper_hz": ends[1]}
+        values |= {} if row.repeat is None else repeat_summary(row.repeat)
         found |= {f"{place}_{counts[place]}.{key}": value for key, value in values.items() if value is not None}
     return found
 
