@@ -101,11 +101,11 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s:
     Source:
         Rao's score test; METHODS sec. 11.
     """
-    every = suspects(robot, fitted, options, delay_s)
+    every = suspects(robot, fitted, options)
     scores = _score(fitted, every)
     groups: dict[str, list[int]] = defaultdict(list)
     for index, suspect in enumerate(every):
-        groups[suspect.cause].append(index)
+        groups[suspect.doubt.cause].append(index)
     found = [each for group in groups.values() if (each := _explanation(every, scores, group)) is not None]
     found += _missing_spring(robot, fitted, options, delay_s)
     return sorted(found, key=lambda each: -each.share)
@@ -167,10 +167,10 @@ def _explanation(every: list[Suspect], scores: _Scores, group: list[int]) -> Exp
         return None
     fair = gained - len(chosen) * _CHANCE * (scores.cost - gained) / scores.freedom
     return Explanation(
-        every[chosen[0]].cause,
-        tuple(every[index].name for index in chosen),
+        every[chosen[0]].doubt.cause,
+        tuple(every[index].doubt.title for index in chosen),
         amounts,
-        tuple(every[index].unit for index in chosen),
+        tuple(every[index].doubt.unit for index in chosen),
         fair / scores.cost,
         scores.follow[:, chosen] @ amounts,
     )
@@ -182,8 +182,8 @@ def _gain(scores: _Scores, chosen: list[int], every: list[Suspect]) -> tuple[flo
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(size, size) + 1e-9 * np.eye(len(chosen))
     amounts = np.linalg.solve(scaled, scores.slope[chosen] / size) / size
-    least = np.array([0.0 if every[index].positive else -every[index].most for index in chosen])
-    most = np.array([every[index].most for index in chosen])
+    least = np.array([every[index].doubt.least for index in chosen])
+    most = np.array([every[index].doubt.most for index in chosen])
     sensible = (least <= amounts).all() and (amounts <= most).all()
     explained = float(scores.slope[chosen] @ amounts) if sensible else 0.0
     return explained, amounts

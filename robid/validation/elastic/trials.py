@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.fit.elastic.doubts.springs import gear_stiffness, is_there
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import map_parameters
@@ -21,7 +22,6 @@ from robid.validation.elastic.fitted import FittedModel
 
 _STIFFER = 3.0  # than the gear nearby: where a trial starts
 _IN_SERIES = 2.0  # times a fitted gear, for gear and trial alike: together as soft as the gear was
-_UNKNOWN_NM_RAD = 1e6  # where a trial starts when no gear is stated
 _RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
 _TIME_S = 5e-4  # damping over stiffness
 _FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
@@ -136,7 +136,7 @@ def _with_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, del
 
 def further_springs(robot: Robot) -> Iterator[Spring]:
     """Springs that a robot file may lack: gears, beneath the base, across joints, within links, at the payload."""
-    stiffness = _gear_stiffness(robot)
+    stiffness = gear_stiffness(robot)
     last = len(robot.joints) - 1
     for index, joint in enumerate(robot.joints):
         stiff = _STIFFER * stiffness[index]
@@ -145,11 +145,11 @@ def further_springs(robot: Robot) -> Iterator[Spring]:
             gear = (2 * np.pi * _RIGID_HZ) ** 2 * reflected
             yield _spring(f"gear of {joint.name}", index, "transmission", np.eye(3)[2], gear)
         for letter, axis in zip("xyz", np.eye(3), strict=True):
-            if index == 0 and not _there(robot, "base", 0, axis):
+            if index == 0 and not is_there(robot, "base", 0, axis):
                 yield _spring(f"base about {letter}", 0, "base", axis, stiff)
-            if letter != "z" and not _there(robot, "bearing", index, axis):
+            if letter != "z" and not is_there(robot, "bearing", index, axis):
                 yield _spring(f"bearing of {joint.name} about {letter}", index, "bearing", axis, stiff)
-            if index < last and not _there(robot, "split", index, None):
+            if index < last and not is_there(robot, "split", index, None):
                 name = f"link of {joint.name} about its {letter} axis"
                 split = _spring(name, index, "split", axis, _STIFFER * stiffness[index + 1])
                 yield replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
@@ -157,7 +157,7 @@ def further_springs(robot: Robot) -> Iterator[Spring]:
                 index == last
                 and letter != "z"
                 and robot.payload.mass_kg > 0
-                and not _there(robot, "payload", last, axis)
+                and not is_there(robot, "payload", last, axis)
             ):
                 yield _spring(f"payload mount about {letter}", last, "payload", axis, stiff)
 
@@ -168,22 +168,8 @@ def _middle(following: Joint, axis: FloatArray) -> FloatArray:
     return following.position_m if along else np.zeros(3)
 
 
-def _gear_stiffness(robot: Robot) -> list[float]:
-    """What a torsional spring at each joint is measured by: its gear, else the stiffest one."""
-    gears = {s.joint: s.stiffness for s in robot.springs if s.place == "transmission" and not robot.is_linear(s)}
-    others = [s.stiffness for s in robot.springs if not robot.is_linear(s)]
-    else_ = max(gears.values(), default=max(others, default=_UNKNOWN_NM_RAD))
-    return [gears.get(index, else_) for index in range(len(robot.joints))]
-
-
 def _part(link: Inertial) -> Inertial:
     return Inertial(_OUTBOARD * link.mass_kg, link.com_m, _OUTBOARD * link.inertia_kgm2)
-
-
-def _there(robot: Robot, place: str, joint: int, axis: FloatArray | None) -> bool:
-    """Whether the robot has such a spring, about this axis or, for None, about any."""
-    own = [spring.axis for spring in robot.springs if spring.place == place and spring.joint == joint]
-    return any(axis is None or abs(float(axis @ each)) > _ALONG for each in own)
 
 
 def _spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:

@@ -105,7 +105,8 @@ def torque_doubts(robot: Robot) -> Iterator[DoubtColumn]:
         std = _PERCENT * joint.doubts.torque_relative_std
         if std > 0:
             names = f"{joint.name}.torque_constant", f"torque constant of {joint.name}"
-            yield DoubtColumn(*names, "torque_constant", "%", std, _OF_PLACE * std, TorqueScale(index))
+            deviations = std, _OF_PLACE * std
+            yield DoubtColumn(*names, "torque_constant", "%", *deviations, TorqueScale(index), -_PERCENT, _PERCENT)
 
 
 def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
@@ -114,7 +115,7 @@ def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]
         name, std = f"{joint.name}.motor_inertia", _PERCENT * joint.motor.inertia_relative_std
         if not is_estimated(options, "motor_inertia", name):
             title = f"rotor inertia of {joint.name}"
-            yield DoubtColumn(name, title, "rotor_inertia", "%", std, 0.0, RotorShare(index), least=-_PERCENT)
+            yield DoubtColumn(name, title, "rotor_inertia", "%", std, 0.0, RotorShare(index), -_PERCENT, _PERCENT)
 
 
 def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
@@ -123,7 +124,7 @@ def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColu
         std = _PERCENT * joint.doubts.arm_friction
         if std > 0 and name is not None and not is_estimated(options, "arm_viscous", name):
             names = name, f"viscous friction of {joint.name}'s arm"
-            yield DoubtColumn(*names, "arm_friction", _OF_LINK, std, std, ArmFriction(index), least=0.0)
+            yield DoubtColumn(*names, "arm_friction", _OF_LINK, std, std, ArmFriction(index), 0.0, _PERCENT)
     kinds: tuple[tuple[Literal["friction_spring", "friction_loss"], str, complex], ...] = (
         ("friction_spring", "in phase with its angle", 1.0),
         ("friction_loss", "that loses energy", 1j),
@@ -132,7 +133,8 @@ def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColu
         std = _PERCENT * joint.doubts.friction
         for kind, what, phase in kinds if std > 0 else ():
             names = f"{joint.name}.{kind}", f"friction of {joint.name} {what}"
-            yield DoubtColumn(*names, "friction", _OF_ROTOR, std, std, MotorFriction(index, phase))
+            found = MotorFriction(index, phase)
+            yield DoubtColumn(*names, "friction", _OF_ROTOR, std, std, found, -_PERCENT, _PERCENT)
 
 
 def coupling_doubts(robot: Robot) -> Iterator[DoubtColumn]:
