@@ -66,7 +66,7 @@ class _Scores:
 
 
 def misfit_doubts(
-    robot: Robot, solution: ElasticSolution, fitted: FittedModel, options: ElasticOptions, delay_s: float
+    robot: Robot, solution: ElasticSolution, fitted: FittedModel, options: ElasticOptions
 ) -> tuple[Doubt, ...]:
     """Names what would explain a fit's residual, the most telling first.
 
@@ -75,17 +75,16 @@ def misfit_doubts(
         solution: What the fit found.
         fitted: The fitted model in the configurations of the fit's own response.
         options: Options of the fit.
-        delay_s: Nominal delay of the fit, hold excluded [s].
 
     Returns:
         Doubts whose strength is how many half widths of its interval some parameter would move. The first is decisive
         where a spring was put in place, explains most of the residual and leaves another one far from its estimate.
     """
-    found = [each for each in explain(robot, fitted, options, delay_s) if each.share > _TELLING]
+    found = [each for each in explain(robot, fitted, options) if each.share > _TELLING]
     return tuple(_doubt(solution.estimate, each, leads=each is found[0]) for each in found)
 
 
-def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Explanation]:
+def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[Explanation]:
     """Ranks what a robot file may have wrong by how much of a fit's residual it explains.
 
     Each suspect is a column beside the parameters' own, which are at liberty to follow. Per cause the one that
@@ -96,7 +95,6 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s:
         robot: The robot file that the fit started from, with its campaign's payload.
         fitted: The fitted model in the configurations of the fit's own response.
         options: Options of the fit.
-        delay_s: Nominal delay of the fit, hold excluded [s].
 
     Source:
         Rao's score test; METHODS sec. 11.
@@ -107,12 +105,12 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s:
     for index, suspect in enumerate(every):
         groups[suspect.doubt.cause].append(index)
     found = [each for group in groups.values() if (each := _explanation(every, scores, group)) is not None]
-    found += _missing_spring(robot, fitted, options, delay_s)
+    found += _missing_spring(robot, fitted, options)
     return sorted(found, key=lambda each: -each.share)
 
 
-def _missing_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Explanation]:
-    trials = try_springs(robot, fitted, options, delay_s)[:1]
+def _missing_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[Explanation]:
+    trials = try_springs(robot, fitted, options)[:1]
     return [
         Explanation(
             "missing_spring",

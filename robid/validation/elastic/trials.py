@@ -9,15 +9,13 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.fit.elastic.doubts.extension import carry_over, extend_options, extend_problem
 from robid.fit.elastic.doubts.springs import gear_stiffness, is_there
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
-from robid.fit.elastic.parameters import map_parameters
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.rest_model import rest_model
 from robid.fit.levenberg import Minimum
 from robid.robot.description import Inertial, Joint, Robot, Spring, SpringPlace
-from robid.robot.response import nominal_parameters
 from robid.validation.elastic.fitted import FittedModel
 
 _STIFFER = 3.0  # than the gear nearby: where a trial starts
@@ -44,19 +42,19 @@ class SpringTrial:
     moved: FloatArray
 
 
-def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[SpringTrial]:
+def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[SpringTrial]:
     """Tries every spring that a robot file may lack, the most telling first.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
         fitted: The fitted model in the configurations of the fit's own response.
         options: Options of the fit.
-        delay_s: Nominal delay of the fit, hold excluded [s].
     """
     begun = []
     for spring in further_springs(robot):
         try:
-            problem = _with_spring(replace(robot, springs=(*robot.springs, spring)), fitted, options, delay_s)
+            more = replace(robot, springs=(*robot.springs, spring))
+            problem = extend_problem(fitted.problem, fitted.internal, more, extend_options(options, more))
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
         starts = _starts(robot, problem, spring, fitted)
@@ -77,9 +75,8 @@ def _starts(robot: Robot, problem: Problem, spring: Spring, fitted: FittedModel)
     A fitted gear that stands for two springs in series is stiffer by itself: from its fitted value the trial's spring
     only gets stiffer, and the gear never recovers.
     """
-    before = dict(zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True))
     names = problem.parameters.names
-    start = np.array([before.get(name, 0.0) for name in names])
+    start = carry_over(problem, fitted.problem, fitted.internal)
     yield start
     stiffness = dict(zip((each.name for each in robot.springs), fitted.parameters.stiffness.tolist(), strict=True))
     for gear in _gears_in_series(robot, spring):
@@ -114,24 +111,6 @@ def _trial(spring: Spring, problem: Problem, end: Minimum, fitted: FittedModel) 
         1 - end.cost / fitted.problem.cost(fitted.internal),
         np.array([after[name] - value for name, value in before]),
     )
-
-
-def _with_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> Problem:
-    """The fit's own problem, weights included, for a robot with one spring more, both of its values free."""
-    frf, spring, now = fitted.problem.frf, robot.springs[-1], fitted.parameters
-    values = replace(
-        now,
-        stiffness=np.append(now.stiffness, spring.stiffness),
-        damping=np.append(now.damping, spring.damping),
-        cubic=np.append(now.cubic, 0.0),
-        location=np.append(now.location, spring.point_m),
-    )
-    free = tuple(dict.fromkeys([*options.free, "stiffness", "damping"]))
-    wanted = replace(options, free=free, statics="updates")
-    model = rest_model(robot, frf, wanted, delay_s, values)
-    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    parameters = map_parameters(robot, nominal_parameters(robot, model, delay_s), wanted, *known)
-    return replace(fitted.problem, model=model, parameters=parameters)
 
 
 def further_springs(robot: Robot) -> Iterator[Spring]:

@@ -148,7 +148,7 @@ def coupling_doubts(robot: Robot) -> Iterator[DoubtColumn]:
             turning = joint.type == driven.type == "revolute" and other != index and not robot.rigid[index]
             if std > 0 and turning and (inside or driven.name in joint.couplings):
                 names = f"{joint.name}.coupling_{driven.name}", f"turn of {joint.name} by the motor of {driven.name}"
-                move = RobotMove(partial(_with_coupling, robot, index, other), _COUPLING_STEP)
+                move = RobotMove(partial(_with_coupling, index, other), _COUPLING_STEP)
                 yield DoubtColumn(*names, "gear_coupling", "% of a turn", std, 0.0, move)
 
 
@@ -157,7 +157,7 @@ def is_estimated(options: ElasticOptions, kind: str, name: str) -> bool:
     return kind in options.free and name not in options.fixed
 
 
-def _with_coupling(robot: Robot, index: int, other: int, percent: float) -> Robot:
+def _with_coupling(index: int, other: int, robot: Robot, percent: float) -> Robot:
     """The robot with a joint that turns by more percent of what another joint's motor does to its own."""
     joint, driven = robot.joints[index], robot.joints[other]
     turn = joint.couplings.get(driven.name, 0.0) + percent / _PERCENT / driven.motor.gear_ratio
