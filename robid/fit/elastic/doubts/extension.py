@@ -65,3 +65,33 @@ def carry_over(target: Problem, source: Problem, internal: FloatArray) -> FloatA
     """
     before = dict(zip(source.parameters.names, internal.tolist(), strict=True))
     return np.array([before.get(name, 0.0) for name in target.parameters.names])
+
+
+def freeze_friction(problem: Problem, internal: FloatArray) -> Problem:
+    """Returns a problem whose friction scales stay as they are: its parameters are all others, many times faster.
+
+    Args:
+        problem: The problem.
+        internal (n_param,): Internal parameters, friction scales last.
+    """
+    count, frf, parameters = internal.size - problem.parameters.n_friction, problem.frf, problem.parameters
+    still = replace(
+        frf,
+        response=problem.measured(internal),
+        sensitivity=frf.sensitivity[:, :0],
+        coefficient_names=(),
+        coefficient_relative_std=np.zeros(0),
+        coefficient_offset=None,
+    )
+    fewer = replace(
+        parameters,
+        names=parameters.names[:count],
+        kind_of=parameters.kind_of[:count],
+        units=parameters.units[:count],
+        logarithmic=parameters.logarithmic[:count],
+        prior_std=parameters.prior_std[:count],
+        lower=parameters.lower[:count],
+        upper=parameters.upper[:count],
+        friction_offset=np.zeros(0),
+    )
+    return replace(problem, frf=still, parameters=fewer)

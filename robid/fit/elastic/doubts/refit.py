@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.extension import carry_over, extend_options, extend_problem, problem_at
+from robid.fit.elastic.doubts.extension import carry_over, extend_options, extend_problem, freeze_friction, problem_at
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
@@ -129,9 +129,12 @@ def _put_in_place(now: SettledSprings, springs: Sequence[Spring]) -> SettledSpri
         problem = extend_problem(now.problem, now.internal, robot, options)
     except DataError:
         return None
+    starts = list(_starts(now, problem, springs))
+    still, count = freeze_friction(problem, starts[0]), starts[0].size - problem.parameters.n_friction
+    ends = [optimise(still, start[:count], max_iterations=_FIRST_STEPS) for start in starts]
+    best = min(ends, key=lambda end: end.cost).parameters
     names = (*now.springs, *(spring.name for spring in springs))
-    starts = [SettledSprings(problem, start, robot, options, names) for start in _starts(now, problem, springs)]
-    return min((_descended(each, _FIRST_STEPS) for each in starts), key=lambda end: problem.cost(end.internal))
+    return SettledSprings(problem, np.concatenate([best, starts[0][count:]]), robot, options, names)
 
 
 def _starts(now: SettledSprings, problem: Problem, springs: Sequence[Spring]) -> Iterator[FloatArray]:
