@@ -19,7 +19,9 @@ from robid.frf.dropped import completed, lost_inputs, require_lines, weak_inputs
 from robid.frf.frf import Frf
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
+from robid.frf.period_noise import period_noise
 from robid.frf.reading import Spectra, read_spectra, silent_of
+from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
 from robid.frf.windows import Windows
 from robid.signals.friction import TorqueLaw
@@ -88,7 +90,7 @@ def estimate_frf(
     if any(one.fatal and one.kind == "unsteady" for one in findings):
         findings = [one for one in findings if one.kind != "jitter"]
     refuse_faults(record, findings)
-    frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws)
+    frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws, steady)
     dropped = np.ones((len(solved), len(record.input_names)), bool)
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
     require_lines(~dropped, record.frequency_hz, options.weak_line_std, place_of(record))
@@ -128,11 +130,11 @@ def _frf(
     found: _Found,
     options: EstimateOptions,
     laws: tuple[TorqueLaw, ...] | None,
+    steady: Steadiness | None,
 ) -> Frf:
     """The response at the lines that could be solved."""
     response, blocks = found.estimate.response, spectra.at_lines
-    scatter = blocks.output_scatter - response @ blocks.input_scatter
-    noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
+    noise, noise_freedom, noise_share = _noise(record, blocks, response, options, steady)
     levels = silent_levels(spectra.silent, lines, response)
     return Frf(
         **coefficients(record, laws, found.estimate, found.derivative),
@@ -164,9 +166,24 @@ def _frf(
         silent_interpolation=levels.doubt[None],
         input_amplitude=spectra.amplitude(record)[None],
         compensation=_used(laws, options),
-        freedom_share=np.array([found.freedom_share]),
+        freedom_share=np.array([noise_share if found.total is None else found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],
     )
+
+
+def _noise(
+    record: Record, blocks: Blocks, response: ComplexArray, options: EstimateOptions, steady: Steadiness | None
+) -> tuple[ComplexArray | None, float, float]:
+    """Covariance of the output residual that noise causes, its degrees of freedom and the share of them that is left.
+
+    Where periods differ by more than noise, a spectrum of noise says nothing: their own scatter counts.
+    """
+    if steady is None or not steady.is_noise:
+        scatter = blocks.output_scatter - response @ blocks.input_scatter
+        return *noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines), 1.0
+    accelerations = to_accelerations(record, options)
+    found = period_noise(record, blocks.lines, response, options.pooled_lines, accelerations=accelerations)
+    return found.covariance, found.freedom, found.share
 
 
 def _coherence(spectra: Spectra, response: ComplexArray, covariance: ComplexArray | None) -> FloatArray:

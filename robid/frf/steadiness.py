@@ -72,6 +72,12 @@ class Steadiness:
     leading: int
     gain: float
 
+    @property
+    def is_noise(self) -> bool:
+        """Whether nothing but noise lets the periods differ."""
+        changes = (self.change, self.pattern, *self.input_change)
+        return not self.leading and max(changes) <= _CHANGING
+
 
 def measure_steadiness(
     blocks: Blocks, response: ComplexArray, record: Record, *, accelerations: bool = True
