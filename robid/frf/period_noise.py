@@ -115,13 +115,15 @@ def _far_share(spectrum: ComplexArray, lines: IntArray, n_period: int) -> Comple
     return np.asarray(spread[count - 1 + np.minimum(lines, count - 1)])
 
 
-def _low_share(spectrum: ComplexArray, take: ComplexArray, lines: IntArray, n_period: int, n_sample: int) -> ComplexArray:
+def _low_share(
+    spectrum: ComplexArray, take: ComplexArray, lines: IntArray, n_period: int, n_sample: int
+) -> ComplexArray:
     """What the lowest lines make of the residual's covariance (n_freq, n_out, n_out)."""
     points, n_out = _POINTS * n_period, take.shape[1]
     nearest = np.arange(-_LOWEST, _LOWEST + 1)
     offset = (np.arange(len(nearest) * points) + 0.5) / points - _LOWEST - 0.5
     mean = _mean_of_wave(offset - lines[:, None], n_period, n_sample)
-    slope = np.gradient(np.eye(n_period), axis=0).mean(axis=0)
+    slope = np.asarray(np.gradient(np.eye(n_period), axis=0)).mean(axis=0)
     drift = (slope @ np.exp(2j * np.pi * np.outer(np.arange(n_period), offset))) * _mean_of_wave(offset, 1, n_sample)
     ramp = rfft(ramp_of_period(n_sample), axis=0, norm="forward")[lines]
     parts, kind = np.stack([mean - ramp * drift, mean]), np.repeat([0, 1], [n_out, take.shape[2] - n_out])
