@@ -20,7 +20,7 @@ from robid.frf.dropped import FEWEST, completed, hidden_inputs, lost_inputs, req
 from robid.frf.frf import Frf
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
-from robid.frf.period_noise import period_noise
+from robid.frf.period_noise import FEW_PERIODS, period_noise
 from robid.frf.reading import Spectra, read_spectra, silent_of
 from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
@@ -194,9 +194,9 @@ def _noise(
 ) -> tuple[ComplexArray | None, float, float]:
     """Covariance of the output residual that noise causes, its degrees of freedom and the share of them that is left.
 
-    Where periods differ by more than noise, a spectrum of noise says nothing: their own scatter counts.
+    The scatter of the periods, or their spectrum where they are few and differ by nothing but noise.
     """
-    if steady is None or not steady.is_noise:
+    if steady is None or not steady.is_noise or record.inputs.shape[3] > FEW_PERIODS:
         scatter = blocks.output_scatter - response @ blocks.input_scatter
         return *noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines), 1.0
     accelerations = to_accelerations(record, options)

@@ -12,6 +12,9 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.spectra import output_factor, ramp_of_period
 from robid.signals.record import Record
 
+FEW_PERIODS = 4
+"""Periods up to which their scatter at a line tells the noise of the mean badly."""
+
 _LOWEST = 3
 """Lines from 0 whose share in others is integrated: there the removal of drift acts."""
 
