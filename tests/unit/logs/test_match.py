@@ -164,7 +164,7 @@ def test_another_size_is_measured_where_periods_lack_too(tmp_path):
 
 def test_a_log_with_no_more_periods_than_are_dropped_is_recorded_longer(tmp_path):
     message = refused(tmp_path, log_of(designed()[1, 0], periods=1, lead=490, after=490))
-    assert "1 whole periods, fewer than the 3" in message
+    assert "1 whole period, fewer than the 3" in message
     assert "or record longer." in message
 
 
