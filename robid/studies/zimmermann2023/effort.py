@@ -37,18 +37,22 @@ class EffortCurves:
     figures: dict[str, float]
 
 
-def effort_curves(design: ConfigurationDesign, guess: FloatArray, per_visit: int) -> EffortCurves:
+def effort_curves(
+    design: ConfigurationDesign, guess: FloatArray, names: tuple[str, ...], per_visit: int
+) -> EffortCurves:
     """Predicts deviations over the number of experiments.
 
     Args:
         design: The design with its candidates' information per visit.
         guess (n_guess, n_param, n_param): Information of the configurations that an engineer chose, per visit.
+        names: Names of the guess' parameters; what the design allows them to differ by holds here too.
         per_visit: Experiments of a visit.
     """
     found: dict[str, list[FloatArray]] = {"optimal": [], "guess": [], "random": [], "worst of random": []}
     generator = np.random.default_rng(_SEED)
     candidates = design.visits
-    guessed = make_visits(guess[None, :, None], candidates.between)
+    between = dict(zip(design.parameter_names, candidates.between.tolist(), strict=True))
+    guessed = make_visits(guess[None, :, None], np.array([between.get(name, 0.0) for name in names]))
     for visits in _VISITS.tolist():
         found["optimal"].append(deviations(_optimal(design, candidates, visits)))
         found["guess"].append(deviations(_in_turn(guessed, visits)))

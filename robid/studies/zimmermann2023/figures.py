@@ -138,7 +138,7 @@ def gather(run: Run, earlier: Earlier) -> Found:
         truth=np.array([row["true_stiffness"] for row in reference]),
         there=np.isfinite([row["measured_hz"] for row in reference]),
         design=design,
-        effort=effort_curves(design, guess, experiments),
+        effort=effort_curves(design, guess, models[study.guess].wanted, experiments),
         steps=tuple(read_steps(result) for result in earlier[2]),
         first={name: rows[0] for name, rows in by_model.items()},
     )

@@ -1,5 +1,7 @@
 """Sets, ties, medians and effort of the study of configurations, on figures made to measure."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -119,7 +121,7 @@ def found(**models):
     there = np.ones((N_SEED, N_CONF, 1), bool)
     there[:, 3] = False
     design = candidates()
-    effort = effort_curves(design, design.information[:2], 24)
+    effort = effort_curves(design, design.information[:2], design.parameter_names, 24)
     truth = np.ones((N_SEED, 2))
     return Found(choices, models, ("gear", "bearing"), truth, there, design, effort, (), {})
 
@@ -252,3 +254,14 @@ def test_deviations_fall_with_the_root_of_the_experiments():
         assert ratio == pytest.approx(np.sqrt(2))
     assert (effort.average["random"] <= effort.average["worst of random"]).all()
     assert "48 experiments" in effort.sentence
+
+
+def test_more_visits_to_the_guess_tell_no_more_than_its_configurations_allow():
+    design = replace(candidates(), between_relative_std=np.array([0.5, 2.0]))
+    guess = design.information[:2]
+    effort = effort_curves(design, guess, design.parameter_names, 24)
+    told = [np.linalg.inv(np.linalg.inv(count * one) + np.diag([0.25, 4.0])) for count, one in zip((9, 8), guess, strict=True)]
+    std = np.sqrt(np.diag(np.linalg.inv(sum(told))))
+    place = (effort.experiments / 24).astype(int).tolist().index(17)
+    assert effort.average["guess"][place] == pytest.approx(std.mean())
+    assert effort.average["guess"][-1] > np.mean([0.5, 2.0]) / np.sqrt(2)
