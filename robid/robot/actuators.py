@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from robid.robot.description import Joint, Motor, Robot
-from robid.robot.static_friction import StaticLaw, friction_ramps
+from robid.robot.description import HarmonicBalance, Joint, Motor, Robot
+from robid.robot.static_friction import StaticLaw, friction_ramps, ramp_count
 
 
 def motor_drives(robot: Robot) -> list[tuple[str, float]]:
@@ -17,8 +17,16 @@ def motor_drives(robot: Robot) -> list[tuple[str, float]]:
     ]
 
 
-def add_torque(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], *, friction: bool, ripple: bool) -> None:
-    """Adds a motor's torque, and LuGre friction and ripple inside the integrator."""
+def add_torque(
+    spec: mujoco.MjSpec,
+    joint: Joint,
+    drive: tuple[str, float],
+    *,
+    friction: bool,
+    ripple: bool,
+    second_ripple: tuple[float, int] = (0.0, 1),
+) -> None:
+    """Adds a motor's torque, and LuGre friction and ripple inside the integrator, the second by amplitude and order."""
     actuator = _add_actuator(spec, f"torque_{joint.name}", drive)
     actuator.set_to_motor()
     motor = joint.motor
@@ -27,6 +35,15 @@ def add_torque(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], *, f
     if lugre or cogging:
         passive = _add_actuator(spec, f"friction_{joint.name}", drive)
         set_passive(passive, lugre=lugre, cogging=cogging)
+    if second_ripple[0] > 0:
+        set_passive(_add_actuator(spec, f"ripple_{joint.name}", drive), cogging=[*second_ripple, 0.0])
+
+
+def add_balance(spec: mujoco.MjSpec, joint: Joint, balance: HarmonicBalance) -> None:
+    """Adds the torque of a counterbalance on a joint's arm, one passive actuator for each harmonic."""
+    for order, (sine, cosine) in enumerate(zip(balance.sine_nm, balance.cosine_nm, strict=True), start=1):
+        actuator = _add_actuator(spec, f"balance_{joint.name}_{order}", (f"q_a_{joint.name}", 1.0))
+        set_passive(actuator, cogging=[float(np.hypot(sine, cosine)), order, float(np.arctan2(cosine, sine))])
 
 
 def _add_actuator(spec: mujoco.MjSpec, name: str, drive: tuple[str, float]) -> mujoco.MjsActuator:
@@ -48,6 +65,23 @@ def add_static_friction(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, flo
         ramp.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         ramp.biasprm = np.concatenate([[0.0, 0.0, -slope], np.zeros(7)])
         ramp.forcelimited, ramp.forcerange = 1, [-level, level]
+
+
+def friction_rows(model: mujoco.MjModel, robot: Robot, law: StaticLaw | None) -> list[tuple[int, int]]:
+    """Returns the motor and the index of every actuator that rubs on it.
+
+    Args:
+        model: What was compiled.
+        robot: The robot.
+        law: Friction without memory; None for LuGre.
+    """
+    parts = [""] if law is None else [f"_{number}" for number in range(ramp_count(law))]
+    return [
+        (motor, int(model.actuator(f"friction_{joint.name}{part}").id))
+        for motor, joint in enumerate(robot.joints)
+        if joint.motor.friction.coulomb_nm > 0
+        for part in parts
+    ]
 
 
 def _lugre(motor: Motor) -> list[float]:

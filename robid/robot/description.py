@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
+from robid.robot.doubts import Doubts
 from robid.signals.positions import METRES, RADIANS, shown
 
 JointType = Literal["revolute", "prismatic"]
@@ -93,6 +94,11 @@ class HarmonicBalance:
     sine_nm: FloatArray
     cosine_nm: FloatArray
 
+    def torque_nm(self, angle: float) -> float:
+        """Returns the torque on the arm at an angle of the joint [rad]."""
+        orders = np.arange(1, len(self.sine_nm) + 1) * angle
+        return float(self.sine_nm @ np.sin(orders) + self.cosine_nm @ np.cos(orders))
+
 
 @dataclass(frozen=True)
 class SpringBalance:
@@ -127,9 +133,10 @@ class Joint:
         motor: The motor.
         couplings: Arm motion of this joint per radian of another joint's motor, by that joint's name [rad or m].
         type: Whether the arm turns about the axis or slides along it.
-        counterbalance: What takes gravity off the motor; only the rigid model knows it.
+        counterbalance: What takes gravity off the motor; only the rigid model and the simulated truth know it.
         arm_viscous: Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load
             motor; arm side, where the motor's acts before the transmission [N m s/rad, or N s/m].
+        doubts: How far what is stated of the joint may be off.
     """
 
     name: str
@@ -143,6 +150,7 @@ class Joint:
     type: JointType = "revolute"
     counterbalance: HarmonicBalance | SpringBalance | None = None
     arm_viscous: float = 0.0
+    doubts: Doubts = field(default_factory=Doubts)
 
     @property
     def reflected_viscous_nms_rad(self) -> float:
@@ -280,6 +288,7 @@ class Robot:
         base: Mass properties of what base springs carry beneath the first joint, in the world frame.
         sensors: Sensors beyond the encoders.
         loop_links: Links beside the chain, each after what carries it; only the rigid model knows them.
+        doubts: How far what is stated of the payload and the base may be off.
     """
 
     name: str
@@ -293,6 +302,7 @@ class Robot:
     base: Inertial | None = None
     sensors: tuple[Sensor, ...] = ()
     loop_links: tuple[LoopLink, ...] = ()
+    doubts: Doubts = field(default_factory=Doubts)
 
     @property
     def gear_ratio(self) -> FloatArray:

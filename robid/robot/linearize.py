@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.robot.description import Sensor
+from robid.robot.description import HarmonicBalance, Sensor
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import Rest
 
@@ -180,7 +180,7 @@ def _varying_gradient(model: ElasticModel, equilibrium: Equilibrium, row: int, f
 
 
 def gravity_torque(model: ElasticModel, positions: FloatArray) -> FloatArray:
-    """Gravity's torque (n_conf, n_dof) on every coordinate at some positions [N m]."""
+    """Gravity's torque (n_conf, n_dof) on every coordinate at some positions, counterbalances included [N m]."""
     data = mujoco.MjData(model.mujoco)
     return np.array([_gravity(model, data, position) for position in positions])
 
@@ -222,6 +222,9 @@ def _gravity(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
     mujoco.mj_comPos(model.mujoco, data)
     torque = np.zeros(model.mujoco.nv)
     mujoco.mj_rne(model.mujoco, data, 0, torque)
+    for joint, arm in zip(model.robot.joints, model.arm, strict=True):
+        if isinstance(joint.counterbalance, HarmonicBalance):
+            torque[arm] -= joint.counterbalance.torque_nm(float(position[arm]))
     return torque
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.robot.actuators import add_static_friction, add_torque, motor_drives, set_passive
-from robid.robot.description import Inertial, Joint, Robot, Sensor, Spring
+from robid.robot.actuators import add_balance, add_static_friction, add_torque, motor_drives, set_passive
+from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.inertia import combine, remove
 from robid.robot.rotors import MASSLESS_KG, add_elastic_hinge, add_motor, add_shafts, quaternion_of, shafts_of
 from robid.robot.static_friction import StaticLaw
@@ -72,10 +72,12 @@ def build_model(
     friction: bool = False,
     static_law: StaticLaw | None = None,
     ripple: bool = False,
+    second_ripple: tuple[float, int] = (0.0, 1),
     backlash: tuple[float, float] = (0.0, 0.0),
     hysteresis: tuple[float, float] = (0.0, 0.0),
     timestep_s: float = 1e-3,
     sensors: bool = False,
+    balanced: bool = False,
 ) -> ElasticModel:
     """Builds the elastic MuJoCo model of a robot.
 
@@ -85,23 +87,25 @@ def build_model(
         static_law: Adds friction without memory to the motors, as polygons; their actuators come after the motors',
             with controls that stay zero.
         ripple: Adds torque ripple to the motors inside the integrator.
+        second_ripple: A further ripple of all motors: amplitude [N m] and periods per motor turn.
         backlash: Dead band of the transmissions, arm side: of revolute [rad] and of prismatic joints [m].
         hysteresis: Bristle load parallel to the transmissions, arm side: the same two [N m, N].
         timestep_s: Integration step [s].
         sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
+        balanced: Takes counterbalances by harmonics, which act in the engine, in statics and linearization.
 
     Returns:
         The compiled model; its controls are the motor torques [N m].
 
     Raises:
         ValueError: If rotors ride on the links and a joint is rigid.
-        DataError: If the robot has counterbalances, closed loops or rigid joints that several motors move, which only
-            the rigid model knows.
+        DataError: If the robot has counterbalances that are not taken, closed loops or rigid joints that several motors
+            move, which only the rigid model knows.
 
     Source:
         Zimmermann et al. (2023), eq. 1; Wernholt and Moberg (2008), sec. 3.
     """
-    _check_known(robot)
+    _check_known(robot, balanced=balanced)
     _check_rigid(robot)
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep_s
@@ -124,7 +128,9 @@ def build_model(
             linear = robot.is_linear(spring)
             _add_transmission(spec, robot, spring, backlash[linear], hysteresis[linear])
     for joint, drive in zip(robot.joints, motor_drives(robot), strict=True):
-        add_torque(spec, joint, drive, friction=friction, ripple=ripple)
+        add_torque(spec, joint, drive, friction=friction, ripple=ripple, second_ripple=second_ripple)
+        if isinstance(joint.counterbalance, HarmonicBalance):
+            add_balance(spec, joint, joint.counterbalance)
     for joint, drive in zip(robot.joints, motor_drives(robot), strict=True) if static_law else ():
         add_static_friction(spec, joint, drive, static_law or "tanh")
     for sensor in robot.sensors if sensors else ():
@@ -133,9 +139,12 @@ def build_model(
     return _compile(spec, robot)
 
 
-def _check_known(robot: Robot) -> None:
+def _check_known(robot: Robot, *, balanced: bool) -> None:
     pairs = list(zip(robot.joints, robot.rigid, strict=True))
-    unknown = [f"the counterbalance of `{joint.name}`" for joint, _ in pairs if joint.counterbalance is not None]
+    taken = (HarmonicBalance, type(None)) if balanced else (type(None),)
+    unknown = [
+        f"the counterbalance of `{joint.name}`" for joint, _ in pairs if not isinstance(joint.counterbalance, taken)
+    ]
     unknown += [
         f"the motors that move the rigid joint `{joint.name}`"
         for joint, is_rigid in pairs

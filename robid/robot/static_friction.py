@@ -46,6 +46,11 @@ def static_friction(friction: Friction, law: StaticLaw, speed: FloatArray) -> Fl
     return np.asarray((friction.coulomb_nm + excess) * np.tanh(relative / SIGN_SHARE))
 
 
+def ramp_count(law: StaticLaw) -> int:
+    """Returns the number of ramps of a law's polygon."""
+    return _KNOTS[law]
+
+
 def friction_ramps(friction: Friction, law: StaticLaw) -> Ramps:
     """Returns the polygon of a law; its knots lie as densely as the root of the curvature asks.
 

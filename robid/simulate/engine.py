@@ -28,10 +28,12 @@ def true_model(robot: Robot, controller: Controller, options: SimulateOptions, *
         friction=flaws.friction == "lugre",
         static_law=flaws.friction if flaws.friction in ("tanh", "stribeck") else None,
         ripple=flaws.ripple,
+        second_ripple=(flaws.second_ripple_nm, flaws.second_ripple_order),
         backlash=(flaws.backlash_rad, flaws.backlash_m),
         hysteresis=(flaws.hysteresis_nm, flaws.hysteresis_n),
         timestep_s=controller.sampling_period_s / options.steps_per_sample,
         sensors=sensors,
+        balanced=True,
     )
 
 

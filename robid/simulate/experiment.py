@@ -15,6 +15,7 @@ from robid.signals.quantities import INJECTED, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.load_effects import LoadEffects
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.outputs import FurtherOutputs, further_channels
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
@@ -146,7 +147,11 @@ class _Run:
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
         self._varying = VaryingStiffness(model, batch, experiment.controller.sampling_period_s)
+        self._effects = LoadEffects(
+            model, batch, experiment.options.imperfections, experiment.controller.sampling_period_s
+        )
         self._varying.follow()
+        self._effects.follow()
         batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
@@ -193,6 +198,7 @@ class _Run:
             self._pending.append(command)
             ctrl[:] = self._pending.pop(0) + disturbance[sample]
             self._varying.follow()
+            self._effects.follow()
             if not self.names:
                 batch.step(nstep=steps)
                 continue

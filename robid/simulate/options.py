@@ -133,6 +133,37 @@ class Imperfections:
             " reached over the Stribeck speed, and `stribeck`, the Stribeck curve."
         },
     )
+    load_friction: float = field(
+        default=0.0,
+        metadata={
+            "description": "Growth of the motors' Coulomb and breakaway levels with their gear's load, over that load"
+            " on the motor side.",
+            "ge": 0,
+        },
+    )
+    friction_asymmetry: float = field(
+        default=0.0,
+        metadata={
+            "description": "Share by which the motors' levels of friction are higher in the positive direction, and"
+            " lower in the negative one.",
+            "gt": -1,
+            "lt": 1,
+        },
+    )
+    second_ripple_nm: float = field(
+        default=0.0, metadata={"description": "Amplitude of a further torque ripple of all motors [N m].", "ge": 0}
+    )
+    second_ripple_order: int = field(
+        default=2, metadata={"description": "Periods of the further ripple per motor turn.", "ge": 1}
+    )
+    load_damping_1_rad: float = field(
+        default=0.0,
+        metadata={
+            "description": "Growth of the transmissions' dampers with their deflection, as a share per radian, of"
+            " prismatic joints per metre [1/rad].",
+            "ge": 0,
+        },
+    )
     stiffening_1_rad2: float = field(
         default=0.0, metadata={"description": "Cubic over linear coefficient of the transmissions [1/rad^2].", "ge": 0}
     )
@@ -184,6 +215,31 @@ class Truth:
         metadata={
             "description": "Factors on mass and inertia of a link, by its joint's name, of the `payload` or the `base`;"
             " centres of mass stay."
+        },
+    )
+    inertia_factor: dict[str, float] = field(
+        default_factory=dict,
+        metadata={"description": "Further factors on the inertias alone, of the same bodies."},
+    )
+    mass_relative: tuple[float, float] = field(
+        default=(0.0, 0.0),
+        metadata={
+            "description": "Mass and inertia of each link, with its split parts, deviate by a random share between"
+            " these two, each up or down."
+        },
+    )
+    couplings: dict[str, dict[str, float]] = field(
+        default_factory=dict,
+        metadata={
+            "description": "Arm turns per turn of another joint's motor that come to those of the robot file, by joint"
+            " and by that joint's name."
+        },
+    )
+    counterbalance_nm: dict[str, tuple[float, float]] = field(
+        default_factory=dict,
+        metadata={
+            "description": "Torque on the arm of a revolute joint that the robot file lacks, by joint: what the sine"
+            " and the cosine of its angle are multiplied by [N m]."
         },
     )
     torque_constant_factor: dict[str, float] = field(

@@ -15,6 +15,7 @@ from robid.robot.model import ElasticModel, site_name
 from robid.simulate.controller import Cascade
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
+from robid.simulate.load_effects import LoadEffects
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.steps import settled
 from robid.simulate.varying import VaryingStiffness
@@ -103,6 +104,7 @@ def play(
     torque = np.empty_like(motion.angle)
     speed = np.diff(motion.angle, axis=0, prepend=motion.angle[:1]) / controller.sampling_period_s
     varying = VaryingStiffness(model, batch, controller.sampling_period_s)
+    effects = LoadEffects(model, batch, flaws, controller.sampling_period_s)
     watched = batch.sensordata  # bound before the first step, or that one is missed
     start = int(model.mujoco.sensor(model.robot.sensors[0].name).adr[0])
     with quiet_mujoco():
@@ -115,6 +117,7 @@ def play(
             pending.append(torque[sample])
             batch.ctrl[:, :n_motor] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
             varying.follow()
+            effects.follow()
             batch.step(nstep=1)  # sensors show the state at its beginning
             tool[sample] += watched[:, start : start + 3]
             if steps > 1:

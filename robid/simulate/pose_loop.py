@@ -19,6 +19,7 @@ from robid.signals.record import Record
 from robid.simulate.controller import Cascade
 from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
+from robid.simulate.load_effects import LoadEffects
 from robid.simulate.options import Controller, PoseInterface, SimulateOptions
 from robid.simulate.pose_path import channel_motion, followed, joint_path
 from robid.simulate.steps import Steps, choose_steps
@@ -162,7 +163,11 @@ class _Loop:
         self.batch.qpos[:] = rest.position
         self.batch.ctrl[:, : model.motor.size] = rest.motor_torque[0]
         self._varying = VaryingStiffness(model, self.batch, experiment.controller.sampling_period_s)
+        self._effects = LoadEffects(
+            model, self.batch, experiment.options.imperfections, experiment.controller.sampling_period_s
+        )
         self._varying.follow()
+        self._effects.follow()
         self.batch.forward()
         self._first, self._steady = self._told(index)
         self._last = model.motor_angles(self.batch.qpos)
@@ -224,6 +229,7 @@ class _Loop:
             self._pending.append(self._cascade.command(measured, reference, speed))
             batch.ctrl[:, : model.motor.size] = self._pending.pop(0) + disturbance[sub]
             self._varying.follow()
+            self._effects.follow()
             batch.step(nstep=steps)
         self._last = told
 

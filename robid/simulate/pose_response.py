@@ -90,7 +90,7 @@ class _MotorLoop:
     ) -> None:
         self._controller, self._feedforward = controller, interface.speed_feedforward
         self._robot = robot
-        model = build_model(replace(robot, sensors=(*robot.sensors, tool_sensor(arm))))
+        model = build_model(replace(robot, sensors=(*robot.sensors, tool_sensor(arm))), balanced=True)
         rest = solve_statics(model, configuration[None])
         linear = linearize(model, rest)
         self._told = robot.motor_per_arm @ command_matrix(arm, names, configuration)

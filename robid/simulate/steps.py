@@ -156,7 +156,7 @@ def _linear_need(
     robot: Robot, configurations: FloatArray, frequency_hz: FloatArray, period_s: float
 ) -> tuple[int, float]:
     """Steps that the linearised robot asks for, and its highest eigenfrequency [Hz]."""
-    model = build_model(robot)
+    model = build_model(robot, balanced=True)
     linear = linearize(model, solve_statics(model, configurations))
     parameters = nominal_parameters(robot, linear, 0.0)
     names = tuple(joint.name for joint in robot.joints), tuple(spring.name for spring in robot.springs)

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.robot.description import Friction, Inertial, Joint, Robot, Spring
+from robid.robot.description import Friction, HarmonicBalance, Inertial, Joint, Robot, Spring
 from robid.simulate.options import Imperfections, Truth
+
+_MASS_DRAWS = 1  # keeps the draws of masses apart from those of springs
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> 
         further: Springs that the file lacks, which have no random deviation.
 
     Returns:
-        The robot with its springs, dampers and friction multiplied by random factors, rotor inertias and masses by
-        stated ones, and with the further springs after its own.
+        The robot with its springs, dampers, friction and masses multiplied by random factors, rotor inertias and masses
+        by stated ones, with further couplings and counterbalances, and with the further springs after its own.
     """
     generator = np.random.default_rng(truth.seed)
     damper_factor = truth.spring_factor if truth.damper_factor is None else truth.damper_factor
@@ -64,7 +66,8 @@ def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> 
         for spring, factor in zip(robot.springs, np.exp(spring_log), strict=True)
     )
     joints = tuple(_deviate(joint, *row) for joint, row in zip(robot.joints, friction.tolist(), strict=True))
-    return _reweighed(replace(robot, springs=(*springs, *further), joints=joints), truth)
+    deviating = _deviating_masses(replace(robot, springs=springs, joints=joints), truth)
+    return _with_drives(_reweighed(replace(deviating, springs=(*deviating.springs, *further)), truth), truth)
 
 
 def bare(robot: Robot) -> Robot:
@@ -106,26 +109,58 @@ def with_imperfections(robot: Robot, imperfections: Imperfections) -> Robot:
     )
 
 
+def _deviating_masses(robot: Robot, truth: Truth) -> Robot:
+    """Multiplies each link's mass and inertia by a random factor each, from draws of their own."""
+    least, most = truth.mass_relative
+    if most == 0:
+        return robot
+    generator = np.random.default_rng([truth.seed, _MASS_DRAWS])
+    shape = (len(robot.joints), 2)
+    share = generator.uniform(least, most, shape) * generator.choice([-1.0, 1.0], shape)
+    names = [joint.name for joint in robot.joints]
+    mass, inertia = (dict(zip(names, column.tolist(), strict=True)) for column in (1 + share).T)
+    # An inertia's factor comes on top of its mass's.
+    further = {name: inertia[name] / mass[name] for name in names}
+    return _reweighed(robot, Truth(mass_factor=mass, inertia_factor=further))
+
+
+def _with_drives(robot: Robot, truth: Truth) -> Robot:
+    """Adds couplings and counterbalances that the robot file lacks."""
+
+    def driven(joint: Joint) -> Joint:
+        couplings = {**joint.couplings}
+        for name, turn in truth.couplings.get(joint.name, {}).items():
+            couplings[name] = couplings.get(name, 0.0) + turn
+        waves = truth.counterbalance_nm.get(joint.name)
+        balance = joint.counterbalance if waves is None else HarmonicBalance(*(np.array([wave]) for wave in waves))
+        return replace(joint, couplings=couplings, counterbalance=balance)
+
+    return replace(robot, joints=tuple(driven(joint) for joint in robot.joints))
+
+
 def _reweighed(robot: Robot, truth: Truth) -> Robot:
-    """Multiplies rotor inertias, and masses with their inertias; a link's factor is that of its split parts."""
+    """Multiplies rotor inertias, masses and inertias; a link's factors are those of its split parts."""
 
     def scaled(body: Inertial, name: str) -> Inertial:
         factor = truth.mass_factor.get(name, 1.0)
-        return body if factor == 1 else Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
+        spread = factor * truth.inertia_factor.get(name, 1.0)
+        return (
+            body if factor == spread == 1 else Inertial(factor * body.mass_kg, body.com_m, spread * body.inertia_kgm2)
+        )
 
     def reweighed(joint: Joint) -> Joint:
         inertia = joint.motor.inertia_kgm2 * truth.rotor_inertia_factor.get(joint.name, 1.0)
         return replace(joint, link=scaled(joint.link, joint.name), motor=replace(joint.motor, inertia_kgm2=inertia))
 
-    springs = tuple(
-        spring if spring.outboard is None
-        else replace(spring, outboard=scaled(spring.outboard, robot.joints[spring.joint].name))
-        for spring in robot.springs
-    )  # fmt: skip
+    def split(spring: Spring) -> Spring:
+        if spring.outboard is None:
+            return spring
+        return replace(spring, outboard=scaled(spring.outboard, robot.joints[spring.joint].name))
+
     return replace(
         robot,
         joints=tuple(reweighed(joint) for joint in robot.joints),
-        springs=springs,
+        springs=tuple(split(spring) for spring in robot.springs),
         payload=scaled(robot.payload, "payload"),
         base=None if robot.base is None else scaled(robot.base, "base"),
     )

@@ -27,7 +27,7 @@ def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
             values[f"{spring.name}.cubic"] = spring.cubic
             place = zip("xyz", spring.point_m.tolist(), strict=True)
             values |= {f"{spring.name}.location_{axis}": x for axis, x in place}
-    axial = axial_inertia(build_model(true.without_springs(known)))
+    axial = axial_inertia(build_model(true.without_springs(known), balanced=True))
     for joint, stated, inertia in zip(true.robot.joints, nominal.joints, axial.tolist(), strict=True):
         values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
         values[f"{joint.name}.arm_viscous"] = joint.arm_viscous

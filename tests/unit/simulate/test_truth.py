@@ -114,3 +114,44 @@ def test_recorded_torques_have_the_wrong_constant_and_sign(robot):
     truth = Truth(torque_constant_factor={"shoulder": 1.25}, reversed_torque=("elbow",))
     np.testing.assert_allclose(recorded_torque_factor(robot, truth), [1 / 1.25, -1.0])
     assert true_robot(robot, truth).joints[0].motor == robot.joints[0].motor
+
+
+def test_masses_and_inertias_deviate_each_on_its_own_within_their_bounds():
+    robot = springs_everywhere()
+    plain = [true_robot(robot, Truth(spring_factor=2.0, seed=seed)) for seed in range(60)]
+    drawn = [true_robot(robot, Truth(spring_factor=2.0, mass_relative=(0.03, 0.05), seed=seed)) for seed in range(60)]
+    for one, other in zip(plain, drawn, strict=True):
+        for before, after in zip(one.springs, other.springs, strict=True):
+            assert (before.stiffness, before.damping) == (after.stiffness, after.damping)
+    before = robot.joints[1].link
+    links = [true.joints[1].link for true in drawn]
+    shares = (
+        np.array(
+            [[link.mass_kg / before.mass_kg, link.inertia_kgm2[0, 0] / before.inertia_kgm2[0, 0]] for link in links]
+        )
+        - 1
+    )
+    assert (np.abs(shares) >= 0.03).all()
+    assert (np.abs(shares) <= 0.05).all()
+    assert {tuple(signs) for signs in np.sign(shares).tolist()} == {(1, 1), (1, -1), (-1, 1), (-1, -1)}
+    for true, link in zip(drawn, links, strict=True):
+        split = next(spring.outboard for spring in true.springs if spring.outboard is not None)
+        half = next(spring.outboard for spring in robot.springs if spring.outboard is not None)
+        assert split.mass_kg / half.mass_kg == pytest.approx(link.mass_kg / before.mass_kg)
+        assert true.payload is robot.payload
+
+
+def test_a_true_inertia_is_off_beside_its_mass(robot):
+    truth = Truth(mass_factor={"elbow": 1.1}, inertia_factor={"elbow": 1.2})
+    link, before = true_robot(robot, truth).joints[1].link, robot.joints[1].link
+    assert link.mass_kg == pytest.approx(1.1 * before.mass_kg)
+    np.testing.assert_allclose(link.inertia_kgm2, 1.32 * before.inertia_kgm2)
+
+
+def test_couplings_and_counterbalances_that_the_file_lacks(robot):
+    truth = Truth(couplings={"elbow": {"shoulder": 3e-4}}, counterbalance_nm={"shoulder": (5.0, -7.0)})
+    true = true_robot(robot, truth)
+    np.testing.assert_allclose(true.arm_per_motor - robot.arm_per_motor, [[0.0, 0.0], [3e-4, 0.0]])
+    twice = true_robot(true, Truth(couplings={"elbow": {"shoulder": 1e-4}}))
+    assert twice.joints[1].couplings["shoulder"] == pytest.approx(4e-4)
+    assert true.joints[0].counterbalance.torque_nm(0.3) == pytest.approx(5 * np.sin(0.3) - 7 * np.cos(0.3))
