@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.artifact import Dataset
@@ -23,7 +22,6 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import make_problem
 from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.elastic.uncertainty import sandwich
-from robid.fit.estimate import Estimate
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
@@ -36,6 +34,7 @@ from robid.settings.robot_parts import delay_s
 from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
+from robid.studies.over_individuals import stated_std
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
@@ -190,12 +189,6 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
         "true_stiffness": Dataset(np.array([each.stiffness for each in true]), "N m/rad", spring),
         "true_cubic": Dataset(np.array([each.cubic for each in true]), "N m/rad^3", spring),
     }
-
-
-def stated_std(estimate: Estimate) -> FloatArray:
-    """Relative deviation (n_param,) whose normal interval is as wide as that of the fit."""
-    quantile = norm.ppf(0.5 + 0.5 * estimate.confidence)
-    return np.asarray((estimate.upper - estimate.lower) / (2 * quantile * np.abs(estimate.value)))
 
 
 def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, Dataset]:

@@ -6,30 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
-from robid.arrays import FloatArray
+from robid.studies.over_individuals import differs
 from robid.studies.zimmermann2023.figures import Found
 from robid.studies.zimmermann2023.scatter import scatter, scatters_differ
-
-_TIE_LEVEL = 0.95
-
-
-def differs(one: FloatArray, other: FloatArray) -> bool:
-    """Tells whether two figures differ by more than chance over the individuals, which both were measured on.
-
-    Args:
-        one (n_seed,): Figures of one model, above 0.
-        other (n_seed,): Those of another.
-
-    Returns:
-        Whether 0 lies outside the 95 % interval of the mean logarithm of their ratio; never with one individual.
-    """
-    ratio = np.log(one / other)
-    if ratio.size < 2:
-        return False
-    reach = student.ppf(0.5 + 0.5 * _TIE_LEVEL, ratio.size - 1) * ratio.std(ddof=1) / np.sqrt(ratio.size)
-    return bool(abs(ratio.mean()) > reach)
 
 
 @dataclass(frozen=True)

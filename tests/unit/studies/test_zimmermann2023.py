@@ -8,11 +8,12 @@ import pytest
 from exact_systems import two_joint_robot
 from robid.design.configurations.information import ConfigurationDesign
 from robid.settings.study import ModelChoice, ZimmermannStudy
+from robid.studies.over_individuals import differs
 from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
 from robid.studies.zimmermann2023.figures import Found, Model, explained_springs, summarise
 from robid.studies.zimmermann2023.models import model_sets, options_of, transmission_torque
 from robid.studies.zimmermann2023.report import _contradictions
-from robid.studies.zimmermann2023.rivals import Rivals, differs, rivals
+from robid.studies.zimmermann2023.rivals import Rivals, rivals
 from robid.studies.zimmermann2023.scatter import scatter, scatter_error, scatters_differ
 from robid.studies.zimmermann2023.sets import further_sets
 
@@ -260,7 +261,8 @@ def test_more_visits_to_the_guess_tell_no_more_than_its_configurations_allow():
     design = replace(candidates(), between_relative_std=np.array([0.5, 2.0]))
     guess = design.information[:2]
     effort = effort_curves(design, guess, design.parameter_names, 24)
-    told = [np.linalg.inv(np.linalg.inv(count * one) + np.diag([0.25, 4.0])) for count, one in zip((9, 8), guess, strict=True)]
+    visits = zip((9, 8), guess, strict=True)
+    told = [np.linalg.inv(np.linalg.inv(count * one) + np.diag([0.25, 4.0])) for count, one in visits]
     std = np.sqrt(np.diag(np.linalg.inv(sum(told))))
     place = (effort.experiments / 24).astype(int).tolist().index(17)
     assert effort.average["guess"][place] == pytest.approx(std.mean())
