@@ -71,6 +71,14 @@ class WernholtStudy(Section):
         default=True, description="Whether every start is also fitted with `strategy: plain`, as in the paper."
     )
     starts_per_task: int = Field(default=25, description="Starts that are fitted in one go.", ge=1)
+    individuals: tuple[Name, ...] = Field(
+        default=(),
+        description="Names of further simulated campaigns, one for each individual of the robot, on which estimates"
+        " from all configurations are held against the truth.",
+    )
+    individual_starts: int = Field(
+        default=3, description="Starts of each of these fits, the robot file's values the first one.", ge=1
+    )
     element: tuple[int, int] = Field(
         default=(1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
     )
