@@ -91,12 +91,17 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         observed = observed + denominator.change
     n_real = blocks.inputs.shape[0]
     found = _estimate(fit, observed, denominator, freedom, n_in, n_real, windows, indirect=indirect)
-    return found if silence is None else replace(found, hidden=_hidden(fit, _Fit(_flat(columns, None), n_in), n_in))
+    return found if silence is None else replace(found, hidden=_hidden(_products(powers, inputs), silence, n_in))
 
 
-def _hidden(fit: _Fit, alone: _Fit, n_in: int) -> BoolArray:
-    """Whether each input's response (n_freq, n_in) is known much worse with the transients than alone."""
-    size, without = ((np.abs(each.gain(n_in)) ** 2).sum(axis=2) for each in (fit, alone))
+def _hidden(columns: ComplexArray, silence: FloatArray, n_in: int) -> BoolArray:
+    """Whether each input's response (n_freq, n_in) is known much worse with the transients than alone.
+
+    Asked of the inputs even where a reference stands for them: a position that ends elsewhere than it began looks like
+    a transient, whatever it makes the motors do.
+    """
+    fits = (_Fit(_flat(columns, kept), n_in) for kept in (silence, None))
+    size, without = ((np.abs(each.gain(n_in)) ** 2).sum(axis=2) for each in fits)
     return np.asarray(size > _HIDDEN * without)
 
 
