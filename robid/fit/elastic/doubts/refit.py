@@ -79,13 +79,25 @@ def settle_springs(
     left = listed
     cost, expected = _cost_beside(now, *beside), expected_cost(problem)
     while left and len(now.springs) < _MOST and cost > expected:
-        trials = [(trial, _cost_beside(trial, *beside)) for trial in _best_trials(now, left)]
+        trials = _costs(_best_trials(now, left), beside, expected)
         called = [each for each in trials if each[1] < (1 - _TELLING) * cost and _agree(now, each[0])]
         if not called:
             break
         now, cost = min(called, key=lambda each: each[1])
         left = [spring for spring in left if spring.name not in now.springs]
     return _rested(_pruned(before, now, listed, beside)) if now.springs else now
+
+
+def _costs(
+    trials: Sequence[SettledSprings], beside: tuple[ComplexArray, FloatArray], expected: float
+) -> list[tuple[SettledSprings, float]]:
+    """Trials with the cost that other doubts leave, up to the first that leaves no more than is expected."""
+    found: list[tuple[SettledSprings, float]] = []
+    for trial in trials:
+        found.append((trial, _cost_beside(trial, *beside)))
+        if found[-1][1] <= expected:
+            break
+    return found
 
 
 def _pruned(
@@ -136,6 +148,7 @@ def _best_trials(now: SettledSprings, springs: Sequence[Spring]) -> list[Settled
     begun = [trial for each in candidates if (trial := _put_in_place(now, each)) is not None]
     begun.sort(key=lambda trial: trial.problem.cost(trial.internal))
     ends = [_descended(trial, _STEPS) for trial in begun[:_KEPT]]
+    ends.sort(key=lambda trial: trial.problem.cost(trial.internal))
     return [end for end in ends if _stiffest(end, end.springs[len(now.springs) :]) < _RIGID]
 
 
