@@ -1,6 +1,6 @@
 """How often intervals hold what they are to hold, and how wide they are: plain arithmetic on intervals of springs.
 
-Springs are compared by their logarithms: an interval from `lower` to `upper` has the half width `log(upper / lower) / 2`.
+Springs are compared by their logarithms: half an interval from `lower` to `upper` is `log(upper / lower) / 2` wide.
 Arrays are (n_robot, n_spring); NaN is a spring that is not counted for a robot.
 """
 
@@ -72,7 +72,7 @@ class Held:
         """Share of the robots (n_spring,) inside; NaN for springs that are never counted."""
         count = self.counted.sum(axis=0)
         inside = (self.inside & self.counted).sum(axis=0)
-        return np.divide(inside, count, out=np.full(count.shape, np.nan), where=count > 0)
+        return np.asarray(np.divide(inside, count, out=np.full(count.shape, np.nan), where=count > 0))
 
     @property
     def worst(self) -> float:

@@ -11,6 +11,7 @@ from robid.artifacts.artifact import Attribute, Dataset
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.errors import DataError
+from robid.frf.frf import Frf
 from robid.pipeline import Run
 from robid.studies.mistakes.grades import GRADING, refused_causes
 from robid.studies.study import Earlier
@@ -54,23 +55,26 @@ def grade_tasks(run: Run, earlier: Earlier) -> list[Task]:
 
 def grade_individual(one: Graded) -> Content:
     """Says what speaks against a fit and, with places to validate in, which grade it gets."""
-    held, fitting, frf = read_artifact(one.model, TASK), one.fitting, None
+    held = read_artifact(one.model, TASK)
+    model, fitting = read_model(held), one.fitting
+    if model is None:
+        return _refused(fitting, None, str(held.attributes[REFUSAL]))
+    frf = read_responses(fitting.responses)
     try:
-        model = read_model(held)
-        if model is None:
-            raise DataError(str(held.attributes[REFUSAL]))
-        frf = read_responses(fitting.responses)
         doubts = assess_fit(fitting.robot, model[0], frf, fitting.options, fitting.delay_s).doubts
         if not one.fresh:
             return _content(doubts, {})
         new = read_responses(one.fresh)
-        validation = validate_elastic(
-            fitting.robot, model[0], new, fitting.options, fitting.delay_s, model[1], doubts
-        )
+        validation = validate_elastic(fitting.robot, model[0], new, fitting.options, fitting.delay_s, model[1], doubts)
     except DataError as error:
-        causes = refused_causes(fitting.robot, frf, str(error), fitting.delay_s)
-        return Content({"causes": _texts(causes)}, {REFUSAL: str(error), "grade": 0})
+        return _refused(fitting, frf, str(error))
     return _content(validation.outcome.grade.doubts, {"grade": validation.outcome.grade.value})
+
+
+def _refused(fitting: Fitting, frf: Frf | None, text: str) -> Content:
+    """What a refusal amounts to: nothing may be used."""
+    causes = refused_causes(fitting.robot, frf, text, fitting.delay_s)
+    return Content({"causes": _texts(causes)}, {REFUSAL: text, "grade": 0})
 
 
 def _content(doubts: tuple[Doubt, ...], attributes: dict[str, Attribute]) -> Content:

@@ -11,7 +11,7 @@ from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import SettingsError
 from robid.families.files import load_experiment
 from robid.pipeline import Run
-from robid.settings.experiment import Campaign, RandomConfigurations
+from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field
 from robid.settings.trust_study import TrustStudy
@@ -122,7 +122,9 @@ def _places(run: Run, study: TrustStudy) -> dict[str, Places]:
 
 def _light_run(run: Run, study: TrustStudy, name: str) -> Run:
     loaded = load_experiment(run.loaded.path.parent / name)
-    told = [f"study.{'.'.join(place)}: {what}" for place, what in experiment_problems(loaded.experiment, study)]
+    told = [
+        f"{format_field(('study', *place))}: {what}" for place, what in experiment_problems(loaded.experiment, study)
+    ]
     if not told:
         campaign = loaded.experiment.campaigns[campaigns_of(loaded, study)[RANDOM]]
         found = physics_problems(study, "light", campaign, loaded.robot)
