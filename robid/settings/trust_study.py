@@ -108,6 +108,9 @@ class TrustStudy(Section):
     linear: LinearRobots | None = Field(default=None, description="Linear robots; none when not given.")
     causes: dict[Name, CauseKind] = Field(default_factory=dict, description="Defects that are to be named, by name.")
     cause_robots: int = Field(default=5, description="Robots of each of these.", ge=1)
+    cause_places: int = Field(
+        default=4, description="Random places, the first ones, in which these are measured.", ge=1
+    )
     seeds: TrustSeedChoice = Field(description="Seeds of the robots.")
     use: Literal["judge", "choose"] = Field(default="judge", description="Which of the seeds are used.")
 

@@ -21,6 +21,7 @@ from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
 from robid.settings.plain import plain_settings
+from robid.settings.trust_study import TrustStudy
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.changed import changed_simulation
@@ -67,17 +68,18 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     found: list[Task] = []
     for one in simulated(run):
         machine = known[one.robot]
-        for use, count in uses(one, study.validated_in, machine):
+        for use, count in uses(one, study, machine):
             found += _tasks(one, machine, machine.places_of(one, use), count, threads)
     return found
 
 
-def uses(one: Individual, validated_in: int, machine: Machine) -> Iterator[tuple[str, int | None]]:
+def uses(one: Individual, study: TrustStudy, machine: Machine) -> Iterator[tuple[str, int | None]]:
     """Yields what a robot's places are for, and how many of them are measured; None is all."""
-    yield RANDOM, None
     if one.kind == "cause":
+        yield RANDOM, study.cause_places
         return
-    yield FRESH, None if one.referenced else validated_in
+    yield RANDOM, None
+    yield FRESH, None if one.referenced else study.validated_in
     if one.referenced and DESIGNED in machine.places:
         yield DESIGNED, None
 
