@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, TorqueScale
+from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, TorqueScale
 from robid.fit.elastic.doubts.gears import LoadStiffness
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.options import ElasticOptions
-from robid.robot.description import Robot
+from robid.robot.description import Joint, Robot
 from robid.robot.linearize import axial_inertia, linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 
 _PERCENT = 100.0
+_Value = TypeVar("_Value")
 _TURN_10_HZ = 20 * np.pi
 _DRAWS = 3  # keeps these draws apart from those of springs, masses and defects
 
@@ -117,35 +119,37 @@ def off_robot(
         options: Options of the fit.
     """
     inertia = axial_inertia(build_model(robot))
+    further = []
     for doubt in doubts:
-        amount, direction = amounts[doubt.name], doubt.direction
-        if amount == 0:
+        share, direction = amounts[doubt.name] / _PERCENT, doubt.direction
+        if share == 0:
             continue
         if isinstance(direction, RobotMove):
-            # The list of a robot that is off already moves it further.
-            moves = {each.name: each.direction for each in list_doubts(robot, options)}
-            move = moves[doubt.name]
-            robot = move.moved(amount) if isinstance(move, RobotMove) else robot
-        elif isinstance(direction, ArmFriction):
-            joint = robot.joints[direction.joint]
-            rubs = joint.arm_viscous + amount / _PERCENT * _TURN_10_HZ * float(inertia[direction.joint])
-            robot = _with_joint(robot, direction.joint, arm_viscous=rubs)
+            # The doubts of a robot that is off already move it further.
+            move = next(each.direction for each in list_doubts(robot, options) if each.name == doubt.name)
+            robot = move.moved(amounts[doubt.name]) if isinstance(move, RobotMove) else robot
         elif isinstance(direction, LoadStiffness):
             spring = robot.springs[direction.spring]
-            stiffer = replace(
-                spring, stiffness=spring.stiffness * (1 + amount / _PERCENT * float(shares[direction.spring]))
-            )
-            springs = (*robot.springs[: direction.spring], stiffer, *robot.springs[direction.spring + 1 :])
-            robot = replace(robot, springs=springs)
-    bending = [
-        (doubt.direction.spring, amounts[doubt.name] / _PERCENT)
-        for doubt in doubts
-        if isinstance(doubt.direction, Compliance) and amounts[doubt.name] > 0
-    ]
-    further = tuple(
-        replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share) for spring, share in bending
-    )
+            softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
+            robot = replace(robot, springs=_with(robot.springs, direction.spring, softer))
+        elif isinstance(direction, Compliance):
+            spring = direction.spring
+            further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
+        elif isinstance(direction, ArmFriction | RotorShare):
+            joint = robot.joints[direction.joint]
+            off = _with_off_drive(joint, direction, share, float(inertia[direction.joint]))
+            robot = replace(robot, joints=_with(robot.joints, direction.joint, off))
     return replace(robot, springs=(*robot.springs, *further))
+
+
+def _with_off_drive(joint: Joint, direction: ArmFriction | RotorShare, share: float, inertia: float) -> Joint:
+    if isinstance(direction, ArmFriction):
+        return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
+    return replace(joint, motor=replace(joint.motor, inertia_kgm2=joint.motor.inertia_kgm2 * (1 + share)))
+
+
+def _with(values: tuple[_Value, ...], index: int, value: _Value) -> tuple[_Value, ...]:
+    return (*values[:index], value, *values[index + 1 :])
 
 
 def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
@@ -153,11 +157,6 @@ def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
     load = np.abs(solve_statics(build_model(robot), configurations).deflection)
     spread = load - load.mean(axis=0)
     return np.asarray(spread / np.maximum(np.abs(spread).max(axis=0), np.finfo(float).tiny))
-
-
-def _with_joint(robot: Robot, index: int, *, arm_viscous: float) -> Robot:
-    joint = replace(robot.joints[index], arm_viscous=arm_viscous)
-    return replace(robot, joints=(*robot.joints[:index], joint, *robot.joints[index + 1 :]))
 
 
 def _recorded(

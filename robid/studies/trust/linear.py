@@ -12,11 +12,12 @@ from robid.errors import DataError
 from robid.families.elastic.files import solution_content
 from robid.families.elastic.settings import elastic_fit
 from robid.families.elastic.truth import true_values
+from robid.fit.elastic.doubts.drives import is_estimated
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
 from robid.frf.frf import Frf
 from robid.pipeline import Run
-from robid.robot.description import Robot
+from robid.robot.description import Joint, Robot
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s, require_controller, robot_settings
 from robid.signals.quantities import motor_channels
@@ -111,7 +112,7 @@ def fit_linear(one: LinearFit) -> Content:
     n_place = len(one.configurations)
     robot, off = one.robot, as_file(one.nominal, one.options, n_place)
     if one.drawn:
-        robot = _with_rotors_off(robot, one.seed)
+        robot = _with_rotors_off(robot, one.options, one.seed)
         off = draw_doubted(one.nominal, one.options, n_place, one.seed)
     frequency_hz = one.lines / one.period_s
     exact = doubted_responses(robot, off, one.configurations, frequency_hz, one.sampling, one.options)
@@ -124,21 +125,17 @@ def fit_linear(one: LinearFit) -> Content:
     return with_truth(Content(*solution_content(solution)), true_values(one.nominal, truth))
 
 
-def _with_rotors_off(robot: Robot, seed: int) -> Robot:
-    """The robot with rotor inertias drawn by what the file says of their errors."""
-    generator = np.random.default_rng([seed, _ROTOR_DRAWS])
-    joints = tuple(
-        replace(
-            joint,
-            motor=replace(
-                joint.motor,
-                inertia_kgm2=joint.motor.inertia_kgm2
-                * float(np.exp(joint.motor.inertia_relative_std * generator.standard_normal())),
-            ),
-        )
-        for joint in robot.joints
-    )
-    return replace(robot, joints=joints)
+def _with_rotors_off(robot: Robot, options: ElasticOptions, seed: int) -> Robot:
+    """The robot with rotor inertias drawn by what the file says of their errors, where the fit estimates them."""
+    draws = np.random.default_rng([seed, _ROTOR_DRAWS]).standard_normal(len(robot.joints)).tolist()
+
+    def off(joint: Joint, draw: float) -> Joint:
+        if not is_estimated(options, "motor_inertia", f"{joint.name}.motor_inertia"):
+            return joint
+        inertia = joint.motor.inertia_kgm2 * float(np.exp(joint.motor.inertia_relative_std * draw))
+        return replace(joint, motor=replace(joint.motor, inertia_kgm2=inertia))
+
+    return replace(robot, joints=tuple(off(*pair) for pair in zip(robot.joints, draws, strict=True)))
 
 
 def noisy_frf(robot: Robot, exact: ComplexArray, one: LinearFit) -> Frf:
