@@ -87,8 +87,11 @@ def springs_of(solution: ElasticSolution, truth: Mapping[str, float]) -> Springs
 
 def effective_values(solution: ElasticSolution) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Returns value, lower and upper end of what predicts; None where a fit has no such interval."""
-    found = solution.effective
-    return None if found is None else (found.value, found.lower, found.upper)
+    for owner, prefix in ((solution.estimate, "effective_"), (solution.effective, "")):
+        found = [getattr(owner, f"{prefix}{end}", None) for end in ("value", "lower", "upper")]
+        if all(each is not None for each in found):
+            return found[0], found[1], found[2]
+    return None
 
 
 def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[str, float]:
