@@ -90,7 +90,7 @@ def effective_values(solution: ElasticSolution) -> tuple[FloatArray, FloatArray,
     for owner, prefix in ((solution.estimate, "effective_"), (solution.effective, "")):
         found = [getattr(owner, f"{prefix}{end}", None) for end in ("value", "lower", "upper")]
         if all(each is not None for each in found):
-            return found[0], found[1], found[2]
+            return np.asarray(found[0]), np.asarray(found[1]), np.asarray(found[2])
     return None
 
 
