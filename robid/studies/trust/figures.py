@@ -141,6 +141,24 @@ def effective_held(pairs: Sequence[tuple[Springs | None, Springs | None]]) -> He
     return effective(found, reference, counted)
 
 
+def spring_rows(rows: Sequence[RobotRow]) -> list[tuple[str, float, float, float, float, float]]:
+    """Returns each spring's name, how often it counts, its effective and physical coverage, half width and error.
+
+    Half width and error are physical, medians over the robots; NaN where it never counts.
+    """
+    fits = [row.random for row in rows if row.random is not None]
+    if not fits:
+        return []
+    own, pairs = physical_held(fits), effective_held([(row.random, row.fresh) for row in rows])
+    found = []
+    for column, name in enumerate(fits[0].names):
+        counted = own.counted[:, column]
+        shared = float(pairs.each_spring[column]) if pairs.inside.size else np.nan
+        width, error = (_middle(each[counted, column]) for each in (own.half_width, np.abs(own.error)))
+        found.append((name, float(counted.mean()), shared, float(own.each_spring[column]), width, error))
+    return found
+
+
 def trusted_wrong(rows: Sequence[RobotRow]) -> float:
     """Share of the robots that are graded trust though a spring is off by more than three half widths."""
     wrong = []
@@ -194,7 +212,11 @@ def _joined(parts: Sequence[Intervals]) -> Intervals:
 
 
 def _median(held: Held) -> float:
-    return float(np.median(held.half_width[held.counted])) if held.counted.any() else np.nan
+    return _middle(held.half_width[held.counted])
+
+
+def _middle(values: FloatArray) -> float:
+    return float(np.median(values)) if values.size else np.nan
 
 
 def _share(said: Sequence[bool]) -> float:

@@ -25,6 +25,7 @@ from robid.studies.trust.figures import (
     largest,
     physical_held,
     set_figures,
+    spring_rows,
     springs_of,
 )
 from robid.studies.trust.individuals import FILE, LINEAR, Individual, individuals
@@ -49,7 +50,8 @@ _TITLES = {
 def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns intervals, grades and causes into figures, tables and the verdict."""
     study = study_of(run.loaded)
-    summary = summarise(study, results)
+    rows = {one.key: row for one, row in _rows(individuals(study), results)}
+    summary = summarise(study, rows, results)
     asked = bars(study, summary)
     reached = [is_reached(summary[name], limits) for name, limits in asked.items()]
     judged = study.use == "judge" and study.chosen.robots is None
@@ -58,18 +60,20 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     if missed:
         text = f"{text} Missed: {', '.join(missed)}."
     warnings = () if judged else ("These robots are for choosing: their figures say nothing.",)
-    sections = (_asked_section(summary, asked), _set_section(study, summary), *_cause_section(study, summary))
-    return Conclusion(Verdict(text, "ok" if all(reached) and judged else "warn"), summary, sections, warnings)
+    springs = [_spring_section(name, [rows[one.key] for one in _of(study, name)]) for name in study.sets]
+    tables = _asked_section(summary, asked), _set_section(study, summary), *_cause_section(study, summary)
+    return Conclusion(
+        Verdict(text, "ok" if all(reached) and judged else "warn"), summary, (*tables, *springs), warnings
+    )
 
 
-def summarise(study: TrustStudy, results: Earlier) -> dict[str, float]:
+def summarise(study: TrustStudy, rows: Mapping[str, RobotRow], results: Earlier) -> dict[str, float]:
     """Returns the figures of summary.json; what is not known is left out."""
     robots = individuals(study)
-    rows = {one.key: row for one, row in _rows(robots, results)}
     found: dict[str, float] = {}
     heavy = []
     for name, defects in study.sets.items():
-        own = [rows[one.key] for one in robots if one.group == name]
+        own = [rows[one.key] for one in _of(study, name)]
         found |= set_figures(name, own, listed=defects.listed)
         heavy += own if defects.robot == "heavy" else []
     pooled = effective_held([(row.random, row.fresh) for row in heavy])
@@ -97,6 +101,10 @@ def bars(study: TrustStudy, summary: Mapping[str, float]) -> dict[str, tuple[flo
     named = ("effective.coverage_95", "width_ratio", "linear.coverage_95", "linear.file.coverage_95")
     found |= {name: ASKED[name] for name in (*named, "causes.first", "causes.first_three")}
     return {name: limits for name, limits in found.items() if name in summary}
+
+
+def _of(study: TrustStudy, group: str) -> list[Individual]:
+    return [one for one in individuals(study) if one.group == group]
 
 
 def _rows(robots: Sequence[Individual], results: Earlier) -> Iterator[tuple[Individual, RobotRow]]:
@@ -186,6 +194,15 @@ def _set_section(study: TrustStudy, summary: Mapping[str, float]) -> Section:
         " the absolute error, median over the springs."
     )
     return Section("Sets of robots", "", (Table(("Set", *_TITLES.values(), "Robots"), rows, caption=caption),))
+
+
+def _spring_section(name: str, rows: Sequence[RobotRow]) -> Section:
+    cells = tuple(
+        (spring.removesuffix(".stiffness"), *(_cell("", value if math.isfinite(value) else None) for value in values))
+        for spring, *values in spring_rows(rows)
+    )
+    heads = ("Spring", "Counted", "Effective covered", "Physical covered", "Half width", "Error")
+    return Section(f"Springs of set {name}", "Half width and error: physical, medians.", (Table(heads, cells),))
 
 
 def _cause_section(study: TrustStudy, summary: Mapping[str, float]) -> tuple[Section, ...]:

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from robid.studies.trust.coverage import Intervals
-from robid.studies.trust.figures import RobotRow, Springs, cause_figures, is_reached, set_figures, trusted_wrong
+from robid.studies.trust.figures import (
+    RobotRow,
+    Springs,
+    cause_figures,
+    is_reached,
+    set_figures,
+    spring_rows,
+    trusted_wrong,
+)
 
 
 def springs(physical_off=0.0, effective_off=0.0, counted=(True, True)):
@@ -39,6 +47,17 @@ def test_a_set_of_robots_has_its_shares():
     assert found["b.robots"] == 4
     assert found["b.springs_counted"] == 1
     assert found["b.effective.half_width"] == pytest.approx(0.1 * np.sqrt(2))
+
+
+def test_each_spring_has_its_row():
+    rows = [
+        RobotRow(springs(0.05, 0.3), springs()),
+        RobotRow(springs(0.35)),
+        RobotRow(springs(0.2, counted=(False, True))),
+    ]
+    first, second = spring_rows([*rows, RobotRow(None)])
+    assert first == ("gear_1.stiffness", *(pytest.approx(value) for value in (2 / 3, 0.0, 0.5, 0.1, 0.2)))
+    assert second == ("gear_2.stiffness", *(pytest.approx(value) for value in (1.0, 1.0, 1.0, 0.1, 0.0)))
 
 
 def test_only_listed_defects_make_physical_widths_count():
