@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.families.elastic.files import solution_content
-from robid.families.elastic.settings import elastic_fit
+from robid.families.elastic.settings import elastic_fit, model_settings
 from robid.families.elastic.truth import true_values
 from robid.fit.elastic.doubts.drives import is_estimated
 from robid.fit.elastic.fitting import fit_elastic
@@ -102,7 +102,8 @@ def _tasks(machine: Machine, robots: list[Individual], options: ElasticOptions, 
             "sampling": list(sampling),
             "noise": noise,
             "options": plain_settings(options),
-            **robot_settings(loaded, "mechanics", "friction", "friction_std", "controller"),
+            "settings": model_settings(loaded, places.owner),
+            **robot_settings(loaded, "friction", "controller"),
         }
         yield Task(one.key, decides, fit)
 

@@ -82,11 +82,10 @@ def make_fitting(
     experiment = simulated_experiment(loaded, places.campaign, simulate, places.content)
     delay = delay_s(loaded, places.campaign)
     files = files_of(responses, one, use)
-    owner = next(name for name, each in loaded.experiment.campaigns.items() if each is places.campaign)
     decides = {
         "responses": [path.name for path in files],
         "options": plain_settings(options),
-        "settings": model_settings(loaded, owner),
+        "settings": model_settings(loaded, places.owner),
     }
     nominal = loaded.robot.to_robot(places.campaign.payload_kg)
     return decides, Fitting(files, nominal, options, delay, simulated_truth(experiment, delay))

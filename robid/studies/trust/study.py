@@ -29,11 +29,13 @@ class Places:
 
     Attributes:
         use: `random`, `fresh` or `designed`.
+        owner: Name of the campaign.
         campaign: The campaign.
         content: Its excitation and configurations.
     """
 
     use: str
+    owner: str
     campaign: Campaign
     content: CampaignExcitation
 
@@ -116,7 +118,7 @@ def _places(run: Run, study: TrustStudy) -> dict[str, Places]:
     found = {}
     for use, owner in campaigns_of(run.loaded, study).items():
         content = excitation_from_artifact(read_artifact(run.path(f"{owner}/excitation.h5"), EXCITATION))
-        found[use] = Places(use, run.loaded.experiment.campaigns[owner], content)
+        found[use] = Places(use, owner, run.loaded.experiment.campaigns[owner], content)
     return found
 
 
