@@ -13,8 +13,8 @@ from robid.fit.elastic.doubts.scene import Scene
 from robid.robot.description import Robot, Spring, SpringPlace
 
 _PERCENT = 100.0
-_STEP = 1e-4  # percent of the gear's compliance
-_RIGID = 1e8  # times the gear's stiffness
+_STEP = 1e-3  # percent of the gear's compliance
+_RIGID = 1e11  # times the gear's stiffness
 _ALONG = 0.9  # cosine above which two axes are one
 _TIME_S = 5e-4  # damping over stiffness
 _UNKNOWN_NM_RAD = 1e6  # where no gear is stated
@@ -32,8 +32,10 @@ class Compliance:
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount, where there is none."""
-        soft, rigid = (scene.extended(stiffened(self.spring, factor)) for factor in (_PERCENT / _STEP, _RIGID))
-        return np.asarray(np.log(soft / rigid) / _STEP)
+        factors = _RIGID, _PERCENT / _STEP, 0.5 * _PERCENT / _STEP
+        rigid, stiff, softer = (scene.extended(stiffened(self.spring, factor)) for factor in factors)
+        # One-sided differences, extrapolated: there is no negative compliance.
+        return np.asarray((2 * np.log(stiff / rigid) - 0.5 * np.log(softer / rigid)) / _STEP)
 
 
 def spring_doubts(robot: Robot) -> Iterator[DoubtColumn]:
@@ -49,12 +51,12 @@ def spring_doubts(robot: Robot) -> Iterator[DoubtColumn]:
 def missing_springs(robot: Robot) -> Iterator[Spring]:
     """Yields bearings and base springs that a robot file lacks, each as stiff as the gear of its joint.
 
-    A base that twists about the first joint's axis is in series with its gear, and so part of it.
+    A base that tilts does what bearings of a first joint that turns do, and one that twists what its gear does: only
+    under a joint that slides it is something of its own.
     """
     stiffness = gear_stiffness(robot)
-    upright = robot.joints[0].rotation @ np.eye(3)[2]
-    for letter, axis in zip("xyz", np.eye(3), strict=True):
-        if not is_there(robot, "base", 0, axis) and abs(float(axis @ upright)) <= _ALONG:
+    for letter, axis in zip("xyz", np.eye(3), strict=True) if robot.prismatic[0] else ():
+        if not is_there(robot, "base", 0, axis):
             yield _spring(f"base_{letter}", 0, "base", axis, stiffness[0])
     for index, joint in enumerate(robot.joints):
         for letter, axis in zip("xy", np.eye(3), strict=False):
