@@ -72,7 +72,6 @@ def doubted_responses(
     configurations: FloatArray,
     frequency_hz: FloatArray,
     sampling: tuple[float, float],
-    options: ElasticOptions,
 ) -> ComplexArray:
     """Computes the exact responses of a robot that is off, as they are recorded.
 
@@ -84,7 +83,6 @@ def doubted_responses(
         configurations (n_conf, n_joint): Its places [rad, or m].
         frequency_hz (n_freq,): Frequencies [Hz].
         sampling: Period for which torques are held, and delay to the applied torque [s].
-        options: Options of the fit.
 
     Returns:
         Responses (n_conf, n_freq, n_motor, n_motor) from recorded torques to motor accelerations.
@@ -93,7 +91,7 @@ def doubted_responses(
     found = []
     for place, configuration in enumerate(configurations):
         amounts = {doubt.name: amount for doubt, amount in zip(off.doubts, off.amounts[:, place].tolist(), strict=True)}
-        own = off_robot(robot, off.doubts, amounts, shares[place], options)
+        own = off_robot(robot, off.doubts, amounts, shares[place])
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
         parameters = nominal_parameters(own, linear, sampling[1])
@@ -107,7 +105,6 @@ def off_robot(
     doubts: Sequence[DoubtColumn],
     amounts: Mapping[str, float],
     shares: FloatArray,
-    options: ElasticOptions,
 ) -> Robot:
     """Returns the robot with everything that is off and belongs to its mechanics.
 
@@ -116,7 +113,6 @@ def off_robot(
         doubts: What it is doubted for.
         amounts: How far it is off, by the doubts' names.
         shares (n_spring,): Load of each gear here, from -1 to 1 over the places.
-        options: Options of the fit.
     """
     inertia = axial_inertia(build_model(robot))
     further = []
@@ -125,9 +121,7 @@ def off_robot(
         if share == 0:
             continue
         if isinstance(direction, RobotMove):
-            # The doubts of a robot that is off already move it further.
-            move = next(each.direction for each in list_doubts(robot, options) if each.name == doubt.name)
-            robot = move.moved(amounts[doubt.name]) if isinstance(move, RobotMove) else robot
+            robot = direction.moved(robot, amounts[doubt.name])
         elif isinstance(direction, LoadStiffness):
             spring = robot.springs[direction.spring]
             softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))

@@ -116,7 +116,7 @@ def fit_linear(one: LinearFit) -> Content:
         robot = _with_rotors_off(robot, one.options, one.seed)
         off = draw_doubted(one.nominal, one.options, n_place, one.seed)
     frequency_hz = one.lines / one.period_s
-    exact = doubted_responses(robot, off, one.configurations, frequency_hz, one.sampling, one.options)
+    exact = doubted_responses(robot, off, one.configurations, frequency_hz, one.sampling)
     frf = noisy_frf(robot, exact, one)
     truth = TrueRobot(robot, Truth(), Imperfections(), one.sampling[1], one.seed, None)
     try:

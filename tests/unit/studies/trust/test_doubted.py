@@ -20,7 +20,7 @@ SAMPLING = 1e-3, 2e-3
 
 
 def responses(off, robot=None):
-    return doubted_responses(robot or two_joint_robot(), off, PLACES, FREQUENCY_HZ, SAMPLING, OPTIONS)
+    return doubted_responses(robot or two_joint_robot(), off, PLACES, FREQUENCY_HZ, SAMPLING)
 
 
 def off_by(index, amount):
