@@ -13,6 +13,7 @@ from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.settings.external_study import OliveiraStudy
 from robid.settings.lpv_study import TurkStudy
+from robid.settings.trust_study import TrustStudy
 from robid.validation.step_options import StepOptions
 
 PaperFile: TypeAlias = Annotated[
@@ -292,7 +293,7 @@ class JanotStudy(Section):
 
 
 Study: TypeAlias = Annotated[
-    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy | OliveiraStudy | TurkStudy,
+    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy | OliveiraStudy | TurkStudy | TrustStudy,
     Field(discriminator="kind"),
 ]
 
