@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.design.configurations.exchange import efficient_rounding
+from robid.design.configurations.exchange import Exchange
 from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.visits import Visits, make_visits
 
@@ -15,7 +15,7 @@ _VISITS = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 21, 28, 35, 42, 49])
 _DRAWS = 200
 _SEED = 1
 _SINGULAR = 1e12
-_NO_WEIGHT = 1e-6
+_FLOOR = 1e-9
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def effort_curves(
     between = dict(zip(design.parameter_names, candidates.between.tolist(), strict=True))
     guessed = make_visits(guess[None, :, None], np.array([between.get(name, 0.0) for name in names]))
     for visits in _VISITS.tolist():
-        found["optimal"].append(deviations(_optimal(design, candidates, visits)))
+        found["optimal"].append(deviations(_optimal(candidates, visits)))
         found["guess"].append(deviations(_in_turn(guessed, visits)))
         drawn = deviations(np.array([_random(candidates, visits, generator) for _ in range(_DRAWS)]))
         found["random"].append(np.median(drawn, axis=0))
@@ -108,16 +108,12 @@ def _count(needed: float) -> str:
     return f"{needed:.0f}" if np.isfinite(needed) else "more than were looked at"
 
 
-def _optimal(design: ConfigurationDesign, candidates: Visits, visits: int) -> FloatArray:
-    """The relaxed design, rounded to this many visits."""
-    support = np.flatnonzero(design.weights > _NO_WEIGHT)
-    if visits < support.size:
-        # Rounding needs a visit of each; fewer go to the largest weights.
-        counts = np.zeros(len(design.weights), int)
-        counts[support[np.argsort(-design.weights[support], kind="stable")[:visits]]] = 1
-    else:
-        counts = efficient_rounding(np.where(design.weights > _NO_WEIGHT, design.weights, 0.0), visits)
-    return _told(candidates, counts)
+def _optimal(candidates: Visits, visits: int) -> FloatArray:
+    """As many visits as tell most, shared out by exchange; few do not determine everything."""
+    count, size = candidates.alone.shape[1], candidates.alone.shape[-1]
+    base = _FLOOR * candidates.once.sum(axis=1)
+    problem = Exchange("d", candidates, base, visits, visits, True, np.ones(count), float(visits), size)
+    return _told(candidates, problem.improved(problem.greedy(np.zeros(count, int))))
 
 
 def _in_turn(guess: Visits, visits: int) -> FloatArray:

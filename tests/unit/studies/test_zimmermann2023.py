@@ -250,9 +250,10 @@ def test_deviations_fall_with_the_root_of_the_experiments():
     effort = found(**everything()).effort
     visits = (effort.experiments / 24).astype(int).tolist()
     ten, twenty_eight = visits.index(14), visits.index(28)
-    for name in ("optimal", "guess"):
+    for name, loss in (("optimal", 0.01), ("guess", 1e-6)):  # some shares are no whole numbers
         ratio = effort.average[name][ten] / effort.average[name][twenty_eight]
-        assert ratio == pytest.approx(np.sqrt(2))
+        assert ratio == pytest.approx(np.sqrt(2), rel=loss)
+    assert (effort.average["optimal"] <= 1.05 * effort.average["random"]).all()
     assert (effort.average["random"] <= effort.average["worst of random"]).all()
     assert "48 experiments" in effort.sentence
 
