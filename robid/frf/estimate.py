@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.block_checks import place_of, solvable_lines
 from robid.frf.blocks import ESTIMATORS, BlockEstimate
-from robid.frf.channels import response_channels, to_accelerations
+from robid.frf.channels import channel_levels, response_channels, to_accelerations
 from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
 from robid.frf.coefficients import coefficients
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
@@ -22,7 +21,6 @@ from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
 from robid.frf.period_noise import FEW_PERIODS, period_noise
 from robid.frf.reading import Spectra, read_spectra, silent_of
-from robid.frf.saturation import saturated_shares
 from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
 from robid.frf.windows import Windows
@@ -94,6 +92,18 @@ def estimate_frf(
         findings = [one for one in findings if one.kind != "jitter"]
     refuse_faults(record, findings)
     frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws, steady)
+    frf, lost = _without_lost(frf, record, spectra, found, solved, options)
+    findings += lost
+    findings += fed_back(record, frf)
+    told = () if steady is None else (steadiness_note(steady, record),)
+    return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
+
+
+def _without_lost(
+    frf: Frf, record: Record, spectra: Spectra, found: _Found, solved: BoolArray, options: EstimateOptions
+) -> tuple[Frf, list[Finding]]:
+    """A response at all lines, those that tell too little left out, and what is said of them."""
+    findings: list[Finding] = []
     dropped = np.ones((len(solved), len(record.input_names)), bool)
     hidden = np.zeros_like(dropped)
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
@@ -103,7 +113,7 @@ def estimate_frf(
     if hidden.any():
         findings.append(_hidden(record, spectra, hidden, ~dropped))
     require_lines(~dropped, record.frequency_hz, options.weak_line_std, place_of(record))
-    frf = replace(frf, dropped=dropped[None], saturated_share=saturated_shares(record)[None])
+    frf = replace(frf, dropped=dropped[None])
     if dropped.any():
         frf = replace(frf, element_scale=found.scale(record, ~dropped[solved])[None])
         amplitude = spectra.amplitude(record)
@@ -112,9 +122,7 @@ def estimate_frf(
     if weak.any():
         what = lost_inputs(weak, record.frequency_hz, record.input_names)
         findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
-    findings += fed_back(record, frf)
-    told = () if steady is None else (steadiness_note(steady, record),)
-    return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
+    return frf, findings
 
 
 def _hidden(record: Record, spectra: Spectra, hidden: BoolArray, told: BoolArray) -> Finding:
@@ -157,7 +165,7 @@ def _frf(
     levels = silent_levels(spectra.silent, lines, response)
     return Frf(
         **coefficients(record, laws, found.estimate, found.derivative),
-        **_at_rest(record),
+        **channel_levels(record),
         frequency_hz=lines / record.period_s,
         lines=lines,
         configurations=record.require_periods("A frequency response"),
@@ -253,19 +261,6 @@ def _uncompensated(spectra: Spectra, options: EstimateOptions) -> ComplexArray:
     fit = local_fit(measured, spectra.windows, options)
     nearest = np.abs(np.arange(len(fit.determined))[:, None] - np.flatnonzero(fit.determined)).argmin(axis=1)
     return np.asarray(fit.response[nearest])
-
-
-def _at_rest(record: Record) -> dict[str, Any]:
-    """Mean inputs and outputs of the only configuration, and how far the outputs move about them."""
-    n_sample, offset = record.outputs[0, ..., 0].size, record.output_offset
-    mean = record.outputs.mean(axis=(1, 2, 3, 4))
-    # Without a copy of the samples, of which there may be many.
-    square = np.einsum("crepno,crepno->co", record.outputs, record.outputs) / n_sample
-    return {
-        "mean_input": record.inputs.mean(axis=(1, 2, 3, 4)),
-        "mean_output": mean + offset,
-        "motion_rms": np.sqrt(np.maximum(square - mean**2, 0.0)),
-    }
 
 
 def _rms(torque: ComplexArray) -> FloatArray:

@@ -39,7 +39,8 @@ CONFIGURATION_WISE = (
     "line_correlation",
     "freedom_share",
     "dropped",
-    "saturated_share",
+    "saturated_inputs",
+    "saturated_outputs",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -107,8 +108,9 @@ class Frf:
             other's residual or pooled lines are unequal or share what leaks; None where it is unknown.
         dropped (n_conf, n_freq, n_in): Lines that tell too little of an input: the response from it is interpolated
             there, and its variance infinite. None where it is unknown.
-        saturated_share (n_conf, n_out, n_in): Share of the time in which an element's input or output saturates, see
-            `robid.frf.saturation`. None where it is unknown.
+        saturated_inputs (n_conf, n_in): Share of the time in which each input saturates, see `robid.frf.saturation`.
+            None where it is unknown.
+        saturated_outputs (n_conf, n_out): The same of each output.
     """
 
     frequency_hz: FloatArray
@@ -151,7 +153,8 @@ class Frf:
     freedom_share: FloatArray | None = None
     joint_units: tuple[str, ...] | None = None
     dropped: BoolArray | None = None
-    saturated_share: FloatArray | None = None
+    saturated_inputs: FloatArray | None = None
+    saturated_outputs: FloatArray | None = None
 
     @property
     def input_names(self) -> tuple[str, ...]:
