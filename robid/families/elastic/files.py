@@ -19,7 +19,8 @@ _OWN = "as in units"
 _RESPONSE_UNITS = "rad/s^2 per torque"
 _SOLUTION = {
     "elastic/internal/values": Column("1", _PARAMETER, "Optimizer's values"),
-    "elastic/internal/covariance": Column("1", ("parameter", "parameter"), "Covariance of the optimizer's values"),
+    "elastic/internal/covariance": Column("1", ("parameter", "parameter"), "Covariance of those that predict"),
+    "elastic/internal/degrees_of_freedom": Column("1", _PARAMETER, "Of the Student distribution that goes with it"),
     "elastic/internal/singular_values": Column("1", _PARAMETER, "Of the scaled information matrix"),
     "elastic/costs/configuration": Column("1", _CONFIGURATION, "Cost of each configuration"),
     "elastic/costs/expected": Column("1", _CONFIGURATION, "Cost that the response's covariance alone gives"),
@@ -43,11 +44,8 @@ _SOLUTION = {
     "elastic/bootstrap/relative_std": Column("1", _PARAMETER, "Relative deviation from repeated fits"),
     "elastic/bootstrap/lower": Column(_OWN, _PARAMETER, "Lower end of the bootstrap's interval"),
     "elastic/bootstrap/upper": Column(_OWN, _PARAMETER, "Upper end of the bootstrap's interval"),
-    "elastic/effective/value": Column(_OWN, _PARAMETER, "What infinitely many places would give by this model"),
-    "elastic/effective/lower": Column(_OWN, _PARAMETER, "Lower end of its interval"),
-    "elastic/effective/upper": Column(_OWN, _PARAMETER, "Upper end of its interval"),
     "elastic/effective/between_std": Column("1", _PARAMETER, "Deviation of the optimizer's values between places"),
-    "elastic/effective/degrees_of_freedom": Column("1", _PARAMETER, "Of the interval's Student distribution"),
+    "elastic/effective/degrees_of_freedom": Column("1", _PARAMETER, "Of what places really differ by"),
     "elastic/effective/dependence": Column("1", _PARAMETER, "Share of the information that a single place gives"),
 }
 _RESONANCE = ("resonance",)

@@ -1,22 +1,36 @@
-"""The parameters that places agree on: the values that predict other places, and how far they may be off."""
+"""What places say of the parameters of a fit, and the values that they agree on."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.solution import EffectiveValues
 from robid.fit.elastic.uncertainty import Influence, score_covariance
-from robid.fit.places import group_places
 from robid.places.between import estimate_between
 from robid.places.evidence import Evidence, summarise
-from robid.places.pooling import pool
+from robid.places.grouping import group_places
+from robid.places.pooling import Pooled, pool
 
-_FEW_PLACES = 4
 _STEPS = 3
 _LONGEST_STEP = 0.5  # of an internal parameter; beyond, nothing is linear
 _ARRIVED = 1e-2  # of a deviation
+
+
+@dataclass(frozen=True)
+class Effective:
+    """The internal parameters that predict other places.
+
+    Attributes:
+        values (n_param,): Each place weighed by what noise and differences between places leave of its information.
+        pooled: How far they may be off.
+    """
+
+    values: FloatArray
+    pooled: Pooled
 
 
 def place_evidence(problem: Problem, internal: FloatArray, covariance: FloatArray) -> Evidence:
@@ -44,23 +58,15 @@ def place_evidence(problem: Problem, internal: FloatArray, covariance: FloatArra
     return summarise(each, pulls, meat, np.diag(precision), -precision * internal)
 
 
-def find_effective(
-    problem: Problem, internal: FloatArray, found: Influence, confidence: float
-) -> EffectiveValues | None:
+def find_effective(problem: Problem, internal: FloatArray, found: Influence) -> Effective:
     """Weighs places by what noise and their differences leave of their information, from the minimum of a fit on.
 
     Args:
         problem: The problem, at its minimum.
         internal (n_param,): The minimum.
         found: The estimator linearised there.
-        confidence: Level of the intervals.
-
-    Returns:
-        The values and their intervals; None with fewer than four places, or without a covariance.
     """
     covariance = score_covariance(problem, found)
-    if len(group_places(problem.frf.configurations)) < _FEW_PLACES or not covariance.any():
-        return None
     parameters, values = problem.parameters, internal
     for _ in range(_STEPS):
         evidence = place_evidence(problem, values, covariance)
@@ -69,12 +75,5 @@ def find_effective(
         values = np.clip(values + step, parameters.lower, parameters.upper)
         if (np.abs(step) <= _ARRIVED * np.sqrt(np.diag(pooled.covariance))).all():
             break
-    reach = pooled.reach(confidence)
-    return EffectiveValues(
-        value=parameters.values(values),
-        lower=parameters.values(values - reach),
-        upper=parameters.values(values + reach),
-        between_std=np.sqrt(pooled.between),
-        degrees_of_freedom=pooled.degrees_of_freedom,
-        dependence=pooled.dependence,
-    )
+    doubt = load_doubt(problem, internal, found.inverse, found.weighted)
+    return Effective(values, replace(pooled, assumed=pooled.assumed + doubt))

@@ -1,34 +1,37 @@
-"""How far the parameters of a fit may be off: a plain covariance, its degrees of freedom, and what set them."""
+"""How far the parameters of a fit may be off, as what predicts and as what is there, and what set the widths."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.stats import t
 
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
-from robid.fit.elastic.model_error import ModelError
+from robid.fit.elastic.effective import find_effective
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.uncertainty import Influence, configuration_covariance, structured_covariance
-from robid.fit.places import group_places
+from robid.fit.elastic.solution import Between
+from robid.fit.elastic.uncertainty import Influence, structured_covariance
+from robid.places.grouping import group_places
+from robid.places.pooling import Pooled
 
-_FEW_PLACES = 4
-MANY_ABOVE = 0.25
-"""Share of the elements beyond their covariance from which a model lacks something; 0.05 is expected."""
+FEWEST_PLACES = 4
+"""Number of places from which on their differences say how far a parameter may be off."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How far internal parameters may be off.
+    """Internal parameters and how far they may be off.
 
     Attributes:
+        values (n_param,): Middle of their intervals.
         covariance (n_param, n_param): Their covariance, without any quantile.
         degrees_of_freedom (n_param,): What the quantile of each interval follows, infinite for the normal one.
         rule: What set the width, in words.
     """
 
+    values: FloatArray
     covariance: FloatArray
     degrees_of_freedom: FloatArray
     rule: str
@@ -43,65 +46,65 @@ class Spread:
         return np.asarray(t.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom) * self.std)
 
 
-def many_above(error: ModelError | None) -> bool:
-    """Whether many elements miss the model by more than their covariance, or with correlated residuals."""
-    return error is not None and max(error.share_above, error.share_correlated) > MANY_ABOVE
+@dataclass(frozen=True)
+class Spreads:
+    """How far the parameters of a fit may be off.
+
+    Attributes:
+        effective: As what infinitely many places of this robot would give: they predict.
+        physical: As springs, dampers and inertias themselves.
+        assumed (n_param, n_param): Covariance by noise and assumed errors alone: what the data do not determine.
+        between: How places differ; None where they are too few to tell.
+    """
+
+    effective: Spread
+    physical: Spread
+    assumed: FloatArray
+    between: Between | None = None
 
 
-def find_spread(
-    problem: Problem,
-    internal: FloatArray,
-    found: Influence,
-    excess: float,
-    error: ModelError | None,
-    confidence: float,
-    beyond: FloatArray | None = None,
-) -> Spread:
+def find_spreads(
+    problem: Problem, internal: FloatArray, found: Influence, excess: float, confidence: float, beyond: FloatArray
+) -> Spreads:
     """Finds how far a fit's parameters may be off.
 
     Args:
         problem: The problem, at its minimum.
         internal (n_param,): The minimum.
         found: The estimator linearised there.
-        excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance.
-        error: The residuals against their expectation; None without a covariance.
+        excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance of few places.
         confidence: Level of the intervals.
-        beyond (n_param, n_param): Covariance by what the rigid parameters leave open, if they come from a fit.
+        beyond (n_param, n_param): Covariance by what the rigid parameters leave open, zero where they are the file's.
     """
+    places = len(group_places(problem.frf.configurations))
+    rule = "noise and assumed model error" if problem.model_error.any() else "noise"
+    if places < FEWEST_PLACES or not (problem.frf.element_variance().any() or problem.model_error.any()):
+        spread = _of_few_places(problem, internal, found, excess, rule)
+        return Spreads(spread, _with(spread, beyond), spread.covariance)
+    effective = find_effective(problem, internal, found)
+    spread = _spread(effective.values, effective.pooled, f"{rule}, and what {places} places differ by", confidence)
+    return Spreads(spread, _with(spread, beyond), effective.pooled.assumed, between_places(effective.pooled))
+
+
+def _of_few_places(problem: Problem, internal: FloatArray, found: Influence, excess: float, rule: str) -> Spread:
+    """What noise and assumed errors give, widened by the misfit: too few places to see what they differ by."""
     covariance = structured_covariance(problem, found) * max(1.0, excess)
     covariance += load_doubt(problem, internal, found.inverse, found.weighted)
-    assumed = "noise and assumed model error" if problem.model_error.any() else "noise"
-    rule = assumed if excess <= 1 else f"{assumed}, widened by the misfit"
-    if beyond is not None and beyond.any():
-        covariance, rule = covariance + beyond, f"{rule}, and what the rigid fit leaves open"
-    spread = Spread(covariance, np.full(len(covariance), np.inf), rule)
-    if not many_above(error):
-        return spread
-    places = len(group_places(problem.frf.configurations))
-    if places < _FEW_PLACES:
-        return Spread(covariance, spread.degrees_of_freedom, f"{rule}; too few places for a jackknife")
-    return at_least(spread, configuration_covariance(problem, internal), places, confidence)
+    widened = rule if excess <= 1 else f"{rule}, widened by the misfit"
+    return Spread(internal, covariance, np.full(internal.size, np.inf), widened)
 
 
-def at_least(spread: Spread, jackknife: FloatArray, places: int, confidence: float) -> Spread:
-    """Lets no interval be narrower than a jackknife over places says.
+def _with(spread: Spread, beyond: FloatArray) -> Spread:
+    rule = f"{spread.rule}, and what the rigid fit leaves open" if beyond.any() else spread.rule
+    return replace(spread, covariance=spread.covariance + beyond, rule=rule)
 
-    What a jackknife's variance has beyond the spread's is added with the jackknife's own correlations: that of a
-    few places alone is singular, and the spread's correlations are those of other errors. An interval follows
-    Student's distribution where that of the jackknife alone would be the wider one.
 
-    Args:
-        spread: What noise and assumed errors give.
-        jackknife (n_param, n_param): Covariance by leaving out places.
-        places: Their number.
-        confidence: Level of the intervals.
-    """
-    own, other = np.diag(spread.covariance), np.diag(jackknife)
-    share = np.sqrt(np.divide(np.maximum(other - own, 0.0), other, out=np.zeros_like(other), where=other > 0))
-    tail = 0.5 + 0.5 * confidence
-    wider = t.ppf(tail, places - 1) * np.sqrt(other) > norm.ppf(tail) * np.sqrt(own)
-    rule = spread.rule
-    if wider.any():
-        rule += f"; jackknife over {places} places where that is wider ({wider.sum()} of {wider.size} parameters)"
-    freedom = np.where(wider, places - 1.0, spread.degrees_of_freedom)
-    return Spread(spread.covariance + jackknife * np.outer(share, share), freedom, rule)
+def _spread(values: FloatArray, pooled: Pooled, rule: str, confidence: float) -> Spread:
+    size = values.size
+    covariance, freedom = pooled.spread(confidence)
+    return Spread(values, covariance[:size, :size], freedom[:size], rule)
+
+
+def between_places(pooled: Pooled) -> Between:
+    """Takes what places say of each parameter's differences."""
+    return Between(np.sqrt(pooled.between), pooled.degrees_of_freedom, pooled.dependence)

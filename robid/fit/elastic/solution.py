@@ -15,13 +15,15 @@ class Internal:
 
     Attributes:
         values (n_param,): Optimizer's values.
-        covariance (n_param, n_param): Their covariance, without any quantile.
+        covariance (n_param, n_param): Covariance of those that predict other places, without any quantile.
+        degrees_of_freedom (n_param,): Of the Student distribution that goes with it; infinite for the normal one.
         singular_values (n_param,): Of the scaled information matrix, largest first.
     """
 
     values: FloatArray
     covariance: FloatArray
     singular_values: FloatArray
+    degrees_of_freedom: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -100,21 +102,15 @@ class Resampled:
 
 
 @dataclass(frozen=True)
-class EffectiveValues:
-    """What infinitely many places of this robot would give by this model: the values that predict other places.
+class Between:
+    """How much the internal parameters differ between places, and what each place says of them.
 
     Attributes:
-        value (n_param,): Each place weighed by what noise and differences between places leave of its information.
-        lower (n_param,): Lower end of the interval.
-        upper (n_param,): Upper end of the interval.
-        between_std (n_param,): Standard deviation of the internal parameters between places.
-        degrees_of_freedom (n_param,): Of Student's distribution, whose quantile an interval follows.
+        between_std (n_param,): Their standard deviation between places.
+        degrees_of_freedom (n_param,): Of what places really differ by.
         dependence (n_param,): Share of the information about each that a single place gives.
     """
 
-    value: FloatArray
-    lower: FloatArray
-    upper: FloatArray
     between_std: FloatArray
     degrees_of_freedom: FloatArray
     dependence: FloatArray
@@ -128,14 +124,14 @@ class ElasticSolution:
         estimate: The parameters with their uncertainty.
         internal: Where the optimizer ended.
         costs: Costs there.
-        misfit: Cost over what noise and the assumed model error give; above 1 it multiplies the covariance.
+        misfit: Cost over what noise and the assumed model error give.
         starts: Where each start ended.
         responses: What was fitted.
         model_error: The residual of each element against its expectation; None without a covariance.
         realization_relative_std (n_param,): As `relative_std` of the estimate, from what each realization does to the
             parameters instead of the structured covariance; None without realizations.
         bootstrap: The uncertainty from repeated fits; None without a bootstrap.
-        effective: The values that predict other places; None with fewer than four places, or without a covariance.
+        effective: How places differ; None with fewer than four places, or without a covariance.
     """
 
     estimate: Estimate
@@ -147,4 +143,4 @@ class ElasticSolution:
     model_error: ModelError | None = None
     realization_relative_std: FloatArray | None = None
     bootstrap: Resampled | None = None
-    effective: EffectiveValues | None = None
+    effective: Between | None = None
