@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
+from robid.robot.doubts import Doubts
 from robid.signals.positions import METRES, RADIANS, shown
 
 JointType = Literal["revolute", "prismatic"]
@@ -130,6 +131,7 @@ class Joint:
         counterbalance: What takes gravity off the motor; only the rigid model knows it.
         arm_viscous: Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load
             motor; arm side, where the motor's acts before the transmission [N m s/rad, or N s/m].
+        doubts: How far what is stated of the joint may be off.
     """
 
     name: str
@@ -143,6 +145,7 @@ class Joint:
     type: JointType = "revolute"
     counterbalance: HarmonicBalance | SpringBalance | None = None
     arm_viscous: float = 0.0
+    doubts: Doubts = field(default_factory=Doubts)
 
     @property
     def reflected_viscous_nms_rad(self) -> float:
@@ -280,6 +283,7 @@ class Robot:
         base: Mass properties of what base springs carry beneath the first joint, in the world frame.
         sensors: Sensors beyond the encoders.
         loop_links: Links beside the chain, each after what carries it; only the rigid model knows them.
+        doubts: How far what is stated of the payload and the base may be off.
     """
 
     name: str
@@ -293,6 +297,7 @@ class Robot:
     base: Inertial | None = None
     sensors: tuple[Sensor, ...] = ()
     loop_links: tuple[LoopLink, ...] = ()
+    doubts: Doubts = field(default_factory=Doubts)
 
     @property
     def gear_ratio(self) -> FloatArray:

@@ -1,0 +1,65 @@
+"""What a named doubt is, and the directions in which robots are moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from robid.arrays import ComplexArray
+from robid.fit.elastic.doubts.scene import Scene
+from robid.robot.description import Robot
+
+
+class Direction(Protocol):
+    """What a doubt does to the response."""
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the model's log response by the doubt's amount."""
+
+
+@dataclass(frozen=True)
+class DoubtColumn:
+    """Something that a robot file may have wrong.
+
+    Amounts are zero where the file is right.
+
+    Attributes:
+        name: What it is, in one word as parameters are named: `axis_2.mass`.
+        cause: The likely cause that it stands for, of `robid.validation.doubt.CAUSES`.
+        unit: Unit of its amounts.
+        common_std: Standard deviation of the amount that all places share.
+        place_std: Standard deviation of what each place adds to that.
+        direction: What it does to the response.
+        least: Smallest amount that makes sense.
+        most: Largest amount that makes sense.
+    """
+
+    name: str
+    cause: str
+    unit: str
+    common_std: float
+    place_std: float
+    direction: Direction
+    least: float = -np.inf
+    most: float = np.inf
+
+
+@dataclass(frozen=True)
+class RobotMove:
+    """A robot whose file says something else: central differences of its response, statics included.
+
+    Attributes:
+        moved: Returns the robot by an amount.
+        step: Amount of a difference.
+    """
+
+    moved: Callable[[float], Robot]
+    step: float
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        ahead, behind = (scene.sampled(self.moved(step)) for step in (self.step, -self.step))
+        return np.asarray(np.log(ahead / behind) / (2 * self.step))

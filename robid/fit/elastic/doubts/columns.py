@@ -1,0 +1,36 @@
+"""Doubts as further columns of a least-squares problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.scene import Scene
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.problem import Problem
+from robid.robot.description import Robot
+
+
+def doubt_columns(
+    problem: Problem, internal: FloatArray, robot: Robot, options: ElasticOptions, doubts: Sequence[DoubtColumn]
+) -> ComplexArray:
+    """Derivatives of the residual by the amounts of doubts, with the sign and scale of `Problem.linear`'s.
+
+    Args:
+        problem: The problem.
+        internal (n_param,): Where to evaluate.
+        robot: The robot that the doubts were listed for.
+        options: Options of the fit.
+        doubts: The doubts.
+
+    Returns:
+        Negative derivatives (n_conf, n_freq, n_out, n_in, n_doubt), to be put beside those by the parameters.
+    """
+    scene, kind = Scene(problem, internal, robot, options), problem.residual_kind
+    if not doubts:
+        return np.zeros((*problem.frf.response.shape, 0), complex)
+    columns = np.stack([doubt.direction.column(scene) for doubt in doubts], axis=-1)
+    return kind.part(columns * kind.per_relative(scene.response.sampled)[..., None])

@@ -1,0 +1,51 @@
+"""Everything that a robot file may have wrong, with how far it may be off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray
+from robid.fit.elastic.considered import DoubtfulRobot
+from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.drives import torque_doubts
+from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
+from robid.fit.elastic.doubts.scene import Scene
+from robid.robot.description import Robot
+
+
+def list_doubts(robot: Robot, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[DoubtColumn, ...]:
+    """Lists the doubts of a robot file with the priors that it states.
+
+    Args:
+        robot: The robot that the fit starts from, with its campaign's payload.
+        rigid: Robots that are off along the independent directions that a rigid fit leaves open, which take the place
+            of the file's doubts of links.
+    """
+    of_links = _rigid_doubts(rigid) if rigid else link_doubts(robot)
+    return (*payload_doubts(robot), *of_links, *torque_doubts(robot))
+
+
+@dataclass(frozen=True)
+class RigidError:
+    """An independent error of a rigid fit, amounts in standard deviations.
+
+    Attributes:
+        off: What the rigid fit found, off along the direction.
+    """
+
+    off: DoubtfulRobot
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        ratio = scene.sampled(self.off.robot) / scene.at_rest
+        return np.asarray(np.log(ratio) / self.off.deviations)
+
+
+def _rigid_doubts(rigid: Sequence[DoubtfulRobot]) -> list[DoubtColumn]:
+    return [
+        DoubtColumn(f"rigid.{number}", "masses", "std", 1.0, 0.0, RigidError(off))
+        for number, off in enumerate(rigid, start=1)
+    ]

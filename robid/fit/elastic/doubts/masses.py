@@ -1,0 +1,97 @@
+"""Doubts of masses, centres of mass and inertias, of links and of the payload."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
+from robid.robot.description import Inertial, Robot
+
+_SHARE_STEP = 1e-4
+_STEP_M = 1e-5
+_FARTHEST_MM = 500.0
+_PERCENT, _MM = 100.0, 1e3
+
+
+def link_doubts(robot: Robot) -> Iterator[DoubtColumn]:
+    """Yields the doubts of each link: its mass, with its inertia, and its centre of mass."""
+    for index, joint in enumerate(robot.joints):
+        doubts = joint.doubts
+        if doubts.mass_relative_std > 0:
+            move = RobotMove(partial(_with_link_share, robot, index), _PERCENT * _SHARE_STEP)
+            std = _PERCENT * doubts.mass_relative_std
+            yield DoubtColumn(f"{joint.name}.mass", "masses", "%", std, 0.0, move, least=-100.0, most=100.0)
+        if doubts.com_m > 0 and joint.link.mass_kg > 0:
+            for axis, letter in enumerate("xyz"):
+                move = RobotMove(partial(_with_link_at, robot, index, np.eye(3)[axis]), _MM * _STEP_M)
+                yield _centre(f"{joint.name}.com_{letter}", "masses", doubts.com_m, move)
+
+
+def payload_doubts(robot: Robot) -> Iterator[DoubtColumn]:
+    """Yields the doubts of the payload: its mass, with its inertia, its centre of mass, and its inertia alone."""
+    load, doubts = robot.payload, robot.doubts
+    if load.mass_kg <= 0:
+        return
+    if doubts.payload_relative_std > 0:
+        std = doubts.payload_relative_std * load.mass_kg
+        move = RobotMove(partial(_with_payload_mass, robot), _SHARE_STEP * load.mass_kg)
+        yield DoubtColumn("payload.mass", "payload", "kg", std, 0.0, move, least=-load.mass_kg, most=load.mass_kg)
+    if doubts.payload_com_m > 0:
+        for axis, letter in enumerate("xyz"):
+            move = RobotMove(partial(_with_payload_at, robot, np.eye(3)[axis]), _MM * _STEP_M)
+            yield _centre(f"payload.com_{letter}", "payload", doubts.payload_com_m, move)
+    if doubts.payload_inertia_relative_std > 0 and load.inertia_kgm2.any():
+        std = _PERCENT * doubts.payload_inertia_relative_std
+        move = RobotMove(partial(_with_payload_inertia, robot), _PERCENT * _SHARE_STEP)
+        yield DoubtColumn("payload.inertia", "payload", "%", std, 0.0, move, least=-100.0)
+
+
+def _centre(name: str, cause: str, std_m: float, move: RobotMove) -> DoubtColumn:
+    return DoubtColumn(name, cause, "mm", _MM * std_m, 0.0, move, least=-_FARTHEST_MM, most=_FARTHEST_MM)
+
+
+def _shared(factor: float, body: Inertial) -> Inertial:
+    """A body of the same shape with another mass."""
+    return Inertial(body.mass_kg * factor, body.com_m, body.inertia_kgm2 * factor)
+
+
+def _shifted(shift_m: FloatArray, body: Inertial) -> Inertial:
+    return replace(body, com_m=body.com_m + shift_m)
+
+
+def _with_link(robot: Robot, index: int, change: Callable[[Inertial], Inertial]) -> Robot:
+    """The robot with another link, what lies beyond its splits changed alike."""
+    joints = [
+        replace(joint, link=change(joint.link)) if row == index else joint for row, joint in enumerate(robot.joints)
+    ]
+    springs = [
+        replace(spring, outboard=change(spring.outboard)) if spring.joint == index and spring.outboard else spring
+        for spring in robot.springs
+    ]
+    return replace(robot, joints=tuple(joints), springs=tuple(springs))
+
+
+def _with_link_share(robot: Robot, index: int, percent: float) -> Robot:
+    return _with_link(robot, index, partial(_shared, 1 + percent / _PERCENT))
+
+
+def _with_link_at(robot: Robot, index: int, axis: FloatArray, shift_mm: float) -> Robot:
+    return _with_link(robot, index, partial(_shifted, shift_mm / _MM * axis))
+
+
+def _with_payload_mass(robot: Robot, added_kg: float) -> Robot:
+    return replace(robot, payload=_shared(1 + added_kg / robot.payload.mass_kg, robot.payload))
+
+
+def _with_payload_at(robot: Robot, axis: FloatArray, shift_mm: float) -> Robot:
+    return replace(robot, payload=_shifted(shift_mm / _MM * axis, robot.payload))
+
+
+def _with_payload_inertia(robot: Robot, percent: float) -> Robot:
+    inertia = robot.payload.inertia_kgm2 * (1 + percent / _PERCENT)
+    return replace(robot, payload=replace(robot.payload, inertia_kgm2=inertia))
