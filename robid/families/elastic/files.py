@@ -13,6 +13,7 @@ from robid.validation.grade import Grade
 
 _NAME = "elastic"
 _PARAMETER, _START, _CONFIGURATION = ("parameter",), ("start",), ("configuration",)
+_DOUBT = ("doubt",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
 _ELEMENT = ("configuration", "output", "input")
 _OWN = "as in units"
@@ -44,6 +45,13 @@ _SOLUTION = {
     "elastic/bootstrap/relative_std": Column("1", _PARAMETER, "Relative deviation from repeated fits"),
     "elastic/bootstrap/lower": Column(_OWN, _PARAMETER, "Lower end of the bootstrap's interval"),
     "elastic/bootstrap/upper": Column(_OWN, _PARAMETER, "Upper end of the bootstrap's interval"),
+    "elastic/doubts/names": Column("1", _DOUBT, "What the robot file may have wrong"),
+    "elastic/doubts/causes": Column("1", _DOUBT, "Likely cause that it stands for"),
+    "elastic/doubts/units": Column("1", _DOUBT, "Unit of its amounts"),
+    "elastic/doubts/prior_std": Column(_OWN, _DOUBT, "Deviation known beforehand, alike in all places"),
+    "elastic/doubts/place_std": Column(_OWN, _DOUBT, "Deviation of what each place adds"),
+    "elastic/doubts/value": Column(_OWN, _DOUBT, "Estimated amount, zero where the file is right"),
+    "elastic/doubts/half_width": Column(_OWN, _DOUBT, "Half width of its interval"),
     "elastic/effective/between_std": Column("1", _PARAMETER, "Deviation of the optimizer's values between places"),
     "elastic/effective/degrees_of_freedom": Column("1", _PARAMETER, "Of what places really differ by"),
     "elastic/effective/dependence": Column("1", _PARAMETER, "Share of the information that a single place gives"),

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import t
 
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
-from robid.fit.elastic.effective import find_effective
+from robid.fit.elastic.effective import Settled, settle
+from robid.fit.elastic.named import Named
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.solution import Between
+from robid.fit.elastic.solution import Between, NamedDoubts
 from robid.fit.elastic.uncertainty import Influence, structured_covariance
 from robid.places.grouping import group_places
 from robid.places.pooling import Pooled
@@ -55,16 +56,18 @@ class Spreads:
         physical: As springs, dampers and inertias themselves.
         assumed (n_param, n_param): Covariance by noise and assumed errors alone: what the data do not determine.
         between: How places differ; None where they are too few to tell.
+        doubts: What places say of the doubts; None where they are considered alone, or there are none.
     """
 
     effective: Spread
     physical: Spread
     assumed: FloatArray
     between: Between | None = None
+    doubts: NamedDoubts | None = None
 
 
 def find_spreads(
-    problem: Problem, internal: FloatArray, found: Influence, excess: float, confidence: float, beyond: FloatArray
+    problem: Problem, internal: FloatArray, found: Influence, excess: float, confidence: float, doubts: Named | None
 ) -> Spreads:
     """Finds how far a fit's parameters may be off.
 
@@ -74,35 +77,62 @@ def find_spreads(
         found: The estimator linearised there.
         excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance of few places.
         confidence: Level of the intervals.
-        beyond (n_param, n_param): Covariance by what the rigid parameters leave open, zero where they are the file's.
+        doubts: What the robot file may have wrong.
     """
     places = len(group_places(problem.frf.configurations))
     rule = "noise and assumed model error" if problem.model_error.any() else "noise"
     if places < FEWEST_PLACES or not (problem.frf.element_variance().any() or problem.model_error.any()):
-        spread = _of_few_places(problem, internal, found, excess, rule)
-        return Spreads(spread, _with(spread, beyond), spread.covariance)
-    effective = find_effective(problem, internal, found)
-    spread = _spread(effective.values, effective.pooled, f"{rule}, and what {places} places differ by", confidence)
-    return Spreads(spread, _with(spread, beyond), effective.pooled.assumed, between_places(effective.pooled))
+        return _of_few_places(problem, internal, found, excess, rule, doubts)
+    rule = f"{rule}, what {places} places differ by"
+    near = settle(problem, internal, found)
+    effective, between = _spread(near, rule, confidence), between_places(near.pooled)
+    if doubts is None:
+        return Spreads(effective, effective, near.pooled.assumed, between)
+    far = settle(problem, internal, found, doubts)
+    physical = _spread(far, f"{rule}, and {_told(doubts)}", confidence)
+    amounts = _estimates(doubts, far.amounts, far.pooled.reach(confidence)[internal.size :])
+    return Spreads(effective, physical, near.pooled.assumed, between, amounts)
 
 
-def _of_few_places(problem: Problem, internal: FloatArray, found: Influence, excess: float, rule: str) -> Spread:
+def _of_few_places(
+    problem: Problem, internal: FloatArray, found: Influence, excess: float, rule: str, doubts: Named | None
+) -> Spreads:
     """What noise and assumed errors give, widened by the misfit: too few places to see what they differ by."""
     covariance = structured_covariance(problem, found) * max(1.0, excess)
     covariance += load_doubt(problem, internal, found.inverse, found.weighted)
-    widened = rule if excess <= 1 else f"{rule}, widened by the misfit"
-    return Spread(internal, covariance, np.full(internal.size, np.inf), widened)
+    told = rule if excess <= 1 else f"{rule}, widened by the misfit"
+    spread = Spread(internal, covariance, np.full(internal.size, np.inf), told)
+    if doubts is None:
+        return Spreads(spread, spread, covariance)
+    # The estimator's own gain: its weights, not those of what places say.
+    pulls = np.real(np.einsum("cfoip,cfoiq->pq", found.weighted.conj(), doubts.columns, optimize=True))
+    moved = found.inverse @ pulls * np.hypot(doubts.common_std, doubts.place_std)
+    physical = Spread(internal, covariance + moved @ moved.T, spread.degrees_of_freedom, f"{told}, and {_told(doubts)}")
+    return Spreads(spread, physical, covariance)
 
 
-def _with(spread: Spread, beyond: FloatArray) -> Spread:
-    rule = f"{spread.rule}, and what the rigid fit leaves open" if beyond.any() else spread.rule
-    return replace(spread, covariance=spread.covariance + beyond, rule=rule)
+def _told(doubts: Named) -> str:
+    rigid = "what the rigid fit leaves open among " if doubts.rigid else ""
+    return f"{rigid}{len(doubts.doubts)} doubts of the robot file"
 
 
-def _spread(values: FloatArray, pooled: Pooled, rule: str, confidence: float) -> Spread:
-    size = values.size
-    covariance, freedom = pooled.spread(confidence)
-    return Spread(values, covariance[:size, :size], freedom[:size], rule)
+def _spread(settled: Settled, rule: str, confidence: float) -> Spread:
+    size = settled.values.size
+    covariance, freedom = settled.pooled.spread(confidence)
+    return Spread(settled.values, covariance[:size, :size], freedom[:size], rule)
+
+
+def _estimates(doubts: Named, amounts: FloatArray, reach: FloatArray) -> NamedDoubts:
+    every = doubts.doubts
+    return NamedDoubts(
+        names=tuple(doubt.name for doubt in every),
+        causes=tuple(doubt.cause for doubt in every),
+        units=tuple(doubt.unit for doubt in every),
+        prior_std=doubts.common_std,
+        place_std=doubts.place_std,
+        value=amounts,
+        half_width=reach,
+    )
 
 
 def between_places(pooled: Pooled) -> Between:

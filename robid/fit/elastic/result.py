@@ -10,6 +10,7 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.elastic.bootstrap import Map, bootstrap
 from robid.fit.elastic.intervals import FEWEST_PLACES, Spread, Spreads, find_spreads
 from robid.fit.elastic.model_error import ModelError, estimate_model_error
+from robid.fit.elastic.named import Named
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import ParameterMap
 from robid.fit.elastic.problem import Problem
@@ -42,7 +43,7 @@ def make_solution(
     predicted: FloatArray,
     dropped: int,
     parallel_map: Map,
-    beyond: FloatArray,
+    doubts: Named | None,
 ) -> ElasticSolution:
     """Puts together what a fit found.
 
@@ -54,14 +55,14 @@ def make_solution(
         predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
         dropped: Response elements that the logarithm dropped.
         parallel_map: Ordered map that runs the bootstrap.
-        beyond (n_param, n_param): Covariance by what the rigid parameters leave open, zero where they are the file's.
+        doubts: What the robot file may have wrong.
     """
     parameters, internal = problem.parameters, best.parameters
     modelled = problem.model_response(internal)
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
     error = estimate_model_error(problem, internal, found)
-    spreads = find_spreads(problem, internal, found, excess, options.confidence, beyond)
+    spreads = find_spreads(problem, internal, found, excess, options.confidence, doubts)
     costs = np.array([end.cost for end in ends])
     return ElasticSolution(
         estimate=_estimate(
@@ -86,6 +87,7 @@ def make_solution(
         responses=Responses(problem.frf.configurations, problem.frf.frequency_hz, problem.measured(internal), modelled),
         model_error=error,
         effective=spreads.between,
+        doubts=spreads.doubts,
         **_from_realizations(problem, options, internal, found, parallel_map),
     )
 

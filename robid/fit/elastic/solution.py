@@ -117,6 +117,29 @@ class Between:
 
 
 @dataclass(frozen=True)
+class NamedDoubts:
+    """What a fit says of what its robot file may have wrong, to first order.
+
+    Attributes:
+        names: Name of each doubt.
+        causes: Likely cause that each stands for.
+        units: Unit of each amount.
+        prior_std (n_doubt,): Deviation known beforehand, of the amounts that all places share.
+        place_std (n_doubt,): Deviation of what each place adds.
+        value (n_doubt,): Estimated amounts; zero where the file is right.
+        half_width (n_doubt,): Half widths of their intervals.
+    """
+
+    names: tuple[str, ...]
+    causes: tuple[str, ...]
+    units: tuple[str, ...]
+    prior_std: FloatArray
+    place_std: FloatArray
+    value: FloatArray
+    half_width: FloatArray
+
+
+@dataclass(frozen=True)
 class ElasticSolution:
     """Estimated parameters of an elastic model, and how the fit got there.
 
@@ -132,6 +155,7 @@ class ElasticSolution:
             parameters instead of the structured covariance; None without realizations.
         bootstrap: The uncertainty from repeated fits; None without a bootstrap.
         effective: How places differ; None with fewer than four places, or without a covariance.
+        doubts: What the data say of the robot file's doubts; None where they were not estimated along.
     """
 
     estimate: Estimate
@@ -144,3 +168,4 @@ class ElasticSolution:
     realization_relative_std: FloatArray | None = None
     bootstrap: Resampled | None = None
     effective: Between | None = None
+    doubts: NamedDoubts | None = None

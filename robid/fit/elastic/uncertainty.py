@@ -91,7 +91,7 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
     The pull is twice the weighted residuals' real product with their derivative: the slope of the log-likelihood
     where the weights are right.
     """
-    n_conf, n_param = len(found.gain), found.inverse.shape[0]
+    n_conf, n_param = len(found.gain), found.gain.shape[-1]
     relative = problem.residual_kind.per_relative(problem.frf.response)
     error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
     assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)

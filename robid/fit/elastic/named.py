@@ -1,0 +1,74 @@
+"""The doubts of a robot file that a fit carries along, as further columns of its problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.fit.elastic.considered import DoubtfulRobot
+from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.columns import doubt_columns
+from robid.fit.elastic.doubts.listing import list_doubts
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.problem import Problem
+from robid.robot.description import Robot
+
+_KNOWN_TORQUE = "N m"
+
+
+@dataclass(frozen=True)
+class Named:
+    """Doubts with what they do to the residual.
+
+    Attributes:
+        doubts: The doubts.
+        columns (n_conf, n_freq, n_out, n_in, n_doubt): Negative derivatives of the residual by their amounts.
+        rigid: Whether a rigid fit says how far masses may be off.
+    """
+
+    doubts: tuple[DoubtColumn, ...]
+    columns: ComplexArray
+    rigid: bool
+
+    @property
+    def common_std(self) -> FloatArray:
+        """Deviation (n_doubt,) of the amounts that all places share."""
+        return np.array([doubt.common_std for doubt in self.doubts])
+
+    @property
+    def place_std(self) -> FloatArray:
+        """Deviation (n_doubt,) of what each place adds."""
+        return np.array([doubt.place_std for doubt in self.doubts])
+
+
+def name_doubts(
+    problem: Problem,
+    internal: FloatArray,
+    robot: Robot,
+    options: ElasticOptions,
+    doubtful: Sequence[DoubtfulRobot] = (),
+) -> Named | None:
+    """Lists what the robot file may have wrong and linearises it at the minimum of a fit.
+
+    A torque constant that is estimated along, or that every value is a ratio to, is none of them.
+
+    Args:
+        problem: The problem, at its minimum.
+        internal (n_param,): The minimum.
+        robot: The robot that the fit started from.
+        options: Options of the fit.
+        doubtful: Robots that are off along independent directions that a rigid fit leaves open.
+
+    Returns:
+        The doubts; None where there are none.
+    """
+    left_out = {f"{joint.name}.torque_constant" for joint in robot.joints}
+    if problem.frf.input_unit == _KNOWN_TORQUE:
+        left_out = {name for name in left_out if name.replace("constant", "scale") in problem.parameters.names}
+    doubts = tuple(doubt for doubt in list_doubts(robot, doubtful) if doubt.name not in left_out)
+    if not doubts:
+        return None
+    return Named(doubts, doubt_columns(problem, internal, robot, options, doubts), bool(doubtful))
