@@ -27,3 +27,38 @@ class Doubts:
     torque_relative_std: float = field(
         default=0.02, metadata={"description": "Of a motor's torque constant, relative.", "ge": 0}
     )
+    coupling_std: float = field(
+        default=0.002,
+        metadata={"description": "Of a gear coupling, arm turns of this joint per arm turn of another.", "ge": 0},
+    )
+    arm_friction: float = field(
+        default=0.05,
+        metadata={
+            "description": "Of viscous friction behind the transmission, over what the link's own inertia asks for at"
+            " 10 Hz; where `arm_viscous` is not estimated.",
+            "ge": 0,
+        },
+    )
+    friction: float = field(
+        default=0.02,
+        metadata={
+            "description": "Of what friction leaves in a motor's torque, in phase with its angle and losing energy,"
+            " over what its rotor asks for at 10 Hz.",
+            "ge": 0,
+        },
+    )
+    loss_factor: float = field(
+        default=0.02,
+        metadata={"description": "Of the largest loss factor of a gear's hysteresis, which stiffens it too.", "ge": 0},
+    )
+    load_stiffness: float = field(
+        default=0.1,
+        metadata={"description": "Of a gear's stiffness over the range of its loads, relative.", "ge": 0},
+    )
+    compliance: float = field(
+        default=0.05,
+        metadata={
+            "description": "Of the compliance of bearings and base that the file lacks, over that of the joint's gear.",
+            "ge": 0,
+        },
+    )

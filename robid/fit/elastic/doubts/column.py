@@ -28,6 +28,7 @@ class DoubtColumn:
 
     Attributes:
         name: What it is, in one word as parameters are named: `axis_2.mass`.
+        title: The same for a sentence.
         cause: The likely cause that it stands for, of `robid.validation.doubt.CAUSES`.
         unit: Unit of its amounts.
         common_std: Standard deviation of the amount that all places share.
@@ -38,6 +39,7 @@ class DoubtColumn:
     """
 
     name: str
+    title: str
     cause: str
     unit: str
     common_std: float

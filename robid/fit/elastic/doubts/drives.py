@@ -1,19 +1,28 @@
-"""Doubts of what moves the joints: torque constants."""
+"""Doubts of what moves the joints: torque constants, rotors, gear couplings, friction of motors and arms."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
 
 import numpy as np
 
 from robid.arrays import ComplexArray
-from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.scene import Scene
+from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
+from robid.robot.parameters import element_names
 
 _OF_PLACE = 0.25  # of a torque constant's deviation: what temperature does between places
 _PERCENT = 100.0
+_TURN_10_HZ = 20 * np.pi
+_COUPLING_STEP = 1e-2  # percent
+_WRIST, _WITH_WRIST = 3, 6  # joints of a wrist whose motors sit before it, and of an arm that has one
+_OF_LINK = "% of what its link's inertia asks for at 10 Hz"
+_OF_ROTOR = "% of what its rotor asks for at 10 Hz"
 
 
 @dataclass(frozen=True)
@@ -33,10 +42,122 @@ class TorqueScale:
         return found
 
 
+@dataclass(frozen=True)
+class RotorShare:
+    """A rotor's inertia that is off by some percent, where no fit estimates it.
+
+    Attributes:
+        joint: Index of the motor.
+    """
+
+    joint: int
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        size = scene.values.motor_inertia[self.joint] / _PERCENT
+        return np.asarray(scene.rotor_slopes[..., self.joint] * size)
+
+
+@dataclass(frozen=True)
+class ArmFriction:
+    """Viscous friction behind a transmission, in percent of what its link's inertia asks for at 10 Hz.
+
+    Attributes:
+        joint: Index of the joint.
+    """
+
+    joint: int
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        size = _TURN_10_HZ * scene.values.link_inertia[self.joint] / _PERCENT
+        return np.asarray(scene.arm_slopes[..., self.joint] * size)
+
+
+@dataclass(frozen=True)
+class MotorFriction:
+    """A torque that follows a motor's angle, in percent of what its rotor asks for at 10 Hz.
+
+    Attributes:
+        joint: Index of the motor.
+        phase: Its direction in the complex plane: 1 as a spring's, 1j as that of a loss whatever the speed.
+    """
+
+    joint: int
+    phase: complex
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount; zero without that angle."""
+        frf, whole = scene.problem.frf, scene.response.sampled
+        name = frf.input_names[self.joint]
+        if name not in frf.output_names:
+            return np.zeros_like(whole)
+        row = frf.output_names.index(name)
+        square = (2 * np.pi * frf.frequency_hz) ** 2
+        size = scene.values.motor_inertia[self.joint] * _TURN_10_HZ**2 / _PERCENT
+        moved = whole[..., :, self.joint, None] * whole[..., row, None, :] / whole
+        return np.asarray(self.phase * size * moved / square[:, None, None])
+
+
 def torque_doubts(robot: Robot) -> Iterator[DoubtColumn]:
     """Yields the doubts of the motors' torque constants."""
     for index, joint in enumerate(robot.joints):
         std = _PERCENT * joint.doubts.torque_relative_std
         if std > 0:
-            name = f"{joint.name}.torque_constant"
-            yield DoubtColumn(name, "torque_constant", "%", std, _OF_PLACE * std, TorqueScale(index))
+            names = f"{joint.name}.torque_constant", f"torque constant of {joint.name}"
+            yield DoubtColumn(*names, "torque_constant", "%", std, _OF_PLACE * std, TorqueScale(index))
+
+
+def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
+    """Yields the doubts of rotor inertias that no fit estimates."""
+    for index, joint in enumerate(robot.joints):
+        name, std = f"{joint.name}.motor_inertia", _PERCENT * joint.motor.inertia_relative_std
+        if not is_estimated(options, "motor_inertia", name):
+            title = f"rotor inertia of {joint.name}"
+            yield DoubtColumn(name, title, "rotor_inertia", "%", std, 0.0, RotorShare(index), least=-_PERCENT)
+
+
+def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
+    """Yields the doubts of friction: of arms, where nothing estimates it, and what is left of the motors'."""
+    for index, (joint, name) in enumerate(zip(robot.joints, element_names(robot, "arm_viscous"), strict=True)):
+        std = _PERCENT * joint.doubts.arm_friction
+        if std > 0 and name is not None and not is_estimated(options, "arm_viscous", name):
+            names = name, f"viscous friction of {joint.name}'s arm"
+            yield DoubtColumn(*names, "arm_friction", _OF_LINK, std, std, ArmFriction(index), least=0.0)
+    kinds: tuple[tuple[Literal["friction_spring", "friction_loss"], str, complex], ...] = (
+        ("friction_spring", "in phase with its angle", 1.0),
+        ("friction_loss", "that loses energy", 1j),
+    )
+    for index, joint in enumerate(robot.joints):
+        std = _PERCENT * joint.doubts.friction
+        for kind, what, phase in kinds if std > 0 else ():
+            names = f"{joint.name}.{kind}", f"friction of {joint.name} {what}"
+            yield DoubtColumn(*names, "friction", _OF_ROTOR, std, std, MotorFriction(index, phase))
+
+
+def coupling_doubts(robot: Robot) -> Iterator[DoubtColumn]:
+    """Yields the doubts of gear couplings: those that the file states, and those of an arm's wrist."""
+    n_joint = len(robot.joints)
+    wrist = range(n_joint - _WRIST, n_joint) if n_joint >= _WITH_WRIST else range(0)
+    for index, joint in enumerate(robot.joints):
+        std = _PERCENT * joint.doubts.coupling_std
+        for other, driven in enumerate(robot.joints):
+            inside = other < index and index in wrist and other in wrist
+            turning = joint.type == driven.type == "revolute" and other != index and not robot.rigid[index]
+            if std > 0 and turning and (inside or driven.name in joint.couplings):
+                names = f"{joint.name}.coupling_{driven.name}", f"turn of {joint.name} by the motor of {driven.name}"
+                move = RobotMove(partial(_with_coupling, robot, index, other), _COUPLING_STEP)
+                yield DoubtColumn(*names, "gear_coupling", "% of a turn", std, 0.0, move)
+
+
+def is_estimated(options: ElasticOptions, kind: str, name: str) -> bool:
+    """Whether a fit estimates a parameter."""
+    return kind in options.free and name not in options.fixed
+
+
+def _with_coupling(robot: Robot, index: int, other: int, percent: float) -> Robot:
+    """The robot with a joint that turns by more percent of what another joint's motor does to its own."""
+    joint, driven = robot.joints[index], robot.joints[other]
+    turn = joint.couplings.get(driven.name, 0.0) + percent / _PERCENT / driven.motor.gear_ratio
+    coupled = replace(joint, couplings={**joint.couplings, driven.name: turn})
+    return replace(robot, joints=(*robot.joints[:index], coupled, *robot.joints[index + 1 :]))

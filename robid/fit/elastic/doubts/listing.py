@@ -10,22 +10,37 @@ import numpy as np
 from robid.arrays import ComplexArray
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.drives import torque_doubts
+from robid.fit.elastic.doubts.drives import coupling_doubts, friction_doubts, rotor_doubts, torque_doubts
+from robid.fit.elastic.doubts.gears import gear_doubts
 from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
 from robid.fit.elastic.doubts.scene import Scene
+from robid.fit.elastic.doubts.springs import spring_doubts
+from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 
 
-def list_doubts(robot: Robot, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[DoubtColumn, ...]:
+def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[DoubtColumn, ...]:
     """Lists the doubts of a robot file with the priors that it states.
+
+    What the fit estimates is none: rotor inertias, viscous friction of arms, cubic gears.
 
     Args:
         robot: The robot that the fit starts from, with its campaign's payload.
+        options: Options of the fit.
         rigid: Robots that are off along the independent directions that a rigid fit leaves open, which take the place
             of the file's doubts of links.
     """
     of_links = _rigid_doubts(rigid) if rigid else link_doubts(robot)
-    return (*payload_doubts(robot), *of_links, *torque_doubts(robot))
+    return (
+        *payload_doubts(robot),
+        *of_links,
+        *torque_doubts(robot),
+        *rotor_doubts(robot, options),
+        *coupling_doubts(robot),
+        *gear_doubts(robot, options),
+        *friction_doubts(robot, options),
+        *spring_doubts(robot),
+    )
 
 
 @dataclass(frozen=True)
@@ -46,6 +61,6 @@ class RigidError:
 
 def _rigid_doubts(rigid: Sequence[DoubtfulRobot]) -> list[DoubtColumn]:
     return [
-        DoubtColumn(f"rigid.{number}", "masses", "std", 1.0, 0.0, RigidError(off))
+        DoubtColumn(f"rigid.{number}", f"error {number} of the rigid fit", "masses", "std", 1.0, 0.0, RigidError(off))
         for number, off in enumerate(rigid, start=1)
     ]

@@ -25,11 +25,12 @@ def link_doubts(robot: Robot) -> Iterator[DoubtColumn]:
         if doubts.mass_relative_std > 0:
             move = RobotMove(partial(_with_link_share, robot, index), _PERCENT * _SHARE_STEP)
             std = _PERCENT * doubts.mass_relative_std
-            yield DoubtColumn(f"{joint.name}.mass", "masses", "%", std, 0.0, move, least=-100.0, most=100.0)
+            names = f"{joint.name}.mass", f"mass of link {joint.name}"
+            yield DoubtColumn(*names, "masses", "%", std, 0.0, move, least=-_PERCENT, most=_PERCENT)
         if doubts.com_m > 0 and joint.link.mass_kg > 0:
             for axis, letter in enumerate("xyz"):
                 move = RobotMove(partial(_with_link_at, robot, index, np.eye(3)[axis]), _MM * _STEP_M)
-                yield _centre(f"{joint.name}.com_{letter}", "masses", doubts.com_m, move)
+                yield _centre(joint.name, f"link {joint.name}", letter, "masses", doubts.com_m, move)
 
 
 def payload_doubts(robot: Robot) -> Iterator[DoubtColumn]:
@@ -40,19 +41,22 @@ def payload_doubts(robot: Robot) -> Iterator[DoubtColumn]:
     if doubts.payload_relative_std > 0:
         std = doubts.payload_relative_std * load.mass_kg
         move = RobotMove(partial(_with_payload_mass, robot), _SHARE_STEP * load.mass_kg)
-        yield DoubtColumn("payload.mass", "payload", "kg", std, 0.0, move, least=-load.mass_kg, most=load.mass_kg)
+        names = "payload.mass", "payload mass"
+        yield DoubtColumn(*names, "payload", "kg", std, 0.0, move, least=-load.mass_kg, most=load.mass_kg)
     if doubts.payload_com_m > 0:
         for axis, letter in enumerate("xyz"):
             move = RobotMove(partial(_with_payload_at, robot, np.eye(3)[axis]), _MM * _STEP_M)
-            yield _centre(f"payload.com_{letter}", "payload", doubts.payload_com_m, move)
+            yield _centre("payload", "the payload", letter, "payload", doubts.payload_com_m, move)
     if doubts.payload_inertia_relative_std > 0 and load.inertia_kgm2.any():
         std = _PERCENT * doubts.payload_inertia_relative_std
         move = RobotMove(partial(_with_payload_inertia, robot), _PERCENT * _SHARE_STEP)
-        yield DoubtColumn("payload.inertia", "payload", "%", std, 0.0, move, least=-100.0)
+        names = "payload.inertia", "inertia of the payload"
+        yield DoubtColumn(*names, "payload", "%", std, 0.0, move, least=-_PERCENT)
 
 
-def _centre(name: str, cause: str, std_m: float, move: RobotMove) -> DoubtColumn:
-    return DoubtColumn(name, cause, "mm", _MM * std_m, 0.0, move, least=-_FARTHEST_MM, most=_FARTHEST_MM)
+def _centre(owner: str, body: str, letter: str, cause: str, std_m: float, move: RobotMove) -> DoubtColumn:
+    names = f"{owner}.com_{letter}", f"centre of mass of {body} along {letter}"
+    return DoubtColumn(*names, cause, "mm", _MM * std_m, 0.0, move, least=-_FARTHEST_MM, most=_FARTHEST_MM)
 
 
 def _shared(factor: float, body: Inertial) -> Inertial:

@@ -10,9 +10,10 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.rest_model import rest_model
+from robid.fit.elastic.rest_model import rest_model, spring_load
 from robid.robot.derivatives import jacobian
-from robid.robot.description import Robot
+from robid.robot.description import Robot, Spring
+from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, Response, response, with_values
 
 
@@ -40,31 +41,75 @@ class Scene:
     @cached_property
     def response(self) -> Response:
         """The model's response."""
-        return self._responded(self.values)
+        return self._response(self.problem.model, self.values)
 
     @cached_property
     def at_rest(self) -> ComplexArray:
         """Response (n_conf, n_freq, n_out, n_in) of the robot itself, at rest with these values."""
         return self.sampled(self.robot)
 
-    def slopes(self, kind: str) -> ComplexArray:
-        """Derivatives (n_conf, n_freq, n_out, n_in, n_element) of the log response by the values of one kind."""
-        period = self.problem.frf.hold_period_s
-        found = jacobian(self.problem.model, self.values, self.response, (kind,), period)
-        return np.asarray(found / self.response.sampled[..., None])
+    @cached_property
+    def stiffness_slopes(self) -> ComplexArray:
+        """Derivatives (n_conf, n_freq, n_out, n_in, n_spring) of the log response by the springs' relative slopes."""
+        linear = replace(self.values, cubic=np.zeros_like(self.values.cubic))
+        stiffness = self.response.springs.stiffness
+        model = replace(self.response.model, rest=replace(self.response.model.rest, moves=None))
+        found = jacobian(model, linear, replace(self.response, model=model), ("stiffness",), self._period)
+        slopes = found / model.rest.factor[:, None, None, None] * stiffness[:, None, None, None]
+        return np.asarray(slopes / self.response.sampled[..., None])
+
+    @cached_property
+    def rotor_slopes(self) -> ComplexArray:
+        """Derivatives (n_conf, n_freq, n_out, n_in, n_joint) of the log response by the rotors' inertias."""
+        return self._slopes("motor_inertia")
+
+    @cached_property
+    def arm_slopes(self) -> ComplexArray:
+        """Derivatives (n_conf, n_freq, n_out, n_in, n_joint) of the log response by the arms' viscous friction."""
+        return self._slopes("arm_viscous")
+
+    @cached_property
+    def swing(self) -> FloatArray:
+        """Mean square deflections (n_conf, n_freq, n_spring) at each line; zero where the torques are not known."""
+        frf, values = self.problem.frf, self.values
+        if frf.input_amplitude is None or any(name not in frf.output_names for name in frf.input_names):
+            return np.zeros((*frf.response.shape[:2], len(self.robot.springs)))
+        power = np.nan_to_num(spring_load(self.robot, frf, values).power)
+        square = (2 * np.pi * frf.frequency_hz[:, None]) ** 2
+        return np.asarray(power / (values.stiffness**2 + square * values.damping**2))
 
     def sampled(self, robot: Robot) -> ComplexArray:
-        """Response (n_conf, n_freq, n_out, n_in) of another robot of the same springs, with the fitted values.
+        """Response (n_conf, n_freq, n_out, n_in) of another robot of the same springs, with the fitted values."""
+        return self._response(*self._rested(robot, self.values)).sampled
 
-        It rests where gravity lets it, so that no first derivative of its matrices by the rest is needed.
-        """
+    def extended(self, spring: Spring) -> ComplexArray:
+        """Response (n_conf, n_freq, n_out, n_in) of the robot with one spring more."""
+        now = self.values
+        values = replace(
+            now,
+            stiffness=np.append(now.stiffness, spring.stiffness),
+            damping=np.append(now.damping, spring.damping),
+            cubic=np.append(now.cubic, spring.cubic),
+            location=np.append(now.location, spring.point_m),
+        )
+        robot = replace(self.robot, springs=(*self.robot.springs, spring))
+        return self._response(*self._rested(robot, values)).sampled
+
+    @property
+    def _period(self) -> float | None:
+        return self.problem.frf.hold_period_s
+
+    def _slopes(self, kind: str) -> ComplexArray:
+        found = jacobian(self.problem.model, self.values, self.response, (kind,), self._period)
+        return np.asarray(found / self.response.sampled[..., None])
+
+    def _rested(self, robot: Robot, values: ElasticParameters) -> tuple[LinearModel, ElasticParameters]:
+        """Another robot where gravity lets it rest, so that no derivative of its matrices by the rest is needed."""
         frf, free = self.problem.frf, tuple(kind for kind in self.options.free if kind != "location")
         options = replace(self.options, statics="updates", free=free)
-        model = rest_model(robot, frf, options, float(self.values.delay[0]), self.values)
-        inertia = self.values.link_inertia + model.axial - self.problem.model.axial
-        values = with_values(self.values, "link_inertia", inertia)
-        return response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
+        model = rest_model(robot, frf, options, float(values.delay[0]), values)
+        inertia = values.link_inertia + model.axial - self.problem.model.axial
+        return model, with_values(values, "link_inertia", inertia)
 
-    def _responded(self, values: ElasticParameters) -> Response:
-        frf = self.problem.frf
-        return response(self.problem.model, values, frf.frequency_hz, frf.hold_period_s)
+    def _response(self, model: LinearModel, values: ElasticParameters) -> Response:
+        return response(model, values, self.problem.frf.frequency_hz, self._period)

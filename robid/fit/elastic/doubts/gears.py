@@ -1,0 +1,106 @@
+"""Doubts of gears: hysteresis, and stiffness that depends on the load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.drives import is_estimated
+from robid.fit.elastic.doubts.scene import Scene
+from robid.fit.elastic.options import ElasticOptions
+from robid.robot.description import Robot
+
+_PERCENT = 100.0
+_MEAN_SIZE = np.sqrt(2 / np.pi)  # of a normal variable, over its deviation
+_NO_LOAD_RAD = 1e-9
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """A bristle beside a gear, amounts in percent of loss factor where it loses most.
+
+    A bristle that slips at a deflection `h` obeys `dz/dt = dx/dt - |dx/dt| z / h`. Under a normal motion whose speed
+    has the deviation `v` it does as a spring in series with a damper: its torque goes with `g jw / (jw + w_h)` times
+    the deflection, with the corner `w_h = sqrt(2 / pi) v / h` and a gain `g` below one. It stiffens what moves little
+    or fast, and loses most at the corner, half as much. It is taken to slip where the gear swings, root mean square
+    over the configurations, as predicted from the measured torques: there it does most harm.
+
+    Attributes:
+        spring: Index of the gear.
+
+    Source:
+        Dahl (1968); statistical linearisation as in Roberts and Spanos (1990), ch. 8; METHODS sec. 1 (Linearisation).
+    """
+
+    spring: int
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        omega = 2 * np.pi * scene.problem.frf.frequency_hz
+        share = bristle_share(omega, scene.swing[:, :, self.spring])
+        return np.asarray(2 * share[:, :, None, None] * scene.stiffness_slopes[..., self.spring] / _PERCENT)
+
+
+def bristle_share(omega: FloatArray, swing: FloatArray) -> ComplexArray:
+    """What bristles add to a spring, over their stiffness times their mean gain, as `Hysteresis` says.
+
+    Args:
+        omega (n_freq,): Angular frequencies [rad/s].
+        swing (n_conf, n_freq): Mean square deflection at each line; where all are zero, motion is taken to be alike.
+
+    Returns:
+        Shares (n_conf, n_freq).
+    """
+    if not swing.any():
+        return np.broadcast_to(1j * omega / (1j * omega + np.exp(np.log(omega).mean())), swing.shape)
+    slip = np.sqrt(swing.sum(axis=1).mean())
+    power = omega**2 * swing
+    speed = np.sqrt(power.sum(axis=1, keepdims=True))
+    corner = _MEAN_SIZE * speed / slip
+    pulled = (power * corner / (omega**2 + corner**2)).sum(axis=1, keepdims=True)
+    gain = 1 / (1 + _MEAN_SIZE * pulled / (np.maximum(speed, np.finfo(float).tiny) * slip))
+    return np.asarray(gain / gain.mean() * 1j * omega / (1j * omega + corner))
+
+
+@dataclass(frozen=True)
+class LoadStiffness:
+    """A gear that is stiffer by some percent at the largest of its loads than at their mean.
+
+    Attributes:
+        spring: Index of the gear.
+    """
+
+    spring: int
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount; zero where loads are alike."""
+        load = np.abs(scene.problem.model.rest.deflection[:, self.spring])
+        spread = load - load.mean()
+        most = np.abs(spread).max()
+        share = spread / most if most > _NO_LOAD_RAD else np.zeros_like(spread)
+        return np.asarray(share[:, None, None, None] * scene.stiffness_slopes[..., self.spring] / _PERCENT)
+
+
+def gear_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
+    """Yields the doubts of the transmissions."""
+    for index, spring in enumerate(robot.springs):
+        doubts = robot.joints[spring.joint].doubts
+        if spring.place != "transmission":
+            continue
+        if doubts.loss_factor > 0:
+            std, names = _PERCENT * doubts.loss_factor, (f"{spring.name}.hysteresis", f"losses of {spring.name}")
+            yield DoubtColumn(*names, "gear_nonlinearity", "%", std, std, Hysteresis(index), least=0.0)
+        cubic = f"{spring.name}.cubic"
+        if doubts.load_stiffness > 0 and not is_estimated(options, "cubic", cubic):
+            std, names = (
+                _PERCENT * doubts.load_stiffness,
+                (
+                    f"{spring.name}.load_stiffness",
+                    f"stiffness of {spring.name} by its load",
+                ),
+            )
+            yield DoubtColumn(*names, "gear_nonlinearity", "%", std, 0.0, LoadStiffness(index), -_PERCENT, _PERCENT)
