@@ -73,7 +73,8 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
     """Weighs places by what noise and their differences leave of their information, from the minimum of a fit on.
 
     Without doubts, that is what predicts other places. With them, places also say what the robot file has wrong, as far
-    as their data and what is known of it beforehand tell.
+    as their data and what is known of it beforehand tell; that takes a single step, for elsewhere the parameters' own
+    derivatives would no longer be those that the doubts go with.
 
     Args:
         problem: The problem, at its minimum.
@@ -87,7 +88,7 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
         found = _extended(problem, internal, found, doubts)
         given = np.concatenate([given, doubts.place_std**2])
     covariance = score_covariance(problem, found)
-    for _ in range(_STEPS):
+    for _ in range(_STEPS if doubts is None else 1):
         evidence = place_evidence(problem, values, covariance, doubts)
         pooled = pool(evidence, estimate_between(evidence, given).variance)
         step = np.clip(pooled.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)

@@ -13,7 +13,7 @@ from robid.fit.elastic.effective import Settled, settle
 from robid.fit.elastic.named import Named
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import Between, NamedDoubts
-from robid.fit.elastic.uncertainty import Influence, structured_covariance
+from robid.fit.elastic.uncertainty import Influence, influence, structured_covariance
 from robid.places.grouping import group_places
 from robid.places.pooling import Pooled
 
@@ -88,7 +88,7 @@ def find_spreads(
     effective, between = _spread(near, rule, confidence), between_places(near.pooled)
     if doubts is None:
         return Spreads(effective, effective, near.pooled.assumed, between)
-    far = settle(problem, internal, found, doubts)
+    far = settle(doubts.problem, internal, influence(doubts.problem, internal), doubts)
     physical = _spread(far, f"{rule}, and {_told(doubts)}", confidence)
     amounts = _estimates(doubts, far.amounts, far.pooled.reach(confidence)[internal.size :])
     return Spreads(effective, physical, near.pooled.assumed, between, amounts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from robid.fit.elastic.doubts.columns import doubt_columns
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
+from robid.fit.elastic.rest_model import rest_model
 from robid.robot.description import Robot
 
 _KNOWN_TORQUE = "N m"
@@ -25,11 +26,14 @@ class Named:
 
     Attributes:
         doubts: The doubts.
+        problem: The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link
+            weighs, or what acts alike seems to be told apart.
         columns (n_conf, n_freq, n_out, n_in, n_doubt): Negative derivatives of the residual by their amounts.
         rigid: Whether a rigid fit says how far masses may be off.
     """
 
     doubts: tuple[DoubtColumn, ...]
+    problem: Problem
     columns: ComplexArray
     rigid: bool
 
@@ -68,7 +72,10 @@ def name_doubts(
     left_out = {f"{joint.name}.torque_constant" for joint in robot.joints}
     if problem.frf.input_unit == _KNOWN_TORQUE:
         left_out = {name for name in left_out if name.replace("constant", "scale") in problem.parameters.names}
-    doubts = tuple(doubt for doubt in list_doubts(robot, doubtful) if doubt.name not in left_out)
+    doubts = tuple(doubt for doubt in list_doubts(robot, options, doubtful) if doubt.name not in left_out)
     if not doubts:
         return None
-    return Named(doubts, doubt_columns(problem, internal, robot, options, doubts), bool(doubtful))
+    resting, values = replace(options, statics="every_iterate"), problem.parameters.parameters(internal)
+    model = rest_model(robot, problem.frf, resting, float(values.delay[0]), values)
+    columns = doubt_columns(problem, internal, robot, options, doubts)
+    return Named(doubts, replace(problem, model=model), columns, bool(doubtful))
