@@ -153,8 +153,8 @@ def effective_sentence(estimates: Estimates) -> str:
     if not estimates.with_effective:
         return ""
     return (
-        "“Predicts ±” is that of what infinitely many configurations of this robot would give: how far to trust the "
-        "model in others. “Physical” is the parameter itself, whose interval holds what the robot file may have wrong."
+        "“Predicts ±” is that of what infinitely many configurations of this robot would give; “physical” is the "
+        "parameter itself, whose interval holds what the robot file may have wrong."
     )
 
 

@@ -10,6 +10,7 @@ from robid.report.parameters import (
     Estimates,
     ParameterLine,
     bootstrap_sentence,
+    effective_sentence,
     kind_title,
     parameter_line,
     ratio_sentence,
@@ -35,7 +36,7 @@ def parameter_table(estimates: Estimates) -> Group:
     nominal = ("nominal",) if estimates.with_nominal else ()
     for header in ("±", *nominal, *(("truth", "off truth") if with_truth else ())):
         table.add_column(header, justify="right", no_wrap=True)
-    footnotes = [ratio_sentence(estimates.torque_unit)]
+    footnotes = [ratio_sentence(estimates.torque_unit), effective_sentence(estimates)]
     footnotes += ["a: assumed, not published"] if any(row.assumed for row in rows) else []
     for kind in dict.fromkeys(row.kind for row in rows):
         title = kind_title(kind, estimates.torque_unit)

@@ -16,7 +16,7 @@ from robid.places.evidence import Evidence, summarise
 from robid.places.grouping import group_places
 from robid.places.pooling import Pooled, pool
 
-_STEPS = 3
+_STEPS = 10
 _LONGEST_STEP = 0.5  # of an internal parameter; beyond, nothing is linear
 _ARRIVED = 1e-2  # of a deviation
 
@@ -82,22 +82,26 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
         found: The estimator linearised there.
         doubts: Further columns, linearised there; none when not given.
     """
-    parameters, values, size = problem.parameters, internal, internal.size
+    parameters, size = problem.parameters, internal.size
     given = np.full(size, np.nan)
     if doubts is not None:
         found = _extended(problem, internal, found, doubts)
         given = np.concatenate([given, doubts.place_std**2])
     covariance = score_covariance(problem, found)
+    best, now = np.inf, internal
     for _ in range(_STEPS if doubts is None else 1):
-        evidence = place_evidence(problem, values, covariance, doubts)
-        pooled = pool(evidence, estimate_between(evidence, given).variance)
-        step = np.clip(pooled.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
-        values = np.clip(values + step, parameters.lower, parameters.upper)
-        if (np.abs(step) <= _ARRIVED * np.sqrt(np.diag(pooled.covariance)[:size])).all():
+        evidence = place_evidence(problem, now, covariance, doubts)
+        there = pool(evidence, estimate_between(evidence, given).variance)
+        length = float(np.abs(there.shift[:size] / np.sqrt(np.diag(there.covariance)[:size])).max())
+        if length >= best:
+            break  # where nothing is linear, steps lead nowhere: the last one that was shorter counts
+        step = np.clip(there.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
+        best, pooled, now = length, there, np.clip(now + step, parameters.lower, parameters.upper)
+        if length <= _ARRIVED:
             break
     assumed = pooled.assumed.copy()
     assumed[:size, :size] += load_doubt(problem, internal, found.inverse, found.weighted[..., :size])
-    return Settled(values, pooled.shift[size:], replace(pooled, assumed=assumed))
+    return Settled(now, pooled.shift[size:], replace(pooled, assumed=assumed))
 
 
 def _extended(problem: Problem, internal: FloatArray, found: Influence, doubts: Named) -> Influence:

@@ -15,7 +15,7 @@ from robid.fit.elastic.checks import check_data, check_influence, check_inputs
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.model_error import element_level
-from robid.fit.elastic.named import name_doubts
+from robid.fit.elastic.named import Suspicion
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import ParameterMap, map_parameters
@@ -93,9 +93,9 @@ def fit_elastic(
 
     best = min(ends, key=lambda end: end.cost)
     reached = _update(_Reached(problem, dropped, best), start, options, set_up_at)
-    doubts = name_doubts(reached.problem, reached.best.parameters, robot, options, doubtful) if reached.rests else None
+    suspicion = Suspicion(robot, options, doubtful) if reached.rests else None
     endings = ends, predicted, reached.dropped
-    solution = make_solution(reached.problem, options, reached.best, *endings, parallel_map, doubts)
+    solution = make_solution(reached.problem, options, reached.best, *endings, parallel_map, suspicion)
     if reached.rests:
         return solution
     advice = "; ".join(filter(None, (_NO_REST, solution.estimate.advice)))

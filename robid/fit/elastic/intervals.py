@@ -10,7 +10,7 @@ from scipy.stats import t
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.effective import Settled, settle
-from robid.fit.elastic.named import Named
+from robid.fit.elastic.named import Named, Suspicion, name_doubts
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import Between, NamedDoubts
 from robid.fit.elastic.uncertainty import Influence, influence, structured_covariance
@@ -67,7 +67,12 @@ class Spreads:
 
 
 def find_spreads(
-    problem: Problem, internal: FloatArray, found: Influence, excess: float, confidence: float, doubts: Named | None
+    problem: Problem,
+    internal: FloatArray,
+    found: Influence,
+    excess: float,
+    confidence: float,
+    suspicion: Suspicion | None = None,
 ) -> Spreads:
     """Finds how far a fit's parameters may be off.
 
@@ -77,36 +82,40 @@ def find_spreads(
         found: The estimator linearised there.
         excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance of few places.
         confidence: Level of the intervals.
-        doubts: What the robot file may have wrong.
+        suspicion: What the robot file may have wrong; nothing when not given.
     """
     places = len(group_places(problem.frf.configurations))
     rule = "noise and assumed model error" if problem.model_error.any() else "noise"
     if places < FEWEST_PLACES or not (problem.frf.element_variance().any() or problem.model_error.any()):
-        return _of_few_places(problem, internal, found, excess, rule, doubts)
-    rule = f"{rule}, what {places} places differ by"
+        return _of_few_places(problem, internal, found, excess, rule, suspicion)
+    differing = f"what {places} places differ by"
     near = settle(problem, internal, found)
-    effective, between = _spread(near, rule, confidence), between_places(near.pooled)
+    effective = _spread(near, f"{rule}, and {differing}", confidence)
+    between = between_places(near.pooled)
+    doubts = None if suspicion is None else name_doubts(problem, (near.values, internal), suspicion)
     if doubts is None:
         return Spreads(effective, effective, near.pooled.assumed, between)
-    far = settle(doubts.problem, internal, influence(doubts.problem, internal), doubts)
-    physical = _spread(far, f"{rule}, and {_told(doubts)}", confidence)
+    far = settle(doubts.problem, doubts.point, influence(doubts.problem, doubts.point), doubts)
+    physical = _spread(far, f"{rule}, {differing}, and {_told(doubts)}", confidence)
     amounts = _estimates(doubts, far.amounts, far.pooled.reach(confidence)[internal.size :])
     return Spreads(effective, physical, near.pooled.assumed, between, amounts)
 
 
 def _of_few_places(
-    problem: Problem, internal: FloatArray, found: Influence, excess: float, rule: str, doubts: Named | None
+    problem: Problem, internal: FloatArray, found: Influence, excess: float, rule: str, suspicion: Suspicion | None
 ) -> Spreads:
     """What noise and assumed errors give, widened by the misfit: too few places to see what they differ by."""
     covariance = structured_covariance(problem, found) * max(1.0, excess)
     covariance += load_doubt(problem, internal, found.inverse, found.weighted)
     told = rule if excess <= 1 else f"{rule}, widened by the misfit"
     spread = Spread(internal, covariance, np.full(internal.size, np.inf), told)
+    doubts = None if suspicion is None else name_doubts(problem, (internal,), suspicion)
     if doubts is None:
         return Spreads(spread, spread, covariance)
     # The estimator's own gain: its weights, not those of what places say.
-    pulls = np.real(np.einsum("cfoip,cfoiq->pq", found.weighted.conj(), doubts.columns, optimize=True))
-    moved = found.inverse @ pulls * np.hypot(doubts.common_std, doubts.place_std)
+    resting = influence(doubts.problem, internal)
+    pulls = np.real(np.einsum("cfoip,cfoiq->pq", resting.weighted.conj(), doubts.columns, optimize=True))
+    moved = resting.inverse @ pulls * np.hypot(doubts.common_std, doubts.place_std)
     physical = Spread(internal, covariance + moved @ moved.T, spread.degrees_of_freedom, f"{told}, and {_told(doubts)}")
     return Spreads(spread, physical, covariance)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.errors import DataError
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.columns import doubt_columns
@@ -28,12 +29,14 @@ class Named:
         doubts: The doubts.
         problem: The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link
             weighs, or what acts alike seems to be told apart.
+        point (n_param,): Internal parameters where all is linearised.
         columns (n_conf, n_freq, n_out, n_in, n_doubt): Negative derivatives of the residual by their amounts.
         rigid: Whether a rigid fit says how far masses may be off.
     """
 
     doubts: tuple[DoubtColumn, ...]
     problem: Problem
+    point: FloatArray
     columns: ComplexArray
     rigid: bool
 
@@ -48,34 +51,50 @@ class Named:
         return np.array([doubt.place_std for doubt in self.doubts])
 
 
-def name_doubts(
-    problem: Problem,
-    internal: FloatArray,
-    robot: Robot,
-    options: ElasticOptions,
-    doubtful: Sequence[DoubtfulRobot] = (),
-) -> Named | None:
-    """Lists what the robot file may have wrong and linearises it at the minimum of a fit.
+@dataclass(frozen=True)
+class Suspicion:
+    """What a fit takes for granted, to be named where its parameters are.
+
+    Attributes:
+        robot: The robot that the fit started from.
+        options: Options of the fit.
+        doubtful: Robots that are off along independent directions that a rigid fit leaves open.
+    """
+
+    robot: Robot
+    options: ElasticOptions
+    doubtful: Sequence[DoubtfulRobot] = ()
+
+
+def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion) -> Named | None:
+    """Lists what the robot file may have wrong and linearises it.
 
     A torque constant that is estimated along, or that every value is a ratio to, is none of them.
 
     Args:
-        problem: The problem, at its minimum.
-        internal (n_param,): The minimum.
-        robot: The robot that the fit started from.
-        options: Options of the fit.
-        doubtful: Robots that are off along independent directions that a rigid fit leaves open.
+        problem: The problem.
+        points: Internal parameters (n_param,) to linearise at: the first where the robot and those near it rest.
+        given: What is taken for granted.
 
     Returns:
-        The doubts; None where there are none.
+        The doubts; None where there are none, or the robot rests nowhere.
     """
-    left_out = {f"{joint.name}.torque_constant" for joint in robot.joints}
+    left_out = {f"{joint.name}.torque_constant" for joint in given.robot.joints}
     if problem.frf.input_unit == _KNOWN_TORQUE:
         left_out = {name for name in left_out if name.replace("constant", "scale") in problem.parameters.names}
-    doubts = tuple(doubt for doubt in list_doubts(robot, options, doubtful) if doubt.name not in left_out)
-    if not doubts:
-        return None
-    resting, values = replace(options, statics="every_iterate"), problem.parameters.parameters(internal)
-    model = rest_model(robot, problem.frf, resting, float(values.delay[0]), values)
-    columns = doubt_columns(problem, internal, robot, options, doubts)
-    return Named(doubts, replace(problem, model=model), columns, bool(doubtful))
+    listed = list_doubts(given.robot, given.options, given.doubtful)
+    doubts = tuple(doubt for doubt in listed if doubt.name not in left_out)
+    for point in points if doubts else ():
+        try:
+            return _linearised(problem, point, given, doubts)
+        except DataError:
+            continue
+    return None
+
+
+def _linearised(problem: Problem, point: FloatArray, given: Suspicion, doubts: tuple[DoubtColumn, ...]) -> Named:
+    values = problem.parameters.parameters(point)
+    resting = replace(given.options, statics="every_iterate")
+    model = rest_model(given.robot, problem.frf, resting, float(values.delay[0]), values)
+    columns = doubt_columns(problem, point, given.robot, given.options, doubts)
+    return Named(doubts, replace(problem, model=model), point, columns, bool(given.doubtful))

@@ -10,7 +10,7 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.elastic.bootstrap import Map, bootstrap
 from robid.fit.elastic.intervals import FEWEST_PLACES, Spread, Spreads, find_spreads
 from robid.fit.elastic.model_error import ModelError, estimate_model_error
-from robid.fit.elastic.named import Named
+from robid.fit.elastic.named import Suspicion
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import ParameterMap
 from robid.fit.elastic.problem import Problem
@@ -43,7 +43,7 @@ def make_solution(
     predicted: FloatArray,
     dropped: int,
     parallel_map: Map,
-    doubts: Named | None,
+    suspicion: Suspicion | None,
 ) -> ElasticSolution:
     """Puts together what a fit found.
 
@@ -55,14 +55,14 @@ def make_solution(
         predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
         dropped: Response elements that the logarithm dropped.
         parallel_map: Ordered map that runs the bootstrap.
-        doubts: What the robot file may have wrong.
+        suspicion: What the robot file may have wrong; nothing where the robot does not rest.
     """
     parameters, internal = problem.parameters, best.parameters
     modelled = problem.model_response(internal)
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
     error = estimate_model_error(problem, internal, found)
-    spreads = find_spreads(problem, internal, found, excess, options.confidence, doubts)
+    spreads = find_spreads(problem, internal, found, excess, options.confidence, suspicion)
     costs = np.array([end.cost for end in ends])
     return ElasticSolution(
         estimate=_estimate(

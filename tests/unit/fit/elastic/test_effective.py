@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from realizations import averaged
-from robid.fit.elastic.effective import find_effective, place_evidence
+from robid.fit.elastic.effective import place_evidence, settle
 from robid.fit.elastic.intervals import find_spreads
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions, Weights
@@ -82,7 +82,7 @@ def _bread(problem, internal):
 
 def test_without_differences_the_intervals_are_those_of_noise_and_assumed_error():
     problem, internal, found = fitted(0.0, 3)
-    effective = find_effective(problem, internal, found)
+    effective = settle(problem, internal, found)
     own = springs(problem)
     std = np.sqrt(np.diag(structured_covariance(problem, found)))
     half = effective.pooled.reach(0.95)
@@ -95,7 +95,7 @@ def test_what_springs_differ_by_is_found_and_their_mean_is_held():
     held, between, narrow = [], [], []
     for seed in range(10, 35):
         problem, internal, found = fitted(SCATTER, seed)
-        effective = find_effective(problem, internal, found)
+        effective = settle(problem, internal, found)
         own = springs(problem)
         held.append((np.abs(effective.values) <= effective.pooled.reach(0.95))[own])
         std = np.sqrt(np.diag(structured_covariance(problem, found)))
@@ -109,11 +109,11 @@ def test_what_springs_differ_by_is_found_and_their_mean_is_held():
 
 def test_amplitudes_of_one_place_are_one_place():
     problem, internal, found = fitted(SCATTER, 5, n_place=4, amplitudes=3)
-    assert (find_effective(problem, internal, found).pooled.degrees_of_freedom < 3.1).all()
+    assert (settle(problem, internal, found).pooled.degrees_of_freedom < 3.1).all()
 
 
 def spreads(problem, internal, found, excess=1.0):
-    return find_spreads(problem, internal, found, excess, 0.95, np.zeros((internal.size, internal.size)))
+    return find_spreads(problem, internal, found, excess, 0.95)
 
 
 def test_few_places_are_widened_by_the_misfit_instead():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exact_systems import exact_frf, two_joint_robot
+from exact_systems import certain, exact_frf, two_joint_robot
 from realizations import averaged
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
@@ -21,7 +21,7 @@ def solution():
     shoulder, elbow = robot.joints
     sure = replace(shoulder, motor=replace(shoulder.motor, inertia_relative_std=1e-4))
     frf = averaged(exact_frf(robot, CONFIGURATIONS, FREQUENCY_HZ), 0.003, seed=1)
-    return fit_elastic(replace(robot, joints=(sure, elbow)), frf, OPTIONS, 0.0)
+    return fit_elastic(certain(replace(robot, joints=(sure, elbow))), frf, OPTIONS, 0.0)
 
 
 def test_what_is_known_and_hardly_told_by_the_data_is_known_beforehand(solution):

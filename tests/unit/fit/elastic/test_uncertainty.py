@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
+from exact_systems import certain, exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from realizations import averaged
 from robid.errors import DataError
 from robid.fit.elastic.fitting import fit_elastic
@@ -214,7 +214,7 @@ def scattered_fit(scatter, seed):
         for index, (each, place) in enumerate(zip(factors, configurations, strict=True))
     ]
     options = replace(OPTIONS, strategy="plain", statics_updates=1)
-    return fit_elastic(two_joint_robot(), join(frfs, [str(index) for index in range(10)]), options, 0.0)
+    return fit_elastic(certain(two_joint_robot()), join(frfs, [str(index) for index in range(10)]), options, 0.0)
 
 
 def test_what_differs_between_configurations_widens_the_intervals():
@@ -231,7 +231,7 @@ def test_what_differs_between_configurations_widens_the_intervals():
         alone.append(solution.realization_relative_std[springs] / solution.estimate.relative_std[springs])
     assert np.mean(held) > 0.85
     estimate, freedom = solution.estimate, solution.internal.degrees_of_freedom
-    assert estimate.interval_rule == "noise, and what 10 places differ by"
+    assert estimate.interval_rule == "noise, what 10 places differ by, and 2 doubts of the robot file"
     reach = t.ppf(0.975, freedom) * np.sqrt(np.diag(solution.internal.covariance))
     half = 0.5 * np.log(estimate.effective_upper / estimate.effective_lower)
     np.testing.assert_allclose(half[springs], reach[springs], rtol=IDENTITY)
