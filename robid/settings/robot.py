@@ -12,6 +12,7 @@ from pydantic import Field
 from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.robot.description import Inertial, Joint, Robot
+from robid.robot.doubts import Doubts
 from robid.robot.rotation import roll_pitch_yaw
 from robid.settings.base import DATA_VARIABLE, Assumed, Vector, data_path
 from robid.settings.gears import GearSection
@@ -70,6 +71,11 @@ class RobotFile(Assumed):
     sensors: tuple[SensorSection, ...] = Field(default=(), description="Sensors beyond motors and link encoders.")
     loop_links: tuple[LoopLinkSection, ...] = Field(
         default=(), description="Links beside the chain, in closed loops; only rigid models know them."
+    )
+
+    doubts: Doubts = Field(
+        default_factory=Doubts,
+        description="How far the file may be off in what no data sheet states; 0 for what is sure.",
     )
 
     @property
@@ -149,6 +155,7 @@ class RobotFile(Assumed):
             rotor=self.rotor,
             assumed=assumed_names(self),
             notes=self.notes,
+            doubts=self.doubts,
             loop_links=tuple(
                 link.loop_link(self.joints, roll_pitch_yaw(self.base_rpy_deg)) for link in self.loop_links
             ),
@@ -187,6 +194,7 @@ class RobotFile(Assumed):
                 couplings=dict(section.couplings),
                 counterbalance=None if balance is None else balance.counterbalance(*section.geometry.link_frame()),
                 arm_viscous=section.arm_viscous,
+                doubts=section.doubts.over(self.doubts),
             )
             joints.append(joint)
         return tuple(joints)

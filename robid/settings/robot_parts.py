@@ -19,6 +19,7 @@ Part: TypeAlias = Literal[
     "friction",
     "friction_std",
     "inertia_std",
+    "doubts",
     "timing",
     "controller",
     "sensors",
@@ -56,6 +57,7 @@ _JOINT: dict[str, Part] = {
     "counterbalance": "rigid",
     "arm_viscous_nms_rad": "mechanics",
     "arm_viscous_ns_m": "mechanics",
+    "doubts": "doubts",
 }
 _ROBOT: dict[str, Part] = {
     "gravity_m_s2": "mechanics",
@@ -69,6 +71,7 @@ _ROBOT: dict[str, Part] = {
     "sensors": "sensors",
     "pose_interface": "pose",
     "floor_m": "range",
+    "doubts": "doubts",
 }
 
 _TIMING = ("sampling_period_s", "delay_samples")

@@ -13,6 +13,7 @@ from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed, Name, Section, Vector
 from robid.settings.counterbalance import CounterbalanceSection
+from robid.settings.doubts import JointDoubts
 from robid.settings.gears import GearSection, SpringDamper
 from robid.settings.robot_frames import Dh, Frame
 
@@ -156,6 +157,9 @@ class JointSection(Assumed):
     )
     arm_viscous_ns_m: float = Field(
         default=0.0, description="Of a prismatic joint, in place of `arm_viscous_nms_rad` [N s/m].", ge=0
+    )
+    doubts: JointDoubts = Field(
+        default_factory=JointDoubts, description="Of this joint, in place of the robot's `doubts`."
     )
 
     @property

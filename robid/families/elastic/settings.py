@@ -78,7 +78,7 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     """Returns what the elastic model of a campaign is made of; the delay of a log is none."""
     used = loaded.experiment.campaigns[campaign]
-    parts = robot_settings(loaded, "mechanics", "inertia_std", "sensors")
+    parts = robot_settings(loaded, "mechanics", "inertia_std", "doubts", "sensors")
     settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
     settings["delay_s"] = delay_s(loaded, used)
     return settings

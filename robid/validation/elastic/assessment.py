@@ -49,7 +49,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     used = frf if options.correct_torques else without_coefficients(frf)
     fitted = fitted_model(robot, solution, used, options, delay_s)
     if is_unexplained(solution):
-        doubts += misfit_doubts(robot, solution, fitted, options, delay_s)
+        doubts += misfit_doubts(robot, solution, fitted, options)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.doubts("the fit's own data")
     return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))

@@ -66,7 +66,7 @@ class _Scores:
 
 
 def misfit_doubts(
-    robot: Robot, solution: ElasticSolution, fitted: FittedModel, options: ElasticOptions, delay_s: float
+    robot: Robot, solution: ElasticSolution, fitted: FittedModel, options: ElasticOptions
 ) -> tuple[Doubt, ...]:
     """Names what would explain a fit's residual, the most telling first.
 
@@ -75,17 +75,16 @@ def misfit_doubts(
         solution: What the fit found.
         fitted: The fitted model in the configurations of the fit's own response.
         options: Options of the fit.
-        delay_s: Nominal delay of the fit, hold excluded [s].
 
     Returns:
         Doubts whose strength is how many half widths of its interval some parameter would move. The first is decisive
         where a spring was put in place, explains most of the residual and leaves another one far from its estimate.
     """
-    found = [each for each in explain(robot, fitted, options, delay_s) if each.share > _TELLING]
+    found = [each for each in explain(robot, fitted, options) if each.share > _TELLING]
     return tuple(_doubt(solution.estimate, each, leads=each is found[0]) for each in found)
 
 
-def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Explanation]:
+def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[Explanation]:
     """Ranks what a robot file may have wrong by how much of a fit's residual it explains.
 
     Each suspect is a column beside the parameters' own, which are at liberty to follow. Per cause the one that
@@ -96,23 +95,22 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s:
         robot: The robot file that the fit started from, with its campaign's payload.
         fitted: The fitted model in the configurations of the fit's own response.
         options: Options of the fit.
-        delay_s: Nominal delay of the fit, hold excluded [s].
 
     Source:
         Rao's score test; METHODS sec. 11.
     """
-    every = suspects(robot, fitted, options, delay_s)
+    every = suspects(robot, fitted, options)
     scores = _score(fitted, every)
     groups: dict[str, list[int]] = defaultdict(list)
     for index, suspect in enumerate(every):
-        groups[suspect.cause].append(index)
+        groups[suspect.doubt.cause].append(index)
     found = [each for group in groups.values() if (each := _explanation(every, scores, group)) is not None]
-    found += _missing_spring(robot, fitted, options, delay_s)
+    found += _missing_spring(robot, fitted, options)
     return sorted(found, key=lambda each: -each.share)
 
 
-def _missing_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[Explanation]:
-    trials = try_springs(robot, fitted, options, delay_s)[:1]
+def _missing_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[Explanation]:
+    trials = try_springs(robot, fitted, options)[:1]
     return [
         Explanation(
             "missing_spring",
@@ -167,10 +165,10 @@ def _explanation(every: list[Suspect], scores: _Scores, group: list[int]) -> Exp
         return None
     fair = gained - len(chosen) * _CHANCE * (scores.cost - gained) / scores.freedom
     return Explanation(
-        every[chosen[0]].cause,
-        tuple(every[index].name for index in chosen),
+        every[chosen[0]].doubt.cause,
+        tuple(every[index].doubt.title for index in chosen),
         amounts,
-        tuple(every[index].unit for index in chosen),
+        tuple(every[index].doubt.unit for index in chosen),
         fair / scores.cost,
         scores.follow[:, chosen] @ amounts,
     )
@@ -182,8 +180,8 @@ def _gain(scores: _Scores, chosen: list[int], every: list[Suspect]) -> tuple[flo
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(size, size) + 1e-9 * np.eye(len(chosen))
     amounts = np.linalg.solve(scaled, scores.slope[chosen] / size) / size
-    least = np.array([0.0 if every[index].positive else -every[index].most for index in chosen])
-    most = np.array([every[index].most for index in chosen])
+    least = np.array([every[index].doubt.least for index in chosen])
+    most = np.array([every[index].doubt.most for index in chosen])
     sensible = (least <= amounts).all() and (amounts <= most).all()
     explained = float(scores.slope[chosen] @ amounts) if sensible else 0.0
     return explained, amounts

@@ -9,19 +9,17 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.fit.elastic.doubts.extension import carry_over, extend_options, extend_problem
+from robid.fit.elastic.doubts.springs import gear_stiffness, is_there
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
-from robid.fit.elastic.parameters import map_parameters
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.rest_model import rest_model
 from robid.fit.levenberg import Minimum
 from robid.robot.description import Inertial, Joint, Robot, Spring, SpringPlace
-from robid.robot.response import nominal_parameters
 from robid.validation.elastic.fitted import FittedModel
 
 _STIFFER = 3.0  # than the gear nearby: where a trial starts
 _IN_SERIES = 2.0  # times a fitted gear, for gear and trial alike: together as soft as the gear was
-_UNKNOWN_NM_RAD = 1e6  # where a trial starts when no gear is stated
 _RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
 _TIME_S = 5e-4  # damping over stiffness
 _FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
@@ -44,19 +42,19 @@ class SpringTrial:
     moved: FloatArray
 
 
-def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> list[SpringTrial]:
+def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[SpringTrial]:
     """Tries every spring that a robot file may lack, the most telling first.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
         fitted: The fitted model in the configurations of the fit's own response.
         options: Options of the fit.
-        delay_s: Nominal delay of the fit, hold excluded [s].
     """
     begun = []
     for spring in further_springs(robot):
         try:
-            problem = _with_spring(replace(robot, springs=(*robot.springs, spring)), fitted, options, delay_s)
+            more = replace(robot, springs=(*robot.springs, spring))
+            problem = extend_problem(fitted.problem, fitted.internal, more, extend_options(options, more))
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
         starts = _starts(robot, problem, spring, fitted)
@@ -77,9 +75,8 @@ def _starts(robot: Robot, problem: Problem, spring: Spring, fitted: FittedModel)
     A fitted gear that stands for two springs in series is stiffer by itself: from its fitted value the trial's spring
     only gets stiffer, and the gear never recovers.
     """
-    before = dict(zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True))
     names = problem.parameters.names
-    start = np.array([before.get(name, 0.0) for name in names])
+    start = carry_over(problem, fitted.problem, fitted.internal)
     yield start
     stiffness = dict(zip((each.name for each in robot.springs), fitted.parameters.stiffness.tolist(), strict=True))
     for gear in _gears_in_series(robot, spring):
@@ -116,27 +113,9 @@ def _trial(spring: Spring, problem: Problem, end: Minimum, fitted: FittedModel) 
     )
 
 
-def _with_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions, delay_s: float) -> Problem:
-    """The fit's own problem, weights included, for a robot with one spring more, both of its values free."""
-    frf, spring, now = fitted.problem.frf, robot.springs[-1], fitted.parameters
-    values = replace(
-        now,
-        stiffness=np.append(now.stiffness, spring.stiffness),
-        damping=np.append(now.damping, spring.damping),
-        cubic=np.append(now.cubic, 0.0),
-        location=np.append(now.location, spring.point_m),
-    )
-    free = tuple(dict.fromkeys([*options.free, "stiffness", "damping"]))
-    wanted = replace(options, free=free, statics="updates")
-    model = rest_model(robot, frf, wanted, delay_s, values)
-    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    parameters = map_parameters(robot, nominal_parameters(robot, model, delay_s), wanted, *known)
-    return replace(fitted.problem, model=model, parameters=parameters)
-
-
 def further_springs(robot: Robot) -> Iterator[Spring]:
     """Springs that a robot file may lack: gears, beneath the base, across joints, within links, at the payload."""
-    stiffness = _gear_stiffness(robot)
+    stiffness = gear_stiffness(robot)
     last = len(robot.joints) - 1
     for index, joint in enumerate(robot.joints):
         stiff = _STIFFER * stiffness[index]
@@ -145,11 +124,11 @@ def further_springs(robot: Robot) -> Iterator[Spring]:
             gear = (2 * np.pi * _RIGID_HZ) ** 2 * reflected
             yield _spring(f"gear of {joint.name}", index, "transmission", np.eye(3)[2], gear)
         for letter, axis in zip("xyz", np.eye(3), strict=True):
-            if index == 0 and not _there(robot, "base", 0, axis):
+            if index == 0 and not is_there(robot, "base", 0, axis):
                 yield _spring(f"base about {letter}", 0, "base", axis, stiff)
-            if letter != "z" and not _there(robot, "bearing", index, axis):
+            if letter != "z" and not is_there(robot, "bearing", index, axis):
                 yield _spring(f"bearing of {joint.name} about {letter}", index, "bearing", axis, stiff)
-            if index < last and not _there(robot, "split", index, None):
+            if index < last and not is_there(robot, "split", index, None):
                 name = f"link of {joint.name} about its {letter} axis"
                 split = _spring(name, index, "split", axis, _STIFFER * stiffness[index + 1])
                 yield replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
@@ -157,7 +136,7 @@ def further_springs(robot: Robot) -> Iterator[Spring]:
                 index == last
                 and letter != "z"
                 and robot.payload.mass_kg > 0
-                and not _there(robot, "payload", last, axis)
+                and not is_there(robot, "payload", last, axis)
             ):
                 yield _spring(f"payload mount about {letter}", last, "payload", axis, stiff)
 
@@ -168,22 +147,8 @@ def _middle(following: Joint, axis: FloatArray) -> FloatArray:
     return following.position_m if along else np.zeros(3)
 
 
-def _gear_stiffness(robot: Robot) -> list[float]:
-    """What a torsional spring at each joint is measured by: its gear, else the stiffest one."""
-    gears = {s.joint: s.stiffness for s in robot.springs if s.place == "transmission" and not robot.is_linear(s)}
-    others = [s.stiffness for s in robot.springs if not robot.is_linear(s)]
-    else_ = max(gears.values(), default=max(others, default=_UNKNOWN_NM_RAD))
-    return [gears.get(index, else_) for index in range(len(robot.joints))]
-
-
 def _part(link: Inertial) -> Inertial:
     return Inertial(_OUTBOARD * link.mass_kg, link.com_m, _OUTBOARD * link.inertia_kgm2)
-
-
-def _there(robot: Robot, place: str, joint: int, axis: FloatArray | None) -> bool:
-    """Whether the robot has such a spring, about this axis or, for None, about any."""
-    own = [spring.axis for spring in robot.springs if spring.place == place and spring.joint == joint]
-    return any(axis is None or abs(float(axis @ each)) > _ALONG for each in own)
 
 
 def _spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:

@@ -54,14 +54,14 @@ class RobotMove:
     """A robot whose file says something else: central differences of its response, statics included.
 
     Attributes:
-        moved: Returns the robot by an amount.
+        moved: Returns a robot that is off by an amount from another one.
         step: Amount of a difference.
     """
 
-    moved: Callable[[float], Robot]
+    moved: Callable[[Robot, float], Robot]
     step: float
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
-        ahead, behind = (scene.sampled(self.moved(step)) for step in (self.step, -self.step))
+        ahead, behind = (scene.sampled(self.moved(scene.robot, step)) for step in (self.step, -self.step))
         return np.asarray(np.log(ahead / behind) / (2 * self.step))

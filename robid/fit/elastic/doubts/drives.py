@@ -105,7 +105,8 @@ def torque_doubts(robot: Robot) -> Iterator[DoubtColumn]:
         std = _PERCENT * joint.doubts.torque_relative_std
         if std > 0:
             names = f"{joint.name}.torque_constant", f"torque constant of {joint.name}"
-            yield DoubtColumn(*names, "torque_constant", "%", std, _OF_PLACE * std, TorqueScale(index))
+            deviations = std, _OF_PLACE * std
+            yield DoubtColumn(*names, "torque_constant", "%", *deviations, TorqueScale(index), -_PERCENT, _PERCENT)
 
 
 def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
@@ -114,7 +115,7 @@ def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]
         name, std = f"{joint.name}.motor_inertia", _PERCENT * joint.motor.inertia_relative_std
         if not is_estimated(options, "motor_inertia", name):
             title = f"rotor inertia of {joint.name}"
-            yield DoubtColumn(name, title, "rotor_inertia", "%", std, 0.0, RotorShare(index), least=-_PERCENT)
+            yield DoubtColumn(name, title, "rotor_inertia", "%", std, 0.0, RotorShare(index), -_PERCENT, _PERCENT)
 
 
 def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
@@ -123,7 +124,7 @@ def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColu
         std = _PERCENT * joint.doubts.arm_friction
         if std > 0 and name is not None and not is_estimated(options, "arm_viscous", name):
             names = name, f"viscous friction of {joint.name}'s arm"
-            yield DoubtColumn(*names, "arm_friction", _OF_LINK, std, std, ArmFriction(index), least=0.0)
+            yield DoubtColumn(*names, "arm_friction", _OF_LINK, std, std, ArmFriction(index), 0.0, _PERCENT)
     kinds: tuple[tuple[Literal["friction_spring", "friction_loss"], str, complex], ...] = (
         ("friction_spring", "in phase with its angle", 1.0),
         ("friction_loss", "that loses energy", 1j),
@@ -132,7 +133,8 @@ def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColu
         std = _PERCENT * joint.doubts.friction
         for kind, what, phase in kinds if std > 0 else ():
             names = f"{joint.name}.{kind}", f"friction of {joint.name} {what}"
-            yield DoubtColumn(*names, "friction", _OF_ROTOR, std, std, MotorFriction(index, phase))
+            found = MotorFriction(index, phase)
+            yield DoubtColumn(*names, "friction", _OF_ROTOR, std, std, found, -_PERCENT, _PERCENT)
 
 
 def coupling_doubts(robot: Robot) -> Iterator[DoubtColumn]:
@@ -146,7 +148,7 @@ def coupling_doubts(robot: Robot) -> Iterator[DoubtColumn]:
             turning = joint.type == driven.type == "revolute" and other != index and not robot.rigid[index]
             if std > 0 and turning and (inside or driven.name in joint.couplings):
                 names = f"{joint.name}.coupling_{driven.name}", f"turn of {joint.name} by the motor of {driven.name}"
-                move = RobotMove(partial(_with_coupling, robot, index, other), _COUPLING_STEP)
+                move = RobotMove(partial(_with_coupling, index, other), _COUPLING_STEP)
                 yield DoubtColumn(*names, "gear_coupling", "% of a turn", std, 0.0, move)
 
 
@@ -155,7 +157,7 @@ def is_estimated(options: ElasticOptions, kind: str, name: str) -> bool:
     return kind in options.free and name not in options.fixed
 
 
-def _with_coupling(robot: Robot, index: int, other: int, percent: float) -> Robot:
+def _with_coupling(index: int, other: int, robot: Robot, percent: float) -> Robot:
     """The robot with a joint that turns by more percent of what another joint's motor does to its own."""
     joint, driven = robot.joints[index], robot.joints[other]
     turn = joint.couplings.get(driven.name, 0.0) + percent / _PERCENT / driven.motor.gear_ratio

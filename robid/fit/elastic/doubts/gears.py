@@ -93,7 +93,7 @@ def gear_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
             continue
         if doubts.loss_factor > 0:
             std, names = _PERCENT * doubts.loss_factor, (f"{spring.name}.hysteresis", f"losses of {spring.name}")
-            yield DoubtColumn(*names, "gear_nonlinearity", "%", std, std, Hysteresis(index), least=0.0)
+            yield DoubtColumn(*names, "gear_nonlinearity", "%", std, std, Hysteresis(index), 0.0, _PERCENT)
         cubic = f"{spring.name}.cubic"
         if doubts.load_stiffness > 0 and not is_estimated(options, "cubic", cubic):
             std, names = (

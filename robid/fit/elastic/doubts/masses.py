@@ -23,13 +23,13 @@ def link_doubts(robot: Robot) -> Iterator[DoubtColumn]:
     for index, joint in enumerate(robot.joints):
         doubts = joint.doubts
         if doubts.mass_relative_std > 0:
-            move = RobotMove(partial(_with_link_share, robot, index), _PERCENT * _SHARE_STEP)
+            move = RobotMove(partial(_with_link_share, index), _PERCENT * _SHARE_STEP)
             std = _PERCENT * doubts.mass_relative_std
             names = f"{joint.name}.mass", f"mass of link {joint.name}"
             yield DoubtColumn(*names, "masses", "%", std, 0.0, move, least=-_PERCENT, most=_PERCENT)
         if doubts.com_m > 0 and joint.link.mass_kg > 0:
             for axis, letter in enumerate("xyz"):
-                move = RobotMove(partial(_with_link_at, robot, index, np.eye(3)[axis]), _MM * _STEP_M)
+                move = RobotMove(partial(_with_link_at, index, np.eye(3)[axis]), _MM * _STEP_M)
                 yield _centre(joint.name, f"link {joint.name}", letter, "masses", doubts.com_m, move)
 
 
@@ -40,16 +40,16 @@ def payload_doubts(robot: Robot) -> Iterator[DoubtColumn]:
         return
     if doubts.payload_relative_std > 0:
         std = doubts.payload_relative_std * load.mass_kg
-        move = RobotMove(partial(_with_payload_mass, robot), _SHARE_STEP * load.mass_kg)
+        move = RobotMove(_with_payload_mass, _SHARE_STEP * load.mass_kg)
         names = "payload.mass", "payload mass"
         yield DoubtColumn(*names, "payload", "kg", std, 0.0, move, least=-load.mass_kg, most=load.mass_kg)
     if doubts.payload_com_m > 0:
         for axis, letter in enumerate("xyz"):
-            move = RobotMove(partial(_with_payload_at, robot, np.eye(3)[axis]), _MM * _STEP_M)
+            move = RobotMove(partial(_with_payload_at, np.eye(3)[axis]), _MM * _STEP_M)
             yield _centre("payload", "the payload", letter, "payload", doubts.payload_com_m, move)
     if doubts.payload_inertia_relative_std > 0 and load.inertia_kgm2.any():
         std = _PERCENT * doubts.payload_inertia_relative_std
-        move = RobotMove(partial(_with_payload_inertia, robot), _PERCENT * _SHARE_STEP)
+        move = RobotMove(_with_payload_inertia, _PERCENT * _SHARE_STEP)
         names = "payload.inertia", "inertia of the payload"
         yield DoubtColumn(*names, "payload", "%", std, 0.0, move, least=-_PERCENT)
 
@@ -80,11 +80,11 @@ def _with_link(robot: Robot, index: int, change: Callable[[Inertial], Inertial])
     return replace(robot, joints=tuple(joints), springs=tuple(springs))
 
 
-def _with_link_share(robot: Robot, index: int, percent: float) -> Robot:
+def _with_link_share(index: int, robot: Robot, percent: float) -> Robot:
     return _with_link(robot, index, partial(_shared, 1 + percent / _PERCENT))
 
 
-def _with_link_at(robot: Robot, index: int, axis: FloatArray, shift_mm: float) -> Robot:
+def _with_link_at(index: int, axis: FloatArray, robot: Robot, shift_mm: float) -> Robot:
     return _with_link(robot, index, partial(_shifted, shift_mm / _MM * axis))
 
 
@@ -92,7 +92,7 @@ def _with_payload_mass(robot: Robot, added_kg: float) -> Robot:
     return replace(robot, payload=_shared(1 + added_kg / robot.payload.mass_kg, robot.payload))
 
 
-def _with_payload_at(robot: Robot, axis: FloatArray, shift_mm: float) -> Robot:
+def _with_payload_at(axis: FloatArray, robot: Robot, shift_mm: float) -> Robot:
     return replace(robot, payload=_shifted(shift_mm / _MM * axis, robot.payload))
 
 

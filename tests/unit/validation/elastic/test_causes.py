@@ -51,7 +51,7 @@ def measured(robot, seed=5):
 
 def explained(stated, frf, options=OPTIONS):
     solution = fit_elastic(stated, frf, options, DELAY_S)
-    return solution, explain(stated, fitted_model(stated, solution, frf, options, DELAY_S), options, DELAY_S)
+    return solution, explain(stated, fitted_model(stated, solution, frf, options, DELAY_S), options)
 
 
 @pytest.mark.parametrize("estimator", ["lls", "llsm"])

@@ -1,0 +1,168 @@
+"""Springs that a robot file lacks and the data call for: put in place one by one, and fitted along."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.errors import DataError
+from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.extension import carry_over, extend_options, extend_problem, problem_at
+from robid.fit.elastic.doubts.springs import Compliance
+from robid.fit.elastic.optimizers import optimise
+from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.problem import Problem
+from robid.fit.places import group_places
+from robid.robot.description import Robot, Spring
+
+_MOST = 6
+_TELLING = 0.1  # of the cost that other doubts leave
+_AGREEING = 0.75  # of the places
+_RIGID = 20.0  # times the gear: as good as not there
+_SHARED = 2.0  # times a gear that stood for two springs in series
+_FIRST_STEPS, _STEPS, _KEPT, _LAST_STEPS = 5, 15, 3, 5
+
+
+@dataclass(frozen=True)
+class SettledSprings:
+    """A fit's problem with the springs in place that its data call for.
+
+    Attributes:
+        problem: The problem; stiffness and damping of each spring are among its parameters.
+        internal (n_param,): Its minimum, nearly.
+        robot: The robot with the springs, after its own; `list_doubts` of it no longer lists them.
+        options: Options with which they are free.
+        springs: Names of the springs.
+    """
+
+    problem: Problem
+    internal: FloatArray
+    robot: Robot
+    options: ElasticOptions
+    springs: tuple[str, ...] = ()
+
+
+def settle_springs(
+    problem: Problem,
+    internal: FloatArray,
+    robot: Robot,
+    options: ElasticOptions,
+    doubts: Sequence[DoubtColumn],
+    columns: ComplexArray,
+) -> SettledSprings:
+    """Puts springs in place whose lack leaves more than noise and model error; the others stay doubts.
+
+    A column says nothing of a spring as soft as a gear, so each is tried: put in place and fitted along for some
+    steps. The one that leaves least, after all other doubts have followed, stays where that saves a telling share of
+    the cost in most places; then the next.
+
+    Args:
+        problem: The fit's problem.
+        internal (n_param,): Its minimum.
+        robot: The robot that the doubts were listed for.
+        options: Options of the fit.
+        doubts: All doubts.
+        columns (n_conf, n_freq, n_out, n_in, n_doubt): What `doubt_columns` found for them there.
+
+    Returns:
+        The problem at its new minimum; the same as before where no spring is called for.
+    """
+    missing = np.array([isinstance(doubt.direction, Compliance) for doubt in doubts], bool)
+    beside = columns[..., ~missing], np.array([doubt.common_std for doubt in doubts])[~missing]
+    left = [doubt.direction.spring for doubt in doubts if isinstance(doubt.direction, Compliance)]
+    now = SettledSprings(problem, internal, robot, options)
+    cost, expected = _cost_beside(now, *beside), expected_cost(problem)
+    while left and len(now.springs) < _MOST and cost > expected:
+        trials = [(trial, _cost_beside(trial, *beside)) for trial in _best_trials(now, left)]
+        called = [each for each in trials if each[1] < (1 - _TELLING) * cost and _agree(now, each[0])]
+        if not called:
+            break
+        now, cost = min(called, key=lambda each: each[1])
+        left = [spring for spring in left if spring.name not in now.springs]
+    return _rested(now) if now.springs else now
+
+
+def expected_cost(problem: Problem) -> float:
+    """Cost of a right model whose errors are those that the weights assume."""
+    return 0.5 * problem.residual_kind.parts * float((problem.weight > 0).sum())
+
+
+def _cost_beside(now: SettledSprings, columns: ComplexArray, std: FloatArray) -> float:
+    """Cost that parameters and other doubts, with what is known of them, leave after one linear step together."""
+    error, derivative = now.problem.linear(now.internal)
+    rows = _rows(now.problem, np.concatenate([derivative, columns], axis=-1))
+    left = _rows(now.problem, error[..., None])[:, 0]
+    precision = 0.5 / np.concatenate([now.problem.parameters.prior_std, std]) ** 2
+    pull = np.concatenate([precision[: now.internal.size] * now.internal, np.zeros(std.size)])
+    normal, slope = rows.T @ rows + np.diag(precision), rows.T @ left - pull
+    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    step = np.linalg.lstsq(normal / np.outer(scale, scale), slope / scale, rcond=1e-13)[0] / scale
+    return float(((left - rows @ step) ** 2).sum())
+
+
+def _rows(problem: Problem, values: ComplexArray) -> FloatArray:
+    """Weighted real rows (n_row, n_column) of (n_conf, n_freq, n_out, n_in, n_column)."""
+    flat = problem.weighted(values).reshape(-1, values.shape[-1])
+    return np.concatenate([flat.real, flat.imag])
+
+
+def _best_trials(now: SettledSprings, springs: Sequence[Spring]) -> list[SettledSprings]:
+    """The few springs that fit best, each in place by itself; none that is as good as rigid."""
+    begun = [trial for spring in springs if (trial := _put_in_place(now, spring)) is not None]
+    begun.sort(key=lambda trial: trial.problem.cost(trial.internal))
+    ends = [_descended(trial, _STEPS) for trial in begun[:_KEPT]]
+    return [end for end in ends if _stiffness_factor(end) < _RIGID]
+
+
+def _put_in_place(now: SettledSprings, spring: Spring) -> SettledSprings | None:
+    """The fit some steps on with a spring more; None where the robot does not rest with it."""
+    robot = replace(now.robot, springs=(*now.robot.springs, spring))
+    options = extend_options(now.options, robot)
+    try:
+        problem = extend_problem(now.problem, now.internal, robot, options)
+    except DataError:
+        return None
+    names = (*now.springs, spring.name)
+    starts = [SettledSprings(problem, start, robot, options, names) for start in _starts(now, problem, spring)]
+    return min((_descended(each, _FIRST_STEPS) for each in starts), key=lambda end: problem.cost(end.internal))
+
+
+def _starts(now: SettledSprings, problem: Problem, spring: Spring) -> Iterator[FloatArray]:
+    """Where a spring starts: stiff beside the fitted values, and with its gear stiffer, which stood for both."""
+    start, names = carry_over(problem, now.problem, now.internal), np.array(problem.parameters.names)
+    own = np.isin(names, [f"{spring.name}.stiffness", f"{spring.name}.damping"])
+    yield start + np.log(_SHARED) * own
+    gears = [each.name for each in now.robot.springs if each.joint == spring.joint and each.place == "transmission"]
+    yield start + np.log(_SHARED) * np.isin(names, [f"{gear}.stiffness" for gear in gears])
+
+
+def _descended(now: SettledSprings, steps: int) -> SettledSprings:
+    return replace(now, internal=optimise(now.problem, now.internal, max_iterations=steps).parameters)
+
+
+def _stiffness_factor(now: SettledSprings) -> float:
+    """Stiffness of the last spring over what it was listed with, its gear's."""
+    at = now.problem.parameters.names.index(f"{now.springs[-1]}.stiffness")
+    return float(np.exp(np.clip(now.internal[at], -50.0, 50.0)))
+
+
+def _agree(before: SettledSprings, after: SettledSprings) -> bool:
+    """Whether a spring helps in most places."""
+    costs = [each.problem.configuration_cost(each.problem.model_response(each.internal), each.internal)
+             for each in (before, after)]  # fmt: skip
+    places = group_places(before.problem.frf.configurations)
+    helped = [costs[1][place].sum() < costs[0][place].sum() for place in places]
+    return float(np.mean(helped)) >= _AGREEING
+
+
+def _rested(now: SettledSprings) -> SettledSprings:
+    """The same where the robot rests with the springs found."""
+    values = now.problem.parameters.parameters(now.internal)
+    try:
+        problem = problem_at(now.problem, values, now.robot, now.options)
+    except DataError:
+        return now
+    return _descended(replace(now, problem=problem), _LAST_STEPS)
