@@ -10,7 +10,8 @@ from scipy.stats import t
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.effective import Settled, settle
-from robid.fit.elastic.named import Named, Suspicion, name_doubts
+from robid.fit.elastic.named import Suspicion, name_doubts
+from robid.fit.elastic.physical import find_physical
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import Between, NamedDoubts
 from robid.fit.elastic.uncertainty import Influence, influence, structured_covariance
@@ -92,13 +93,12 @@ def find_spreads(
     near = settle(problem, internal, found)
     effective = _spread(near, f"{rule}, and {differing}", confidence)
     between = between_places(near.pooled)
-    doubts = None if suspicion is None else name_doubts(problem, (near.values, internal), suspicion)
-    if doubts is None:
+    far = None if suspicion is None else find_physical(problem, (near.values, internal), suspicion, confidence)
+    if far is None:
         return Spreads(effective, effective, near.pooled.assumed, between)
-    far = settle(doubts.problem, doubts.point, influence(doubts.problem, doubts.point), doubts)
-    physical = _spread(far, f"{rule}, {differing}, and {_told(doubts)}", confidence)
-    amounts = _estimates(doubts, far.amounts, far.pooled.reach(confidence)[internal.size :])
-    return Spreads(effective, physical, near.pooled.assumed, between, amounts)
+    told = f"{rule}, {differing}, and {_told(len(far.doubts.names), rigid=far.rigid)}"
+    physical = Spread(far.values, far.covariance, far.degrees_of_freedom, told)
+    return Spreads(effective, physical, near.pooled.assumed, between, far.doubts)
 
 
 def _of_few_places(
@@ -116,32 +116,20 @@ def _of_few_places(
     resting = influence(doubts.problem, internal)
     pulls = np.real(np.einsum("cfoip,cfoiq->pq", resting.weighted.conj(), doubts.columns, optimize=True))
     moved = resting.inverse @ pulls * np.hypot(doubts.common_std, doubts.place_std)
-    physical = Spread(internal, covariance + moved @ moved.T, spread.degrees_of_freedom, f"{told}, and {_told(doubts)}")
+    told = f"{told}, and {_told(len(doubts.doubts), rigid=doubts.rigid)}"
+    physical = Spread(internal, covariance + moved @ moved.T, spread.degrees_of_freedom, told)
     return Spreads(spread, physical, covariance)
 
 
-def _told(doubts: Named) -> str:
-    rigid = "what the rigid fit leaves open among " if doubts.rigid else ""
-    return f"{rigid}{len(doubts.doubts)} doubts of the robot file"
+def _told(count: int, *, rigid: bool) -> str:
+    source = "what the rigid fit leaves open among " if rigid else ""
+    return f"{source}{count} doubts of the robot file"
 
 
 def _spread(settled: Settled, rule: str, confidence: float) -> Spread:
     size = settled.values.size
     covariance, freedom = settled.pooled.spread(confidence)
     return Spread(settled.values, covariance[:size, :size], freedom[:size], rule)
-
-
-def _estimates(doubts: Named, amounts: FloatArray, reach: FloatArray) -> NamedDoubts:
-    every = doubts.doubts
-    return NamedDoubts(
-        names=tuple(doubt.name for doubt in every),
-        causes=tuple(doubt.cause for doubt in every),
-        units=tuple(doubt.unit for doubt in every),
-        prior_std=doubts.common_std,
-        place_std=doubts.place_std,
-        value=amounts,
-        half_width=reach,
-    )
 
 
 def between_places(pooled: Pooled) -> Between:
