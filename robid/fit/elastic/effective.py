@@ -40,7 +40,7 @@ class Settled:
 def place_evidence(
     problem: Problem, internal: FloatArray, covariance: FloatArray, doubts: Named | None = None
 ) -> Evidence:
-    """What each place says of the internal parameters and of doubts, around a point where all doubts are zero.
+    """What each place says of the internal parameters and of doubts, around a point.
 
     Args:
         problem: The problem with its weights.
@@ -57,7 +57,7 @@ def place_evidence(
     if doubts is not None:
         derivative = np.concatenate([derivative, doubts.columns], axis=-1)
         variance = np.concatenate([variance, doubts.common_std**2])
-        middle = np.concatenate([internal, np.zeros(doubts.common_std.size)])
+        middle = np.concatenate([internal, doubts.amounts])
     n_conf, n_param = len(error), derivative.shape[-1]
     adjoint = problem.fully_weighted(derivative).reshape(n_conf, -1, n_param).conj().swapaxes(1, 2)
     bread = 2 * np.real(adjoint @ derivative.reshape(n_conf, -1, n_param))
@@ -101,7 +101,8 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
             break
     assumed = pooled.assumed.copy()
     assumed[:size, :size] += load_doubt(problem, internal, found.inverse, found.weighted[..., :size])
-    return Settled(now, pooled.shift[size:], replace(pooled, assumed=assumed))
+    amounts = np.zeros(0) if doubts is None else doubts.amounts + pooled.shift[size:]
+    return Settled(now, amounts, replace(pooled, assumed=assumed))
 
 
 def _extended(problem: Problem, internal: FloatArray, found: Influence, doubts: Named) -> Influence:

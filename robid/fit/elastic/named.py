@@ -10,13 +10,15 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.considered import DoubtfulRobot
-from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.columns import doubt_columns
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.parameters import map_parameters
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.rest_model import rest_model
 from robid.robot.description import Robot
+from robid.robot.response import nominal_parameters
 
 _KNOWN_TORQUE = "N m"
 
@@ -30,6 +32,7 @@ class Named:
         problem: The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link
             weighs, or what acts alike seems to be told apart.
         point (n_param,): Internal parameters where all is linearised.
+        amounts (n_doubt,): By how much the problem's robot is off along each doubt already.
         columns (n_conf, n_freq, n_out, n_in, n_doubt): Negative derivatives of the residual by their amounts.
         rigid: Whether a rigid fit says how far masses may be off.
     """
@@ -37,6 +40,7 @@ class Named:
     doubts: tuple[DoubtColumn, ...]
     problem: Problem
     point: FloatArray
+    amounts: FloatArray
     columns: ComplexArray
     rigid: bool
 
@@ -92,9 +96,39 @@ def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion
     return None
 
 
-def _linearised(problem: Problem, point: FloatArray, given: Suspicion, doubts: tuple[DoubtColumn, ...]) -> Named:
+def move(named: Named, amounts: FloatArray, point: FloatArray, given: Suspicion) -> Named:
+    """Linearises the same doubts anew, at a robot that is off by them.
+
+    Args:
+        named: The doubts.
+        amounts (n_doubt,): By how much it is off; those that are no move of a robot stay columns.
+        point (n_param,): Internal parameters.
+        given: What is taken for granted.
+
+    Raises:
+        DataError: If that robot does not rest.
+    """
+    return _linearised(named.problem, point, given, named.doubts, amounts)
+
+
+def _linearised(
+    problem: Problem,
+    point: FloatArray,
+    given: Suspicion,
+    doubts: tuple[DoubtColumn, ...],
+    amounts: FloatArray | None = None,
+) -> Named:
+    robot, options, frf = given.robot, replace(given.options, statics="every_iterate"), problem.frf
+    off = np.zeros(len(doubts)) if amounts is None else amounts * [isinstance(d.direction, RobotMove) for d in doubts]
+    for doubt, amount in zip(doubts, off.tolist(), strict=True):
+        if isinstance(doubt.direction, RobotMove) and amount:
+            robot = doubt.direction.moved(robot, amount)
     values = problem.parameters.parameters(point)
-    resting = replace(given.options, statics="every_iterate")
-    model = rest_model(given.robot, problem.frf, resting, float(values.delay[0]), values)
-    columns = doubt_columns(problem, point, given.robot, given.options, doubts)
-    return Named(doubts, replace(problem, model=model), point, columns, bool(given.doubtful))
+    model = rest_model(robot, frf, options, float(values.delay[0]), values)
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    delay_s = float(problem.parameters.nominal.delay[0])
+    parameters = map_parameters(robot, nominal_parameters(robot, model, delay_s), given.options, *known)
+    there = replace(problem, model=model, parameters=parameters)
+    return Named(
+        doubts, there, point, off, doubt_columns(there, point, robot, given.options, doubts), bool(given.doubtful)
+    )

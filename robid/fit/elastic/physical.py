@@ -8,14 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
 from robid.fit.elastic.doubts.refit import SettledSprings, settle_springs
 from robid.fit.elastic.effective import Settled, settle
-from robid.fit.elastic.named import Named, Suspicion, name_doubts
+from robid.fit.elastic.named import Named, Suspicion, move, name_doubts
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import NamedDoubts
 from robid.fit.elastic.uncertainty import influence
 
 _PERCENT = 100.0
+_MOVES = 4
+_ARRIVED = 0.3  # of a deviation
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,8 @@ def find_physical(
     found = settle_springs(problem, named.point, robot, options, named.doubts, named.columns)
     extended = _extended(found, suspicion) if found.springs else None
     named, springs = (named, ()) if extended is None else (extended, found.springs)
-    far = settle(named.problem, named.point, influence(named.problem, named.point), named)
+    given = replace(suspicion, robot=found.robot, options=found.options) if springs else suspicion
+    named, far = _settled(named, given)
     names = named.problem.parameters.names
     own = np.array([names.index(name) for name in problem.parameters.names])
     covariance, freedom = far.pooled.spread(confidence)
@@ -72,6 +76,22 @@ def find_physical(
         doubts=_estimates(named, far, springs, confidence),
         rigid=named.rigid,
     )
+
+
+def _settled(named: Named, given: Suspicion) -> tuple[Named, Settled]:
+    """Parameters and doubts that places agree on, robots moved along with them as long as that still changes much."""
+    far = settle(named.problem, named.point, influence(named.problem, named.point), named)
+    for _ in range(0 if named.rigid else _MOVES):
+        try:
+            there = move(named, far.amounts, far.values, given)
+        except DataError:
+            break
+        after = settle(there.problem, there.point, influence(there.problem, there.point), there)
+        moved = np.abs(after.values - far.values) / np.sqrt(np.diag(after.pooled.covariance)[: far.values.size])
+        named, far = there, after
+        if moved.max() < _ARRIVED:
+            break
+    return named, far
 
 
 def _extended(found: SettledSprings, suspicion: Suspicion) -> Named | None:
