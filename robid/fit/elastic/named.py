@@ -90,45 +90,62 @@ def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion
     doubts = tuple(doubt for doubt in listed if doubt.name not in left_out)
     for point in points if doubts else ():
         try:
-            return _linearised(problem, point, given, doubts)
+            return linearise(doubts, move(problem, doubts, point, np.zeros(len(doubts)), given), given)
         except DataError:
             continue
     return None
 
 
-def move(named: Named, amounts: FloatArray, point: FloatArray, given: Suspicion) -> Named:
-    """Linearises the same doubts anew, at a robot that is off by them.
+@dataclass(frozen=True)
+class Moved:
+    """A robot that is off by its doubts.
+
+    Attributes:
+        robot: The robot.
+        problem: The fit's problem, with that robot at rest.
+        point (n_param,): Internal parameters.
+        amounts (n_doubt,): By how much it is off; zero along doubts that are no move of a robot.
+    """
+
+    robot: Robot
+    problem: Problem
+    point: FloatArray
+    amounts: FloatArray
+
+
+def move(
+    problem: Problem, doubts: Sequence[DoubtColumn], point: FloatArray, amounts: FloatArray, given: Suspicion
+) -> Moved:
+    """Puts doubts into a robot that rests anew.
 
     Args:
-        named: The doubts.
-        amounts (n_doubt,): By how much it is off; those that are no move of a robot stay columns.
+        problem: The problem.
+        doubts: The doubts.
         point (n_param,): Internal parameters.
+        amounts (n_doubt,): By how much it is off.
         given: What is taken for granted.
 
     Raises:
         DataError: If that robot does not rest.
     """
-    return _linearised(named.problem, point, given, named.doubts, amounts)
-
-
-def _linearised(
-    problem: Problem,
-    point: FloatArray,
-    given: Suspicion,
-    doubts: tuple[DoubtColumn, ...],
-    amounts: FloatArray | None = None,
-) -> Named:
-    robot, options, frf = given.robot, replace(given.options, statics="every_iterate"), problem.frf
-    off = np.zeros(len(doubts)) if amounts is None else amounts * [isinstance(d.direction, RobotMove) for d in doubts]
+    off = amounts * np.array([isinstance(doubt.direction, RobotMove) for doubt in doubts])
+    robot, frf = given.robot, problem.frf
     for doubt, amount in zip(doubts, off.tolist(), strict=True):
         if isinstance(doubt.direction, RobotMove) and amount:
             robot = doubt.direction.moved(robot, amount)
-    values = problem.parameters.parameters(point)
-    model = rest_model(robot, frf, options, float(values.delay[0]), values)
+    values, resting = problem.parameters.parameters(point), replace(given.options, statics="every_iterate")
+    model = rest_model(robot, frf, resting, float(values.delay[0]), values)
+    nominal = nominal_parameters(robot, model, float(problem.parameters.nominal.delay[0]))
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    delay_s = float(problem.parameters.nominal.delay[0])
-    parameters = map_parameters(robot, nominal_parameters(robot, model, delay_s), given.options, *known)
-    there = replace(problem, model=model, parameters=parameters)
-    return Named(
-        doubts, there, point, off, doubt_columns(there, point, robot, given.options, doubts), bool(given.doubtful)
-    )
+    parameters = map_parameters(robot, nominal, given.options, *known)
+    return Moved(robot, replace(problem, model=model, parameters=parameters), point, off)
+
+
+def linearise(doubts: tuple[DoubtColumn, ...], at: Moved, given: Suspicion) -> Named:
+    """Linearises doubts at a robot that is off by them.
+
+    Raises:
+        DataError: If a robot near it does not rest.
+    """
+    columns = doubt_columns(at.problem, at.point, at.robot, given.options, doubts)
+    return Named(doubts, at.problem, at.point, at.amounts, columns, bool(given.doubtful))

@@ -9,15 +9,17 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
+from robid.fit.elastic.doubts.column import RobotMove
 from robid.fit.elastic.doubts.refit import SettledSprings, settle_springs
 from robid.fit.elastic.effective import Settled, settle
-from robid.fit.elastic.named import Named, Suspicion, move, name_doubts
+from robid.fit.elastic.named import Moved, Named, Suspicion, linearise, move, name_doubts
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import NamedDoubts
 from robid.fit.elastic.uncertainty import influence
 
 _PERCENT = 100.0
-_MOVES = 4
+_MOVES = 8
+_SHARES = (1.0, 0.5, 0.25, 0.1)
 _ARRIVED = 0.3  # of a deviation
 
 
@@ -79,19 +81,47 @@ def find_physical(
 
 
 def _settled(named: Named, given: Suspicion) -> tuple[Named, Settled]:
-    """Parameters and doubts that places agree on, robots moved along with them as long as that still changes much."""
+    """Parameters and doubts that places agree on; robots follow their doubts as long as the cost falls with them."""
     far = settle(named.problem, named.point, influence(named.problem, named.point), named)
+    cost = _cost(named, named.problem, named.point, named.amounts)
     for _ in range(0 if named.rigid else _MOVES):
+        shorter = _shorter(named, far, given, cost)
+        if shorter is None:
+            break
         try:
-            there = move(named, far.amounts, far.values, given)
+            there = linearise(named.doubts, shorter[0], given)
         except DataError:
             break
         after = settle(there.problem, there.point, influence(there.problem, there.point), there)
         moved = np.abs(after.values - far.values) / np.sqrt(np.diag(after.pooled.covariance)[: far.values.size])
-        named, far = there, after
+        named, far, cost = there, after, shorter[1]
         if moved.max() < _ARRIVED:
             break
     return named, far
+
+
+def _shorter(named: Named, far: Settled, given: Suspicion, cost: float) -> tuple[Moved, float] | None:
+    """The way to what places agree on, or a part of it, on which the cost falls, and the cost there."""
+    for share in _SHARES:
+        point = named.point + share * (far.values - named.point)
+        amounts = named.amounts + share * (far.amounts - named.amounts)
+        try:
+            there = move(named.problem, named.doubts, point, amounts, given)
+        except DataError:
+            continue
+        found = _cost(named, there.problem, point, amounts)
+        if found < cost:
+            return there, found
+    return None
+
+
+def _cost(named: Named, problem: Problem, point: FloatArray, amounts: FloatArray) -> float:
+    """Cost with doubts that are no move of a robot as columns, and with what is known of all beforehand."""
+    model = problem.residual(point, problem.model_response(point))
+    columns = amounts * np.array([not isinstance(doubt.direction, RobotMove) for doubt in named.doubts])
+    left = problem.weighted(model - named.columns @ columns)
+    known = (point / problem.parameters.prior_std) ** 2, (amounts / named.common_std) ** 2
+    return float((np.abs(left) ** 2).sum() + 0.5 * sum(each.sum() for each in known))
 
 
 def _extended(found: SettledSprings, suspicion: Suspicion) -> Named | None:
