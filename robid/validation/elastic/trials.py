@@ -54,7 +54,7 @@ def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> l
     for spring in further_springs(robot):
         try:
             more = replace(robot, springs=(*robot.springs, spring))
-            problem = extend_problem(fitted.problem, fitted.internal, more, extend_options(options, more))
+            problem = extend_problem(fitted.problem, fitted.internal, more, extend_options(options, (spring,)))
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
         starts = _starts(robot, problem, spring, fitted)

@@ -1,7 +1,8 @@
-"""A fit's own problem for a robot with one spring more."""
+"""A fit's own problem for a robot with further springs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,38 +12,39 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import map_parameters
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.rest_model import rest_model
-from robid.robot.description import Robot
+from robid.robot.description import Robot, Spring
 from robid.robot.parameters import names_of
 from robid.robot.response import ElasticParameters, nominal_parameters
 
 
-def extend_options(options: ElasticOptions, robot: Robot) -> ElasticOptions:
-    """Returns options with which stiffness and damping of a robot's last spring are free, its location is not."""
+def extend_options(options: ElasticOptions, springs: Sequence[Spring]) -> ElasticOptions:
+    """Returns options with which stiffness and damping of further springs are free, their locations are not."""
     free = tuple(dict.fromkeys([*options.free, "stiffness", "damping"]))
-    located = names_of("location", robot.springs[-1:], []) if "location" in free else []
+    located = names_of("location", springs, []) if "location" in free else []
     fixed = (*options.fixed, *(name for name in located if name is not None))
     return replace(options, free=free, fixed=fixed, statics="updates")
 
 
 def extend_problem(problem: Problem, internal: FloatArray, robot: Robot, options: ElasticOptions) -> Problem:
-    """Returns a problem, weights included, for a robot with one spring more.
+    """Returns a problem, weights included, for a robot with further springs after its own.
 
     Args:
-        problem: The problem of the robot without its last spring.
+        problem: The problem of the robot without them.
         internal (n_param,): Its internal parameters, with whose values the robot rests.
-        robot: The robot with the spring.
+        robot: The robot with the springs.
         options: What `extend_options` returned.
 
     Raises:
-        DataError: If the robot does not rest with the spring.
+        DataError: If the robot does not rest with the springs.
     """
-    now, spring = problem.parameters.parameters(internal), robot.springs[-1]
+    now = problem.parameters.parameters(internal)
+    more = robot.springs[now.stiffness.size :]
     values = replace(
         now,
-        stiffness=np.append(now.stiffness, spring.stiffness),
-        damping=np.append(now.damping, spring.damping),
-        cubic=np.append(now.cubic, spring.cubic),
-        location=np.append(now.location, spring.point_m),
+        stiffness=np.append(now.stiffness, [spring.stiffness for spring in more]),
+        damping=np.append(now.damping, [spring.damping for spring in more]),
+        cubic=np.append(now.cubic, [spring.cubic for spring in more]),
+        location=np.append(now.location, [spring.point_m for spring in more]),
     )
     return problem_at(problem, values, robot, options)
 
@@ -63,3 +65,33 @@ def carry_over(target: Problem, source: Problem, internal: FloatArray) -> FloatA
     """
     before = dict(zip(source.parameters.names, internal.tolist(), strict=True))
     return np.array([before.get(name, 0.0) for name in target.parameters.names])
+
+
+def freeze_friction(problem: Problem, internal: FloatArray) -> Problem:
+    """Returns a problem whose friction scales stay as they are: its parameters are all others, many times faster.
+
+    Args:
+        problem: The problem.
+        internal (n_param,): Internal parameters, friction scales last.
+    """
+    count, frf, parameters = internal.size - problem.parameters.n_friction, problem.frf, problem.parameters
+    still = replace(
+        frf,
+        response=problem.measured(internal),
+        sensitivity=frf.sensitivity[:, :0],
+        coefficient_names=(),
+        coefficient_relative_std=np.zeros(0),
+        coefficient_offset=None,
+    )
+    fewer = replace(
+        parameters,
+        names=parameters.names[:count],
+        kind_of=parameters.kind_of[:count],
+        units=parameters.units[:count],
+        logarithmic=parameters.logarithmic[:count],
+        prior_std=parameters.prior_std[:count],
+        lower=parameters.lower[:count],
+        upper=parameters.upper[:count],
+        friction_offset=np.zeros(0),
+    )
+    return replace(problem, frf=still, parameters=fewer)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.extension import carry_over, extend_options, extend_problem, problem_at
+from robid.fit.elastic.doubts.extension import carry_over, extend_options, extend_problem, freeze_friction, problem_at
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
@@ -23,7 +24,8 @@ _TELLING = 0.1  # of the cost that other doubts leave
 _AGREEING = 0.75  # of the places
 _RIGID = 20.0  # times the gear: as good as not there
 _SHARED = 2.0  # times a gear that stood for two springs in series
-_FIRST_STEPS, _STEPS, _KEPT, _LAST_STEPS = 5, 15, 3, 5
+_RAN_AWAY = 1.0  # of an internal parameter: further than a file is off
+_FIRST_STEPS, _STEPS, _KEPT, _LAST_STEPS = 8, 25, 4, 5
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,9 @@ def settle_springs(
 ) -> SettledSprings:
     """Puts springs in place whose lack leaves more than noise and model error; the others stay doubts.
 
-    A column says nothing of a spring as soft as a gear, so each is tried: put in place and fitted along for some
-    steps. The one that leaves least, after all other doubts have followed, stays where that saves a telling share of
-    the cost in most places; then the next.
+    A column says nothing of a spring as soft as a gear, so each is tried, and each pair of a joint: put in place and
+    fitted along for some steps. What leaves least, after all other doubts have followed, stays where that saves a
+    telling share of the cost in most places; then the next.
 
     Args:
         problem: The fit's problem.
@@ -110,32 +112,41 @@ def _rows(problem: Problem, values: ComplexArray) -> FloatArray:
 
 
 def _best_trials(now: SettledSprings, springs: Sequence[Spring]) -> list[SettledSprings]:
-    """The few springs that fit best, each in place by itself; none that is as good as rigid."""
-    begun = [trial for spring in springs if (trial := _put_in_place(now, spring)) is not None]
+    """The few springs, or pairs of a joint, that fit best in place; none that is as good as rigid."""
+    pairs = [pair for pair in combinations(springs, 2) if pair[0].joint == pair[1].joint]
+    candidates = [*((spring,) for spring in springs), *pairs]
+    begun = [trial for each in candidates if (trial := _put_in_place(now, each)) is not None]
     begun.sort(key=lambda trial: trial.problem.cost(trial.internal))
     ends = [_descended(trial, _STEPS) for trial in begun[:_KEPT]]
-    return [end for end in ends if _stiffness_factor(end) < _RIGID]
+    return [end for end in ends if _stiffest(end, end.springs[len(now.springs) :]) < _RIGID]
 
 
-def _put_in_place(now: SettledSprings, spring: Spring) -> SettledSprings | None:
-    """The fit some steps on with a spring more; None where the robot does not rest with it."""
-    robot = replace(now.robot, springs=(*now.robot.springs, spring))
-    options = extend_options(now.options, robot)
+def _put_in_place(now: SettledSprings, springs: Sequence[Spring]) -> SettledSprings | None:
+    """The fit some steps on with further springs; None where the robot does not rest with them."""
+    robot = replace(now.robot, springs=(*now.robot.springs, *springs))
+    options = extend_options(now.options, springs)
     try:
         problem = extend_problem(now.problem, now.internal, robot, options)
     except DataError:
         return None
-    names = (*now.springs, spring.name)
-    starts = [SettledSprings(problem, start, robot, options, names) for start in _starts(now, problem, spring)]
-    return min((_descended(each, _FIRST_STEPS) for each in starts), key=lambda end: problem.cost(end.internal))
+    starts = list(_starts(now, problem, springs))
+    still, count = freeze_friction(problem, starts[0]), starts[0].size - problem.parameters.n_friction
+    ends = [optimise(still, start[:count], max_iterations=_FIRST_STEPS) for start in starts]
+    best = min(ends, key=lambda end: end.cost).parameters
+    names = (*now.springs, *(spring.name for spring in springs))
+    return SettledSprings(problem, np.concatenate([best, starts[0][count:]]), robot, options, names)
 
 
-def _starts(now: SettledSprings, problem: Problem, spring: Spring) -> Iterator[FloatArray]:
-    """Where a spring starts: stiff beside the fitted values, and with its gear stiffer, which stood for both."""
+def _starts(now: SettledSprings, problem: Problem, springs: Sequence[Spring]) -> Iterator[FloatArray]:
+    """Where springs start: stiff beside the fitted values, those near the file's, or the gear that stood for both."""
     start, names = carry_over(problem, now.problem, now.internal), np.array(problem.parameters.names)
-    own = np.isin(names, [f"{spring.name}.stiffness", f"{spring.name}.damping"])
+    own = np.isin(names, [f"{spring.name}.{kind}" for spring in springs for kind in ("stiffness", "damping")])
     yield start + np.log(_SHARED) * own
-    gears = [each.name for each in now.robot.springs if each.joint == spring.joint and each.place == "transmission"]
+    nearer = np.where(problem.parameters.logarithmic, np.clip(start, -_RAN_AWAY, _RAN_AWAY), start)
+    if (nearer != start).any():
+        yield nearer
+    joints = {spring.joint for spring in springs}
+    gears = [each.name for each in now.robot.springs if each.joint in joints and each.place == "transmission"]
     yield start + np.log(_SHARED) * np.isin(names, [f"{gear}.stiffness" for gear in gears])
 
 
@@ -143,10 +154,10 @@ def _descended(now: SettledSprings, steps: int) -> SettledSprings:
     return replace(now, internal=optimise(now.problem, now.internal, max_iterations=steps).parameters)
 
 
-def _stiffness_factor(now: SettledSprings) -> float:
-    """Stiffness of the last spring over what it was listed with, its gear's."""
-    at = now.problem.parameters.names.index(f"{now.springs[-1]}.stiffness")
-    return float(np.exp(np.clip(now.internal[at], -50.0, 50.0)))
+def _stiffest(now: SettledSprings, springs: Sequence[str]) -> float:
+    """Largest stiffness of some springs over what each was listed with, its gear's."""
+    at = [now.problem.parameters.names.index(f"{name}.stiffness") for name in springs]
+    return float(np.exp(np.clip(now.internal[at], -50.0, 50.0)).max())
 
 
 def _agree(before: SettledSprings, after: SettledSprings) -> bool:

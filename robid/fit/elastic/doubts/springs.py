@@ -51,12 +51,12 @@ def spring_doubts(robot: Robot) -> Iterator[DoubtColumn]:
 def missing_springs(robot: Robot) -> Iterator[Spring]:
     """Yields bearings and base springs that a robot file lacks, each as stiff as the gear of its joint.
 
-    A base that twists about the first joint's axis is in series with its gear, and so part of it.
+    A base that tilts does what bearings of a first joint that turns do, and one that twists what its gear does: only
+    under a joint that slides it is something of its own.
     """
     stiffness = gear_stiffness(robot)
-    upright = robot.joints[0].rotation @ np.eye(3)[2]
-    for letter, axis in zip("xyz", np.eye(3), strict=True):
-        if not is_there(robot, "base", 0, axis) and abs(float(axis @ upright)) <= _ALONG:
+    for letter, axis in zip("xyz", np.eye(3), strict=True) if robot.prismatic[0] else ():
+        if not is_there(robot, "base", 0, axis):
             yield _spring(f"base_{letter}", 0, "base", axis, stiffness[0])
     for index, joint in enumerate(robot.joints):
         for letter, axis in zip("xy", np.eye(3), strict=False):
