@@ -12,7 +12,7 @@ from robid.places.evidence import Evidence
 from robid.places.saturation import inverted, saturated
 
 _LEAST_FREEDOM = 1.0
-_ALONE = 0.9
+ALONE = 0.9
 """Share of the information from which on it is a single place's."""
 
 
@@ -63,7 +63,7 @@ class Pooled:
     @property
     def untested(self) -> BoolArray:
         """Which parameters (n_param,) a single place knows."""
-        return np.asarray(self.dependence > _ALONE)
+        return np.asarray(self.dependence > ALONE)
 
 
 def pool(evidence: Evidence, between: FloatArray) -> Pooled:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exact_systems import exact_frf, two_joint_robot
+from exact_systems import certain, exact_frf, two_joint_robot
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
@@ -36,7 +36,7 @@ def heavier(robot, factors):
 @pytest.fixture(scope="module")
 def shares():
     """Share of the intervals of springs that hold the truth, masses taken for granted and doubted."""
-    true, held = two_joint_robot(), {"granted": [], "doubted": []}
+    true, held = certain(two_joint_robot()), {"granted": [], "doubted": []}
     for seed in range(N_RUN):
         frf = exact_frf(true, CONFIGURATIONS, FREQUENCY_HZ, relative_noise=0.01, seed=seed)
         off = 1 + STD * np.random.default_rng(seed).standard_normal(2)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+import numpy as np
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.fit.elastic.model_error import ModelError
 from robid.fit.estimate import Estimate
+from robid.places.pooling import ALONE
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,11 @@ class Between:
     between_std: FloatArray
     degrees_of_freedom: FloatArray
     dependence: FloatArray
+
+    @property
+    def untested(self) -> BoolArray:
+        """Which parameters (n_param,) a single place knows, so that the others do not test them."""
+        return np.asarray(self.dependence > ALONE)
 
 
 @dataclass(frozen=True)
