@@ -12,7 +12,7 @@ from robid.errors import DataError
 from robid.fit.elastic.doubts.column import RobotMove
 from robid.fit.elastic.doubts.refit import SettledSprings, settle_springs
 from robid.fit.elastic.effective import Settled, settle
-from robid.fit.elastic.named import Moved, Named, Suspicion, linearise, move, name_doubts
+from robid.fit.elastic.named import Named, Suspicion, linearise, move, name_doubts
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import NamedDoubts
 from robid.fit.elastic.uncertainty import influence
@@ -20,7 +20,8 @@ from robid.fit.elastic.uncertainty import influence
 _PERCENT = 100.0
 _MOVES = 8
 _SHARES = (1.0, 0.5, 0.25, 0.1)
-_ARRIVED = 0.3  # of a deviation
+_RISES = 1
+_SAME = 0.01  # of the cost
 
 
 @dataclass(frozen=True)
@@ -81,38 +82,65 @@ def find_physical(
 
 
 def _settled(named: Named, given: Suspicion) -> tuple[Named, Settled]:
-    """Parameters and doubts that places agree on; robots follow their doubts as long as the cost falls with them."""
+    """Parameters and doubts that places agree on; robots follow their doubts as far as the cost falls with them."""
     far = settle(named.problem, named.point, influence(named.problem, named.point), named)
-    cost = _cost(named, named.problem, named.point, named.amounts)
+    best = now = _At(named, far, _cost(named, named.problem, named.point, named.amounts))
+    rises = 0
     for _ in range(0 if named.rigid else _MOVES):
-        shorter = _shorter(named, far, given, cost)
-        if shorter is None:
+        if _is_linear(now, given) or rises > _RISES:
             break
-        try:
-            there = linearise(named.doubts, shorter[0], given)
-        except DataError:
+        ahead = _ahead(now, given)
+        if ahead is None:
             break
-        after = settle(there.problem, there.point, influence(there.problem, there.point), there)
-        moved = np.abs(after.values - far.values) / np.sqrt(np.diag(after.pooled.covariance)[: far.values.size])
-        named, far, cost = there, after, shorter[1]
-        if moved.max() < _ARRIVED:
-            break
-    return named, far
+        now = ahead
+        best, rises = (now, 0) if now.cost < best.cost else (best, rises + 1)
+    return best.named, best.far
 
 
-def _shorter(named: Named, far: Settled, given: Suspicion, cost: float) -> tuple[Moved, float] | None:
-    """The way to what places agree on, or a part of it, on which the cost falls, and the cost there."""
+@dataclass(frozen=True)
+class _At:
+    """Doubts at a robot that is off by them, what places agree on from there, and the cost there."""
+
+    named: Named
+    far: Settled
+    cost: float
+
+
+def _is_linear(now: _At, given: Suspicion) -> bool:
+    """Whether the cost where places agree is what was foreseen."""
+    named, far = now.named, now.far
+    error, derivative = named.problem.linear(named.point)
+    step = derivative @ (far.values - named.point) + named.columns @ (far.amounts - named.amounts)
+    foreseen = float((np.abs(named.problem.weighted(error - step)) ** 2).sum())
+    foreseen += _known(named, named.problem, far.values, far.amounts)
+    try:
+        there = move(named.problem, named.doubts, far.values, far.amounts, given)
+    except DataError:
+        return False
+    return abs(_cost(named, there.problem, far.values, far.amounts) - foreseen) < _SAME * foreseen
+
+
+def _ahead(now: _At, given: Suspicion) -> _At | None:
+    """Goes the way to what places agree on, or a part of it on which the cost falls; all of it where none does."""
+    named, found = now.named, []
     for share in _SHARES:
-        point = named.point + share * (far.values - named.point)
-        amounts = named.amounts + share * (far.amounts - named.amounts)
+        point = named.point + share * (now.far.values - named.point)
+        amounts = named.amounts + share * (now.far.amounts - named.amounts)
         try:
             there = move(named.problem, named.doubts, point, amounts, given)
         except DataError:
             continue
-        found = _cost(named, there.problem, point, amounts)
-        if found < cost:
-            return there, found
-    return None
+        found.append((there, _cost(named, there.problem, point, amounts)))
+        if found[-1][1] < now.cost:
+            break
+    if not found:
+        return None
+    chosen, cost = found[-1] if found[-1][1] < now.cost else found[0]
+    try:
+        after = linearise(named.doubts, chosen, given)
+    except DataError:
+        return None
+    return _At(after, settle(after.problem, after.point, influence(after.problem, after.point), after), cost)
 
 
 def _cost(named: Named, problem: Problem, point: FloatArray, amounts: FloatArray) -> float:
@@ -120,8 +148,13 @@ def _cost(named: Named, problem: Problem, point: FloatArray, amounts: FloatArray
     model = problem.residual(point, problem.model_response(point))
     columns = amounts * np.array([not isinstance(doubt.direction, RobotMove) for doubt in named.doubts])
     left = problem.weighted(model - named.columns @ columns)
+    return float((np.abs(left) ** 2).sum()) + _known(named, problem, point, amounts)
+
+
+def _known(named: Named, problem: Problem, point: FloatArray, amounts: FloatArray) -> float:
+    """Half the squared deviations from what is known beforehand."""
     known = (point / problem.parameters.prior_std) ** 2, (amounts / named.common_std) ** 2
-    return float((np.abs(left) ** 2).sum() + 0.5 * sum(each.sum() for each in known))
+    return 0.5 * float(sum(each.sum() for each in known))
 
 
 def _extended(found: SettledSprings, suspicion: Suspicion) -> Named | None:

@@ -60,8 +60,8 @@ def doubt_section(rows: tuple[DoubtRow, ...], level: float) -> tuple[Section, ..
         return ()
     off = [row for row in rows if row.is_off]
     lead = (
-        f"Estimated with the parameters, from how far the robot file says that it may be off. {percent(level)} intervals"
-        f" exclude that it is right in {len(off)} of {len(rows)} doubts."
+        f"Estimated with the parameters, from how far the robot file says that it may be off. {percent(level)} "
+        f"intervals exclude that it is right in {len(off)} of {len(rows)} doubts."
     )
     parts: list[Part] = [_doubt_table(off)] if off else []
     parts.append(Folded(f"All doubts, {len(rows)}", (_doubt_table(rows),)))
