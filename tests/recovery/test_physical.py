@@ -69,6 +69,7 @@ def held(lower, upper, truth):
     )
 
 
+@pytest.mark.slow
 def test_intervals_hold_springs_of_robots_that_are_off_by_what_their_files_say():
     estimates, truth = fits()
     share = held([each.lower for each in estimates], [each.upper for each in estimates], truth)
@@ -102,7 +103,27 @@ def kr300():
     return load_experiment(KR300, FAMILIES).robot.to_robot()
 
 
-def test_a_payload_that_the_file_has_wrong_is_named_and_the_springs_are_held(kr300):
+def test_a_wrong_payload_is_named_and_moves_the_springs_themselves_back():
+    nominal = doubtful_robot()
+    unsure = replace(STATED, payload_relative_std=0.1, torque_relative_std=0.0, mass_relative_std=0.0, com_m=0.0)
+    joints = tuple(replace(joint, doubts=unsure) for joint in nominal.joints)
+    load = nominal.payload
+    lighter = replace(load, mass_kg=0.9 * load.mass_kg, inertia_kgm2=0.9 * load.inertia_kgm2)
+    places = np.random.default_rng(4).uniform(-1.4, 1.4, (PLACES, 2))
+    frf = averaged(exact_frf(nominal, places, FREQUENCY_HZ), 0.003, seed=2)
+    wrong = replace(nominal, payload=lighter, joints=joints, doubts=unsure)
+    solution = fit_elastic(wrong, frf, OPTIONS, 0.0)
+    estimate, doubts, size = solution.estimate, solution.doubts, len(nominal.springs)
+    index = doubts.names.index("payload.mass")
+    assert abs(doubts.value[index] - 0.1 * load.mass_kg) < doubts.half_width[index] < 0.05 * load.mass_kg
+    truth = np.array([spring.stiffness for spring in nominal.springs])
+    error = [np.abs(each[:size] / truth - 1).max() for each in (estimate.value, estimate.physical_value)]
+    assert error[1] < 0.2 * error[0]
+    assert ((estimate.lower[:size] <= truth) & (truth <= estimate.upper[:size])).all()
+
+
+@pytest.mark.slow
+def test_on_a_large_robot_too(kr300):
     load, generator = kr300.payload, np.random.default_rng(5)
     places = generator.uniform(0.8 * kr300.lower, 0.8 * kr300.upper, (8, 6))
     frf = averaged(exact_frf(kr300, places, np.geomspace(2.2, 79.8, 40)), 0.003, seed=1)
