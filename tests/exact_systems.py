@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from robid.frf.frf import Frf
 from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring, StiffnessLaw
+from robid.robot.doubts import Doubts
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
@@ -49,6 +50,13 @@ def two_joint_robot(rotor="spong"):
     )
     payload = Inertial(4.0, np.array([0.6, 0.0, 0.15]), 0.02 * np.eye(3))
     return Robot("two joints", np.array([0.0, 0.0, -9.81]), joints, springs, payload, rotor)
+
+
+def certain(robot):
+    """The robot with a file that is taken for granted."""
+    nothing = Doubts(**{each.name: 0.0 for each in fields(Doubts)})
+    joints = tuple(replace(joint, doubts=nothing) for joint in robot.joints)
+    return replace(robot, joints=joints, doubts=nothing)
 
 
 def linear_axis(rotor_kgm2=2e-3, mass_kg=80.0, stiffness=5e6, damping=3e3, ratio=-628.0, viscous=0.004, upright=False):

@@ -3,6 +3,8 @@
 Schema history:
     2.0: parameters in the group `estimate`, their covariance in SI units; the rest in a group of the family's name.
     2.1: elastic fits say in `elastic/effective` what infinitely many places would give.
+    2.2: that lies in `estimate/effective_*`; an elastic fit's `lower` and `upper` are those of the physical parameter,
+        around `physical_value`, and its named doubts lie in `elastic/doubts`.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from robid.fit.estimate import Estimate
     from robid.validation.grade import Grade
 
-MODEL = Kind("model", "2.1", "robid fit")
+MODEL = Kind("model", "2.2", "robid fit")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]
 
@@ -32,6 +34,10 @@ _ESTIMATE = {
     "estimate/value": Column(_OWN, _PARAMETER, "Estimated value"),
     "estimate/lower": Column(_OWN, _PARAMETER, "Lower end of the interval"),
     "estimate/upper": Column(_OWN, _PARAMETER, "Upper end of the interval"),
+    "estimate/physical_value": Column(_OWN, _PARAMETER, "Middle of the interval"),
+    "estimate/effective_value": Column(_OWN, _PARAMETER, "What infinitely many places would give by this model"),
+    "estimate/effective_lower": Column(_OWN, _PARAMETER, "Lower end of its interval"),
+    "estimate/effective_upper": Column(_OWN, _PARAMETER, "Upper end of its interval"),
     "estimate/covariance": Column("products of units", ("parameter", "parameter"), "Covariance of the values"),
     "estimate/degrees_of_freedom": Column("1", _PARAMETER, "Of Student's distribution that the intervals follow"),
     "estimate/relative_std": Column("1", _PARAMETER, "Relative standard deviation"),

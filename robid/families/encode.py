@@ -15,7 +15,10 @@ from robid.artifacts.atomic import plain
 
 Content: TypeAlias = dict[str, Any]
 
-PARAMETER_COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
+PARAMETER_COLUMNS = (
+    *("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable"),
+    *("physical_value", "effective_value", "effective_lower", "effective_upper"),
+)
 _MAT_TITLE = 116
 
 

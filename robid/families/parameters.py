@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.families.units import with_torque_unit
 from robid.fit.estimate import Estimate
 from robid.report.parameters import ParameterRow
@@ -57,8 +58,21 @@ def _row(
         known_relative_std=known if np.isfinite(known) else None,
         covered=None if true is None else lower <= true <= upper,
         assumed=any(f"{owner}.{field}" in assumed for field in PARAMETER_KINDS[kind].fields),
+        physical=_optional(estimate.physical_value, index),
+        effective=_effective(estimate, index),
         note=f"shared by {', '.join(shared)}" if shared else "",
     )
+
+
+def _optional(values: FloatArray | None, index: int) -> float | None:
+    return None if values is None else float(values[index])
+
+
+def _effective(estimate: Estimate, index: int) -> tuple[float, float, float] | None:
+    value, lower, upper = estimate.effective_value, estimate.effective_lower, estimate.effective_upper
+    if value is None or lower is None or upper is None:
+        return None
+    return float(value[index]), float(lower[index]), float(upper[index])
 
 
 def _numbers(row: ParameterRow) -> dict[str, float]:
@@ -70,6 +84,10 @@ def _numbers(row: ParameterRow) -> dict[str, float]:
         "relative_std": row.relative_std,
         "identifiable": float(row.identifiable),
     }
+    if row.physical is not None:
+        values["physical_value"] = row.physical
+    if row.effective is not None:
+        values |= dict(zip(("effective_value", "effective_lower", "effective_upper"), row.effective, strict=True))
     if row.realization_relative_std is not None:
         values["realization_relative_std"] = row.realization_relative_std
     if row.bootstrap is not None:

@@ -44,7 +44,7 @@ class Estimate:
         units: Unit of each parameter.
         nominal (n_param,): What the robot file says.
         value (n_param,): Estimated value.
-        lower (n_param,): Lower end of the interval.
+        lower (n_param,): Lower end of the interval of the parameter itself; it need not lie around the value.
         upper (n_param,): Upper end of the interval.
         covariance (n_param, n_param): Covariance of the values, linearised, without any quantile.
         degrees_of_freedom (n_param,): Of Student's distribution, whose quantile of `covariance` an interval is;
@@ -61,6 +61,11 @@ class Estimate:
         status: How the fit ended: `converged`, `iteration_limit` or `stalled`.
         advice: What to try next; empty when all is well.
         tied: Parameters that follow one of these.
+        physical_value (n_param,): Middle of the interval, where it is not the estimated value; None where it is.
+        effective_value (n_param,): What infinitely many places of this robot would give by this model, the value that
+            predicts best; None where a family tells it from no other.
+        effective_lower (n_param,): Lower end of its interval.
+        effective_upper (n_param,): Upper end.
     """
 
     names: tuple[str, ...]
@@ -84,6 +89,10 @@ class Estimate:
     status: str
     advice: str
     tied: Tied = field(default_factory=Tied)
+    physical_value: FloatArray | None = None
+    effective_value: FloatArray | None = None
+    effective_lower: FloatArray | None = None
+    effective_upper: FloatArray | None = None
 
     @property
     def identified(self) -> BoolArray:
@@ -95,11 +104,6 @@ class Estimate:
     def known_beforehand(self) -> BoolArray:
         """Which parameters (n_param,) the robot file knows well enough, and the data were not to know much better."""
         return np.asarray(~self.identifiable & (self.prior_relative_std <= self.identifiable_relative_std))
-
-    @property
-    def fewest_degrees_of_freedom(self) -> float:
-        """The fewest behind any parameter's interval, for what depends on several of them."""
-        return float(np.min(self.degrees_of_freedom, initial=np.inf))
 
     @property
     def found(self) -> dict[str, float]:

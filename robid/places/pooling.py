@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm, t
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 from robid.places.evidence import Evidence
 from robid.places.saturation import inverted, saturated
 
 _LEAST_FREEDOM = 1.0
+ALONE = 0.9
+"""Share of the information from which on it is a single place's."""
 
 
 @dataclass(frozen=True)
@@ -35,14 +37,33 @@ class Pooled:
     degrees_of_freedom: FloatArray
     dependence: FloatArray
 
-    def reach(self, confidence: float) -> FloatArray:
-        """Half width (n_param,) of the intervals of a level.
+    def spread(self, confidence: float) -> tuple[FloatArray, FloatArray]:
+        """One covariance (n_param, n_param) and its degrees of freedom (n_param,), for the intervals of a level.
 
-        Errors that are assumed but not there do not make places differ, so it is never below what is assumed.
+        Errors that are assumed but not there do not make places differ, so no interval is narrower than what is
+        assumed gives; neither do the others test what a single place knows. What places differ by beyond what is
+        assumed is added with its own correlations.
         """
         tail = 0.5 + 0.5 * confidence
-        differing = t.ppf(tail, self.degrees_of_freedom) * np.sqrt(np.diag(self.covariance))
-        return np.asarray(np.maximum(differing, norm.ppf(tail) * np.sqrt(np.diag(self.assumed))))
+        assumed, differing = np.diag(self.assumed), np.diag(self.covariance)
+        reach = t.ppf(tail, self.degrees_of_freedom) * np.sqrt(differing), norm.ppf(tail) * np.sqrt(assumed)
+        wider = (reach[0] > reach[1]) & ~self.untested
+        size = np.where(wider, differing, 1.0)
+        share = np.sqrt(np.where(wider, np.maximum(size - assumed, 0.0), 0.0) / size)
+        both = self.assumed + self.covariance * np.outer(share, share)
+        # Few degrees of freedom make an interval the wider one with the smaller variance.
+        shrink = np.sqrt(np.where(wider, size / np.maximum(size, assumed), 1.0))
+        return both * np.outer(shrink, shrink), np.where(wider, self.degrees_of_freedom, np.inf)
+
+    def reach(self, confidence: float) -> FloatArray:
+        """Half width (n_param,) of the intervals of a level."""
+        covariance, freedom = self.spread(confidence)
+        return np.asarray(t.ppf(0.5 + 0.5 * confidence, freedom) * np.sqrt(np.diag(covariance)))
+
+    @property
+    def untested(self) -> BoolArray:
+        """Which parameters (n_param,) a single place knows."""
+        return np.asarray(self.dependence > ALONE)
 
 
 def pool(evidence: Evidence, between: FloatArray) -> Pooled:

@@ -12,6 +12,7 @@ from robid.report.parameters import (
     ParameterLine,
     ParameterRow,
     bootstrap_sentence,
+    effective_sentence,
     nuisance_lines,
     parameter_groups,
     ratio_sentence,
@@ -78,7 +79,7 @@ def _ratio(row: ParameterRow) -> Ratio:
         upper=row.upper / row.nominal,
         truth=None if row.truth is None else row.truth / row.nominal,
         identifiable=row.identifiable,
-        text=engineering(row.estimate, row.unit, (row.upper - row.lower) / 2),
+        text=engineering(row.estimate, row.unit, row.near),
     )
 
 
@@ -87,13 +88,18 @@ def _table(estimates: Estimates, conventions: str) -> Table:
     nominal_heads = ("Nominal", "Change") if estimates.with_nominal else ()
     nominal_styles: tuple[ColumnStyle, ...] = ("number", "number") if estimates.with_nominal else ()
     truth_heads = ("Truth", "Off truth", "In interval") if with_truth else ()
-    heads = ("Parameter", "Estimate", f"{percent(estimates.level)} interval", *(("Bootstrap",) * repeated), "Unit", "±")
+    both = ("Predicts ±", "Physical") if estimates.with_effective else ()
+    interval = f"{percent(estimates.level)} interval"
+    heads = ("Parameter", "Estimate", *both, interval, *(("Bootstrap",) * repeated), "Unit", "±")
+    both_styles: tuple[ColumnStyle, ...] = ("number", "number") if both else ()
     repeated_styles: tuple[ColumnStyle, ...] = ("number",) if repeated else ()
     truth_styles: tuple[ColumnStyle, ...] = ("number", "number", "text") if with_truth else ()
+    shown = {"with_both": bool(both), "with_nominal": estimates.with_nominal, "with_truth": with_truth}
     sentences = (
         conventions,
         ratio_sentence(estimates.torque_unit),
         "± is half the interval relative to the estimate.",
+        effective_sentence(estimates),
         rule_sentence(estimates),
         "Grey rows are not determined by the data: use no more of them than was known beforehand.",
         bootstrap_sentence(estimates),
@@ -101,22 +107,26 @@ def _table(estimates: Estimates, conventions: str) -> Table:
     return Table(
         (*heads, *nominal_heads, *truth_heads, "Note"),
         tuple(
-            _row(line, title, with_nominal=estimates.with_nominal, with_truth=with_truth, repeated=repeated)
+            _row(line, title, **shown, repeated=repeated)
             for title, lines in parameter_groups(estimates)
             for line in lines
         ),
         caption=" ".join(sentence for sentence in sentences if sentence),
         styles=(
-            "name", "strong", "number", *repeated_styles, "text", "number", *nominal_styles, *truth_styles, "prose",
+            "name", "strong", *both_styles, "number", *repeated_styles, "text", "number", *nominal_styles,
+            *truth_styles, "prose",
         ),
     )  # fmt: skip
 
 
-def _row(line: ParameterLine, group: str, *, with_nominal: bool, with_truth: bool, repeated: bool) -> Row:
+def _row(
+    line: ParameterLine, group: str, *, with_both: bool, with_nominal: bool, with_truth: bool, repeated: bool
+) -> Row:
     nominal = Cell(line.nominal, badge="a", hint="assumed: no published source") if line.assumed else line.nominal
     cells = (
         line.name,
         line.estimate,
+        *((line.predicts, line.physical) if with_both else ()),
         f"{line.lower} … {line.upper}",
         *((line.bootstrap,) if repeated else ()),
         line.unit,

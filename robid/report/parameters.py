@@ -30,6 +30,8 @@ class ParameterRow:
         identified: Whether that is so and the interval after the fit bears it out.
         predicted_relative_std: Relative deviation predicted before the fit, which decides; None where it is unknown.
         known_relative_std: Relative deviation known beforehand, or None.
+        physical: Middle of the interval where it is told from the estimate, or None.
+        effective: Value, lower and upper end of what predicts best, where it is told apart, or None.
         covered: Whether the interval holds the truth, or None without a truth.
         assumed: Whether the nominal value has no published source.
         note: What the reader should know, such as why it is not identifiable.
@@ -55,6 +57,14 @@ class ParameterRow:
     identified: bool = True
     predicted_relative_std: float | None = None
     known_relative_std: float | None = None
+    physical: float | None = None
+    effective: tuple[float, float, float] | None = None
+
+    @property
+    def near(self) -> float:
+        """Half width of the interval of what predicts, or of the only one."""
+        lower, upper = (self.lower, self.upper) if self.effective is None else self.effective[1:]
+        return (upper - lower) / 2
 
 
 @dataclass(frozen=True)
@@ -65,7 +75,7 @@ class Estimates:
         rows: The parameters, in the order to show.
         level: Level of the intervals.
         torque_unit: What stands for N m where the torque constant is unknown.
-        misfit: Cost over what noise and the assumed model error give; above 1 the intervals are widened by its root.
+        misfit: Cost over what noise and the assumed model error give.
         undetermined: Combinations of parameters that the data do not determine, a sentence each.
         identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
         interval_rule: What set the width of the intervals, in words.
@@ -83,6 +93,11 @@ class Estimates:
     def with_nominal(self) -> bool:
         """Whether any of them was known beforehand."""
         return any(math.isfinite(row.nominal) for row in self.rows)
+
+    @property
+    def with_effective(self) -> bool:
+        """Whether what predicts is told from what is there."""
+        return any(row.effective is not None for row in self.rows)
 
     @property
     def shown(self) -> list[ParameterRow]:
@@ -109,6 +124,8 @@ class ParameterLine:
     identifiable: bool
     note: str
     bootstrap: str = ""
+    predicts: str = ""
+    physical: str = ""
 
 
 def kind_title(kind: str, torque_unit: str = "N m") -> str:
@@ -131,22 +148,32 @@ def rule_sentence(estimates: Estimates) -> str:
     return f"The intervals' width is set by {estimates.interval_rule}." if estimates.interval_rule else ""
 
 
-def widened_sentence(estimates: Estimates) -> str:
-    """Says by how much the intervals are widened; empty where they are not."""
+def effective_sentence(estimates: Estimates) -> str:
+    """Says what the two intervals of a parameter are; empty where there is one."""
+    if not estimates.with_effective:
+        return ""
+    return (
+        "“Predicts ±” is that of what infinitely many configurations of this robot would give; “physical” is the "
+        "parameter itself, whose interval holds what the robot file may have wrong."
+    )
+
+
+def misfit_sentence(estimates: Estimates) -> str:
+    """Says by how much the residual exceeds what is known of it; empty where it does not."""
     if estimates.misfit <= 1:
         return ""
     return (
-        f"Intervals are widened {significant(math.sqrt(estimates.misfit), 2)} times: the residual is so much larger "
-        "than noise and the assumed model error explain."
+        f"The residual is {significant(math.sqrt(estimates.misfit), 2)} times as large as noise and the assumed model "
+        "error explain."
     )
 
 
 def bootstrap_sentence(estimates: Estimates) -> str:
     """Compares the bootstrap's intervals with the tabled ones; empty without a bootstrap."""
     ratios = [
-        (row.bootstrap[1] - row.bootstrap[0]) / (row.upper - row.lower)
+        (row.bootstrap[1] - row.bootstrap[0]) / 2 / row.near
         for row in estimates.rows
-        if row.bootstrap is not None and row.identifiable and row.upper > row.lower
+        if row.bootstrap is not None and row.identifiable and row.near > 0
     ]
     if not ratios:
         return ""
@@ -160,8 +187,7 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
     """Writes a parameter; a row that is not identifiable says why."""
     if row.kind == NUISANCE:
         return _nuisance_line(row, threshold)
-    half_width = (row.upper - row.lower) / 2
-    scale = scale_for(row.estimate or row.nominal, row.unit, half_width)
+    scale = scale_for(row.estimate or row.nominal, row.unit, row.near)
     return ParameterLine(
         name=row.name,
         unit=scale.unit,
@@ -178,6 +204,8 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         identifiable=row.identifiable,
         note=_note(row, threshold),
         bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
+        predicts="" if row.effective is None else percent(row.near / abs(row.estimate) if row.estimate else math.nan),
+        physical="" if row.physical is None else scale.text(row.physical),
     )
 
 

@@ -10,6 +10,7 @@ from robid.report.parameters import (
     Estimates,
     ParameterLine,
     bootstrap_sentence,
+    effective_sentence,
     kind_title,
     parameter_line,
     ratio_sentence,
@@ -28,13 +29,14 @@ def parameter_table(estimates: Estimates) -> Group:
     rows = estimates.shown
     with_truth = any(row.truth is not None for row in rows)
     table = open_table("parameter")
-    for header in ("estimate", f"{100 * estimates.level:g} % interval"):
+    both = ("predicts ±", "physical") if estimates.with_effective else ()
+    for header in ("estimate", *both, f"{100 * estimates.level:g} % interval"):
         table.add_column(header, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     nominal = ("nominal",) if estimates.with_nominal else ()
     for header in ("±", *nominal, *(("truth", "off truth") if with_truth else ())):
         table.add_column(header, justify="right", no_wrap=True)
-    footnotes = [ratio_sentence(estimates.torque_unit)]
+    footnotes = [ratio_sentence(estimates.torque_unit), effective_sentence(estimates)]
     footnotes += ["a: assumed, not published"] if any(row.assumed for row in rows) else []
     for kind in dict.fromkeys(row.kind for row in rows):
         title = kind_title(kind, estimates.torque_unit)
@@ -42,7 +44,7 @@ def parameter_table(estimates: Estimates) -> Group:
         for row in rows:
             if row.kind == kind:
                 line = parameter_line(row, estimates.identifiable_relative_std)
-                cells = _cells(line, with_nominal=estimates.with_nominal, with_truth=with_truth)
+                cells = _cells(line, with_both=bool(both), with_nominal=estimates.with_nominal, with_truth=with_truth)
                 table.add_row(*cells, style=None if row.identifiable else "dim")
                 footnotes += [f"{title}, {line.name}: {line.note}"] if line.note else []
     footnotes += [bootstrap_sentence(estimates), *(f"{sentence}." for sentence in estimates.undetermined)]
@@ -64,10 +66,11 @@ def open_table(first: str) -> Table:
     return table
 
 
-def _cells(line: ParameterLine, *, with_nominal: bool, with_truth: bool) -> list[Text]:
+def _cells(line: ParameterLine, *, with_both: bool, with_nominal: bool, with_truth: bool) -> list[Text]:
     cells = [
         Text(f"  {line.name}"),
         Text(line.estimate, style="bold" if line.identifiable else ""),
+        *((Text(line.predicts), Text(line.physical)) if with_both else ()),
         Text(f"{line.lower} … {line.upper}"),
         Text(line.unit),
         Text(line.half_width),

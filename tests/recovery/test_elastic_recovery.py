@@ -121,7 +121,7 @@ def test_sandwich_against_monte_carlo(options):
         found.append(solution.internal.values)
         claimed.append(solution.internal.covariance)
         values = np.array([truth[name] for name in solution.estimate.names])
-        covered.append((solution.estimate.lower <= values) & (values <= solution.estimate.upper))
+        covered.append((solution.estimate.effective_lower <= values) & (values <= solution.estimate.effective_upper))
     empirical, claimed = np.cov(np.array(found).T), np.mean(claimed, axis=0)
     size = np.sqrt(np.diag(claimed))
     error = (empirical - claimed) / np.outer(size, size)

@@ -161,7 +161,8 @@ def test_every_result_has_the_common_core(made, case):
     assert {name.partition("/")[0] for name in model.datasets} <= {"estimate", "grade", case.family.name}
     assert {name.partition("/")[0] for name in validation.datasets} <= {"outcome", "grade", case.family.name}
     assert len(set(estimate.names)) == len(estimate.names) == len(estimate.units) == estimate.value.size > 0
-    assert ((estimate.lower <= estimate.value) & (estimate.value <= estimate.upper)).all()
+    middle = estimate.value if estimate.physical_value is None else estimate.physical_value
+    assert ((estimate.lower <= middle) & (middle <= estimate.upper)).all()
     deviation = np.sqrt(np.diag(estimate.covariance))
     correlation = estimate.covariance / np.outer(deviation, deviation)
     np.testing.assert_allclose(correlation, correlation.T, atol=1e-9)

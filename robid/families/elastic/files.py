@@ -13,13 +13,15 @@ from robid.validation.grade import Grade
 
 _NAME = "elastic"
 _PARAMETER, _START, _CONFIGURATION = ("parameter",), ("start",), ("configuration",)
+_DOUBT = ("doubt",)
 _RESPONSE = ("configuration", "frequency", "output", "input")
 _ELEMENT = ("configuration", "output", "input")
 _OWN = "as in units"
 _RESPONSE_UNITS = "rad/s^2 per torque"
 _SOLUTION = {
     "elastic/internal/values": Column("1", _PARAMETER, "Optimizer's values"),
-    "elastic/internal/covariance": Column("1", ("parameter", "parameter"), "Covariance of the optimizer's values"),
+    "elastic/internal/covariance": Column("1", ("parameter", "parameter"), "Covariance of those that predict"),
+    "elastic/internal/degrees_of_freedom": Column("1", _PARAMETER, "Of the Student distribution that goes with it"),
     "elastic/internal/singular_values": Column("1", _PARAMETER, "Of the scaled information matrix"),
     "elastic/costs/configuration": Column("1", _CONFIGURATION, "Cost of each configuration"),
     "elastic/costs/expected": Column("1", _CONFIGURATION, "Cost that the response's covariance alone gives"),
@@ -43,11 +45,15 @@ _SOLUTION = {
     "elastic/bootstrap/relative_std": Column("1", _PARAMETER, "Relative deviation from repeated fits"),
     "elastic/bootstrap/lower": Column(_OWN, _PARAMETER, "Lower end of the bootstrap's interval"),
     "elastic/bootstrap/upper": Column(_OWN, _PARAMETER, "Upper end of the bootstrap's interval"),
-    "elastic/effective/value": Column(_OWN, _PARAMETER, "What infinitely many places would give by this model"),
-    "elastic/effective/lower": Column(_OWN, _PARAMETER, "Lower end of its interval"),
-    "elastic/effective/upper": Column(_OWN, _PARAMETER, "Upper end of its interval"),
+    "elastic/doubts/names": Column("1", _DOUBT, "What the robot file may have wrong"),
+    "elastic/doubts/causes": Column("1", _DOUBT, "Likely cause that it stands for"),
+    "elastic/doubts/units": Column("1", _DOUBT, "Unit of its amounts"),
+    "elastic/doubts/prior_std": Column(_OWN, _DOUBT, "Deviation known beforehand, alike in all places"),
+    "elastic/doubts/place_std": Column(_OWN, _DOUBT, "Deviation of what each place adds"),
+    "elastic/doubts/value": Column(_OWN, _DOUBT, "Estimated amount, zero where the file is right"),
+    "elastic/doubts/half_width": Column(_OWN, _DOUBT, "Half width of its interval"),
     "elastic/effective/between_std": Column("1", _PARAMETER, "Deviation of the optimizer's values between places"),
-    "elastic/effective/degrees_of_freedom": Column("1", _PARAMETER, "Of the interval's Student distribution"),
+    "elastic/effective/degrees_of_freedom": Column("1", _PARAMETER, "Of what places really differ by"),
     "elastic/effective/dependence": Column("1", _PARAMETER, "Share of the information that a single place gives"),
 }
 _RESONANCE = ("resonance",)

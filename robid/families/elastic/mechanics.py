@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,15 +92,18 @@ def parameter_records(found: FittedExport) -> list[dict[str, object]]:
     values = (each.tolist() for each in (tied.nominal, tied.value, tied.lower, tied.upper))
     followers = zip(tied.names, tied.to, *values, strict=True)
     more = [
-        own[leader] | dict(zip(COLUMNS[3:7], row, strict=True)) | {"name": name} for name, leader, *row in followers
+        own[leader] | dict.fromkeys(COLUMNS[9:], math.nan) | dict(zip(COLUMNS[3:7], row, strict=True)) | {"name": name}
+        for name, leader, *row in followers
     ]
     return [*own.values(), *more]
 
 
 def _columns(estimate: Estimate) -> dict[str, FloatArray]:
-    """Values of the parameters by column, beside names, kinds and units."""
+    """Values of the parameters by column, beside names, kinds and units; NaN what an older model does not tell."""
     fields = ("value" if name == "estimate" else name for name in COLUMNS[3:])
-    return {name: getattr(estimate, field) for name, field in zip(COLUMNS[3:], fields, strict=True)}
+    found = {name: getattr(estimate, field) for name, field in zip(COLUMNS[3:], fields, strict=True)}
+    unknown = np.full(len(estimate.names), np.nan)
+    return {name: unknown if values is None else values for name, values in found.items()}
 
 
 def arrays(found: FittedExport, rows: list[int]) -> Content:

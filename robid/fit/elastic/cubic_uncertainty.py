@@ -6,7 +6,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.problem import Problem
-from robid.fit.places import group_places
+from robid.places.grouping import group_places
 
 
 def load_doubt(problem: Problem, internal: FloatArray, inverse: FloatArray, weighted: ComplexArray) -> FloatArray:

@@ -1,37 +1,63 @@
-"""The parameters that places agree on: the values that predict other places, and how far they may be off."""
+"""What places say of the parameters of a fit and of doubts, and the values that they agree on."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.fit.elastic.cubic_uncertainty import load_doubt
+from robid.fit.elastic.named import Named
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.solution import EffectiveValues
 from robid.fit.elastic.uncertainty import Influence, score_covariance
-from robid.fit.places import group_places
 from robid.places.between import estimate_between
 from robid.places.evidence import Evidence, summarise
-from robid.places.pooling import pool
+from robid.places.grouping import group_places
+from robid.places.pooling import Pooled, pool
 
-_FEW_PLACES = 4
-_STEPS = 3
+_STEPS = 10
 _LONGEST_STEP = 0.5  # of an internal parameter; beyond, nothing is linear
 _ARRIVED = 1e-2  # of a deviation
 
 
-def place_evidence(problem: Problem, internal: FloatArray, covariance: FloatArray) -> Evidence:
-    """What each place says of the internal parameters, around a point.
+@dataclass(frozen=True)
+class Settled:
+    """What places agree on.
+
+    Attributes:
+        values (n_param,): Internal parameters, each place weighed by what noise and differences between places leave of
+            its information.
+        amounts (n_doubt,): Amounts of the doubts.
+        pooled: How far both may be off, parameters first.
+    """
+
+    values: FloatArray
+    amounts: FloatArray
+    pooled: Pooled
+
+
+def place_evidence(
+    problem: Problem, internal: FloatArray, covariance: FloatArray, doubts: Named | None = None
+) -> Evidence:
+    """What each place says of the internal parameters and of doubts, around a point.
 
     Args:
         problem: The problem with its weights.
         internal (n_param,): The point.
-        covariance (n_conf, n_param, n_param): Covariance of the scores by what is known of the errors; changes little
-            from point to point.
+        covariance (n_conf, n_param + n_doubt, n_param + n_doubt): Covariance of the scores by what is known of the
+            errors; changes little from point to point.
+        doubts: Further columns; none when not given.
 
     Source:
         METHODS sec. 11.
     """
     error, derivative = problem.linear(internal)
+    variance, middle = problem.parameters.prior_std**2, internal
+    if doubts is not None:
+        derivative = np.concatenate([derivative, doubts.columns], axis=-1)
+        variance = np.concatenate([variance, doubts.common_std**2])
+        middle = np.concatenate([internal, doubts.amounts])
     n_conf, n_param = len(error), derivative.shape[-1]
     adjoint = problem.fully_weighted(derivative).reshape(n_conf, -1, n_param).conj().swapaxes(1, 2)
     bread = 2 * np.real(adjoint @ derivative.reshape(n_conf, -1, n_param))
@@ -40,41 +66,51 @@ def place_evidence(problem: Problem, internal: FloatArray, covariance: FloatArra
     each, pulls, meat = (
         np.array([values[place].sum(axis=0) for place in places]) for values in (bread, score, covariance)
     )
-    precision = 1 / problem.parameters.prior_std**2
-    return summarise(each, pulls, meat, np.diag(precision), -precision * internal)
+    return summarise(each, pulls, meat, np.diag(1 / variance), -middle / variance)
 
 
-def find_effective(
-    problem: Problem, internal: FloatArray, found: Influence, confidence: float
-) -> EffectiveValues | None:
+def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Named | None = None) -> Settled:
     """Weighs places by what noise and their differences leave of their information, from the minimum of a fit on.
+
+    Without doubts, that is what predicts other places. With them, places also say what the robot file has wrong, as far
+    as their data and what is known of it beforehand tell; that takes a single step, for elsewhere the parameters' own
+    derivatives would no longer be those that the doubts go with.
 
     Args:
         problem: The problem, at its minimum.
         internal (n_param,): The minimum.
         found: The estimator linearised there.
-        confidence: Level of the intervals.
-
-    Returns:
-        The values and their intervals; None with fewer than four places, or without a covariance.
+        doubts: Further columns, linearised there; none when not given.
     """
+    parameters, size = problem.parameters, internal.size
+    given = np.full(size, np.nan)
+    if doubts is not None:
+        found = _extended(problem, internal, found, doubts)
+        given = np.concatenate([given, doubts.place_std**2])
     covariance = score_covariance(problem, found)
-    if len(group_places(problem.frf.configurations)) < _FEW_PLACES or not covariance.any():
-        return None
-    parameters, values = problem.parameters, internal
-    for _ in range(_STEPS):
-        evidence = place_evidence(problem, values, covariance)
-        pooled = pool(evidence, estimate_between(evidence).variance)
-        step = np.clip(pooled.shift, -_LONGEST_STEP, _LONGEST_STEP)
-        values = np.clip(values + step, parameters.lower, parameters.upper)
-        if (np.abs(step) <= _ARRIVED * np.sqrt(np.diag(pooled.covariance))).all():
+    best, now = np.inf, internal
+    for _ in range(_STEPS if doubts is None else 1):
+        evidence = place_evidence(problem, now, covariance, doubts)
+        there = pool(evidence, estimate_between(evidence, given).variance)
+        length = float(np.abs(there.shift[:size] / np.sqrt(np.diag(there.covariance)[:size])).max())
+        if length >= best:
+            break  # where nothing is linear, steps lead nowhere: the last one that was shorter counts
+        step = np.clip(there.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
+        best, pooled, now = length, there, np.clip(now + step, parameters.lower, parameters.upper)
+        if length <= _ARRIVED:
             break
-    reach = pooled.reach(confidence)
-    return EffectiveValues(
-        value=parameters.values(values),
-        lower=parameters.values(values - reach),
-        upper=parameters.values(values + reach),
-        between_std=np.sqrt(pooled.between),
-        degrees_of_freedom=pooled.degrees_of_freedom,
-        dependence=pooled.dependence,
+    assumed = pooled.assumed.copy()
+    assumed[:size, :size] += load_doubt(problem, internal, found.inverse, found.weighted[..., :size])
+    amounts = np.zeros(0) if doubts is None else doubts.amounts + pooled.shift[size:]
+    return Settled(now, amounts, replace(pooled, assumed=assumed))
+
+
+def _extended(problem: Problem, internal: FloatArray, found: Influence, doubts: Named) -> Influence:
+    """What errors pull at doubts too."""
+    weighted = problem.fully_weighted(doubts.columns)
+    gain = weighted / problem.residual_kind.divisor(problem.measured(internal)).conj()[..., None]
+    return replace(
+        found,
+        gain=np.concatenate([found.gain, gain], axis=-1),
+        weighted=np.concatenate([found.weighted, weighted], axis=-1),
     )

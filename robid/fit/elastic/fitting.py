@@ -12,9 +12,10 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.bootstrap import Map
 from robid.fit.elastic.checks import check_data, check_influence, check_inputs
-from robid.fit.elastic.considered import DoubtfulRobot, considered_covariance
+from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.model_error import element_level
+from robid.fit.elastic.named import Suspicion
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import ParameterMap, map_parameters
@@ -92,10 +93,9 @@ def fit_elastic(
 
     best = min(ends, key=lambda end: end.cost)
     reached = _update(_Reached(problem, dropped, best), start, options, set_up_at)
-    others = doubtful if reached.rests else ()
-    beyond = considered_covariance(reached.problem, reached.best.parameters, options, delay_s, others)
+    suspicion = Suspicion(robot, options, doubtful) if reached.rests else None
     endings = ends, predicted, reached.dropped
-    solution = make_solution(reached.problem, options, reached.best, *endings, parallel_map, beyond)
+    solution = make_solution(reached.problem, options, reached.best, *endings, parallel_map, suspicion)
     if reached.rests:
         return solution
     advice = "; ".join(filter(None, (_NO_REST, solution.estimate.advice)))

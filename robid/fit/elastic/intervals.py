@@ -1,34 +1,39 @@
-"""How far the parameters of a fit may be off: a plain covariance, its degrees of freedom, and what set them."""
+"""How far the parameters of a fit may be off, as what predicts and as what is there, and what set the widths."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.stats import t
 
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
-from robid.fit.elastic.model_error import ModelError
+from robid.fit.elastic.effective import Settled, settle
+from robid.fit.elastic.named import Suspicion, name_doubts
+from robid.fit.elastic.physical import find_physical
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.uncertainty import Influence, configuration_covariance, structured_covariance
-from robid.fit.places import group_places
+from robid.fit.elastic.solution import Between, NamedDoubts
+from robid.fit.elastic.uncertainty import Influence, influence, structured_covariance
+from robid.places.grouping import group_places
+from robid.places.pooling import Pooled
 
-_FEW_PLACES = 4
-MANY_ABOVE = 0.25
-"""Share of the elements beyond their covariance from which a model lacks something; 0.05 is expected."""
+FEWEST_PLACES = 4
+"""Number of places from which on their differences say how far a parameter may be off."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How far internal parameters may be off.
+    """Internal parameters and how far they may be off.
 
     Attributes:
+        values (n_param,): Middle of their intervals.
         covariance (n_param, n_param): Their covariance, without any quantile.
         degrees_of_freedom (n_param,): What the quantile of each interval follows, infinite for the normal one.
         rule: What set the width, in words.
     """
 
+    values: FloatArray
     covariance: FloatArray
     degrees_of_freedom: FloatArray
     rule: str
@@ -43,65 +48,90 @@ class Spread:
         return np.asarray(t.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom) * self.std)
 
 
-def many_above(error: ModelError | None) -> bool:
-    """Whether many elements miss the model by more than their covariance, or with correlated residuals."""
-    return error is not None and max(error.share_above, error.share_correlated) > MANY_ABOVE
+@dataclass(frozen=True)
+class Spreads:
+    """How far the parameters of a fit may be off.
+
+    Attributes:
+        effective: As what infinitely many places of this robot would give: they predict.
+        physical: As springs, dampers and inertias themselves.
+        assumed (n_param, n_param): Covariance by noise and assumed errors alone: what the data do not determine.
+        between: How places differ; None where they are too few to tell.
+        doubts: What places say of the doubts; None where they are considered alone, or there are none.
+    """
+
+    effective: Spread
+    physical: Spread
+    assumed: FloatArray
+    between: Between | None = None
+    doubts: NamedDoubts | None = None
 
 
-def find_spread(
+def find_spreads(
     problem: Problem,
     internal: FloatArray,
     found: Influence,
     excess: float,
-    error: ModelError | None,
     confidence: float,
-    beyond: FloatArray | None = None,
-) -> Spread:
+    suspicion: Suspicion | None = None,
+) -> Spreads:
     """Finds how far a fit's parameters may be off.
 
     Args:
         problem: The problem, at its minimum.
         internal (n_param,): The minimum.
         found: The estimator linearised there.
-        excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance.
-        error: The residuals against their expectation; None without a covariance.
+        excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance of few places.
         confidence: Level of the intervals.
-        beyond (n_param, n_param): Covariance by what the rigid parameters leave open, if they come from a fit.
+        suspicion: What the robot file may have wrong; nothing when not given.
     """
+    places = len(group_places(problem.frf.configurations))
+    rule = "noise and assumed model error" if problem.model_error.any() else "noise"
+    if places < FEWEST_PLACES or not (problem.frf.element_variance().any() or problem.model_error.any()):
+        return _of_few_places(problem, internal, found, excess, rule, suspicion)
+    differing = f"what {places} places differ by"
+    near = settle(problem, internal, found)
+    effective = _spread(near, f"{rule}, and {differing}", confidence)
+    between = between_places(near.pooled)
+    far = None if suspicion is None else find_physical(problem, (near.values, internal), suspicion, confidence)
+    if far is None:
+        return Spreads(effective, effective, near.pooled.assumed, between)
+    told = f"{rule}, {differing}, and {_told(len(far.doubts.names), rigid=far.rigid)}"
+    physical = Spread(far.values, far.covariance, far.degrees_of_freedom, told)
+    return Spreads(effective, physical, near.pooled.assumed, between, far.doubts)
+
+
+def _of_few_places(
+    problem: Problem, internal: FloatArray, found: Influence, excess: float, rule: str, suspicion: Suspicion | None
+) -> Spreads:
+    """What noise and assumed errors give, widened by the misfit: too few places to see what they differ by."""
     covariance = structured_covariance(problem, found) * max(1.0, excess)
     covariance += load_doubt(problem, internal, found.inverse, found.weighted)
-    assumed = "noise and assumed model error" if problem.model_error.any() else "noise"
-    rule = assumed if excess <= 1 else f"{assumed}, widened by the misfit"
-    if beyond is not None and beyond.any():
-        covariance, rule = covariance + beyond, f"{rule}, and what the rigid fit leaves open"
-    spread = Spread(covariance, np.full(len(covariance), np.inf), rule)
-    if not many_above(error):
-        return spread
-    places = len(group_places(problem.frf.configurations))
-    if places < _FEW_PLACES:
-        return Spread(covariance, spread.degrees_of_freedom, f"{rule}; too few places for a jackknife")
-    return at_least(spread, configuration_covariance(problem, internal), places, confidence)
+    told = rule if excess <= 1 else f"{rule}, widened by the misfit"
+    spread = Spread(internal, covariance, np.full(internal.size, np.inf), told)
+    doubts = None if suspicion is None else name_doubts(problem, (internal,), suspicion)
+    if doubts is None:
+        return Spreads(spread, spread, covariance)
+    # The estimator's own gain: its weights, not those of what places say.
+    resting = influence(doubts.problem, internal)
+    pulls = np.real(np.einsum("cfoip,cfoiq->pq", resting.weighted.conj(), doubts.columns, optimize=True))
+    moved = resting.inverse @ pulls * np.hypot(doubts.common_std, doubts.place_std)
+    told = f"{told}, and {_told(len(doubts.doubts), rigid=doubts.rigid)}"
+    physical = Spread(internal, covariance + moved @ moved.T, spread.degrees_of_freedom, told)
+    return Spreads(spread, physical, covariance)
 
 
-def at_least(spread: Spread, jackknife: FloatArray, places: int, confidence: float) -> Spread:
-    """Lets no interval be narrower than a jackknife over places says.
+def _told(count: int, *, rigid: bool) -> str:
+    source = "what the rigid fit leaves open among " if rigid else ""
+    return f"{source}{count} doubts of the robot file"
 
-    What a jackknife's variance has beyond the spread's is added with the jackknife's own correlations: that of a
-    few places alone is singular, and the spread's correlations are those of other errors. An interval follows
-    Student's distribution where that of the jackknife alone would be the wider one.
 
-    Args:
-        spread: What noise and assumed errors give.
-        jackknife (n_param, n_param): Covariance by leaving out places.
-        places: Their number.
-        confidence: Level of the intervals.
-    """
-    own, other = np.diag(spread.covariance), np.diag(jackknife)
-    share = np.sqrt(np.divide(np.maximum(other - own, 0.0), other, out=np.zeros_like(other), where=other > 0))
-    tail = 0.5 + 0.5 * confidence
-    wider = t.ppf(tail, places - 1) * np.sqrt(other) > norm.ppf(tail) * np.sqrt(own)
-    rule = spread.rule
-    if wider.any():
-        rule += f"; jackknife over {places} places where that is wider ({wider.sum()} of {wider.size} parameters)"
-    freedom = np.where(wider, places - 1.0, spread.degrees_of_freedom)
-    return Spread(spread.covariance + jackknife * np.outer(share, share), freedom, rule)
+def _spread(settled: Settled, rule: str, confidence: float) -> Spread:
+    size = settled.values.size
+    covariance, freedom = settled.pooled.spread(confidence)
+    return Spread(settled.values, covariance[:size, :size], freedom[:size], rule)
+
+
+def between_places(pooled: Pooled) -> Between:
+    """Takes what places say of each parameter's differences."""
+    return Between(np.sqrt(pooled.between), pooled.degrees_of_freedom, pooled.dependence)

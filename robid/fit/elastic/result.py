@@ -8,9 +8,9 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.fit.elastic.bootstrap import Map, bootstrap
-from robid.fit.elastic.effective import find_effective
-from robid.fit.elastic.intervals import MANY_ABOVE, Spread, find_spread
+from robid.fit.elastic.intervals import FEWEST_PLACES, Spread, Spreads, find_spreads
 from robid.fit.elastic.model_error import ModelError, estimate_model_error
+from robid.fit.elastic.named import Suspicion
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import ParameterMap
 from robid.fit.elastic.problem import Problem
@@ -24,12 +24,15 @@ from robid.fit.elastic.uncertainty import (
 from robid.fit.estimate import Estimate, Tied
 from robid.fit.levenberg import Minimum
 from robid.fit.undetermined import undetermined_combinations
+from robid.places.grouping import group_places
 
 _SAME_MINIMUM = 1e-3
 _NEEDLESS_FACTOR = 1e3
 _LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
+_MANY_ABOVE = 0.25
+"""Share of the elements beyond their covariance from which a model lacks something; 0.05 is expected."""
 
 
 def make_solution(
@@ -40,7 +43,7 @@ def make_solution(
     predicted: FloatArray,
     dropped: int,
     parallel_map: Map,
-    beyond: FloatArray,
+    suspicion: Suspicion | None,
 ) -> ElasticSolution:
     """Puts together what a fit found.
 
@@ -52,20 +55,20 @@ def make_solution(
         predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
         dropped: Response elements that the logarithm dropped.
         parallel_map: Ordered map that runs the bootstrap.
-        beyond (n_param, n_param): Covariance by what the rigid parameters leave open, zero where they are the file's.
+        suspicion: What the robot file may have wrong; nothing where the robot does not rest.
     """
     parameters, internal = problem.parameters, best.parameters
     modelled = problem.model_response(internal)
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
     error = estimate_model_error(problem, internal, found)
-    spread = find_spread(problem, internal, found, excess, error, options.confidence, beyond)
+    spreads = find_spreads(problem, internal, found, excess, options.confidence, suspicion)
     costs = np.array([end.cost for end in ends])
     return ElasticSolution(
         estimate=_estimate(
-            parameters, internal, spread, predicted, options, _ending(problem, best, dropped, excess, error)
+            parameters, internal, spreads, predicted, options, _ending(problem, best, dropped, excess, error)
         ),
-        internal=Internal(internal, spread.covariance, _singular_values(problem, internal)),
+        internal=_internal(problem, internal, spreads.effective),
         costs=Costs(
             best.cost,
             problem.configuration_cost(modelled, internal),
@@ -83,7 +86,8 @@ def make_solution(
         ),
         responses=Responses(problem.frf.configurations, problem.frf.frequency_hz, problem.measured(internal), modelled),
         model_error=error,
-        effective=find_effective(problem, internal, found, options.confidence),
+        effective=spreads.between,
+        doubts=spreads.doubts,
         **_from_realizations(problem, options, internal, found, parallel_map),
     )
 
@@ -95,13 +99,14 @@ def _ending(problem: Problem, best: Minimum, dropped: int, excess: float, error:
 def _estimate(
     parameters: ParameterMap,
     internal: FloatArray,
-    spread: Spread,
+    spreads: Spreads,
     predicted: FloatArray,
     options: ElasticOptions,
     ending: tuple[str, str],
 ) -> Estimate:
     """The parameters at the minimum, with status and advice of the fit."""
-    reach = spread.reach(options.confidence)
+    spread, predicting = spreads.physical, spreads.effective
+    reach, near = spread.reach(options.confidence), predicting.reach(options.confidence)
     relative, slopes = _relative(parameters, internal), parameters.slopes(internal)
     predicted_relative = predicted * _predicted_relative(parameters)
     structural = np.minimum(relative, 1.0) * (np.array(parameters.kind_of) != "friction")
@@ -112,8 +117,8 @@ def _estimate(
         units=parameters.units,
         nominal=parameters.nominal_values(),
         value=parameters.values(internal),
-        lower=parameters.values(internal - reach),
-        upper=parameters.values(internal + reach),
+        lower=parameters.values(spread.values - reach),
+        upper=parameters.values(spread.values + reach),
         covariance=spread.covariance * np.outer(slopes, slopes),
         degrees_of_freedom=spread.degrees_of_freedom,
         confidence=options.confidence,
@@ -124,11 +129,20 @@ def _estimate(
         relative_half_width=reach * _judged_relative(parameters, internal),
         identifiable=(predicted_relative <= limit) & (predicted <= _LEARNT_SHARE * parameters.prior_std),
         identifiable_relative_std=limit,
-        undetermined=undetermined_combinations(parameters.names, spread.covariance, structural, limit),
+        undetermined=undetermined_combinations(parameters.names, spreads.assumed, structural, limit),
         status=ending[0],
         advice=ending[1],
-        tied=_tied(parameters, internal, reach),
+        tied=_tied(parameters, internal, spread.values, reach),
+        physical_value=parameters.values(spread.values),
+        effective_value=parameters.values(predicting.values),
+        effective_lower=parameters.values(predicting.values - near),
+        effective_upper=parameters.values(predicting.values + near),
     )
+
+
+def _internal(problem: Problem, internal: FloatArray, spread: Spread) -> Internal:
+    values = _singular_values(problem, internal)
+    return Internal(internal, spread.covariance, values, spread.degrees_of_freedom)
 
 
 def _singular_values(problem: Problem, internal: FloatArray) -> FloatArray:
@@ -159,9 +173,9 @@ def _from_realizations(
     return result
 
 
-def _tied(parameters: ParameterMap, internal: FloatArray, reach: FloatArray) -> Tied:
+def _tied(parameters: ParameterMap, internal: FloatArray, middle: FloatArray, reach: FloatArray) -> Tied:
     rows = [parameters.elements.index(name) for name in parameters.tied]
-    points = np.zeros_like(internal), internal, internal - reach, internal + reach
+    points = np.zeros_like(internal), internal, middle - reach, middle + reach
     at = [parameters.element_values(point)[rows] for point in points]
     return Tied(tuple(parameters.tied), tuple(parameters.tied.values()), *at)
 
@@ -246,11 +260,13 @@ def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error:
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:
+        few = len(group_places(problem.frf.configurations)) < FEWEST_PLACES
+        held_of_it = "it as if it were noise" if few else "only what places differ by, and the doubts"
         advice.append(
             f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "
-            "something; intervals are widened by that factor, or to what leaving out one configuration changes"
+            f"something, and intervals hold {held_of_it}"
         )
-    level = 0.0 if error is None or error.share_above <= MANY_ABOVE else float(np.median(error.level[error.level > 0]))
+    level = 0.0 if error is None or error.share_above <= _MANY_ABOVE else float(np.median(error.level[error.level > 0]))
     if error is not None and level > float(np.median(problem.model_error)):
         advice.append(
             f"{100 * error.share_above:.0f} % of the response's elements miss the model by more than their covariance "

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+import numpy as np
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.fit.elastic.model_error import ModelError
 from robid.fit.estimate import Estimate
+from robid.places.pooling import ALONE
 
 
 @dataclass(frozen=True)
@@ -15,13 +18,15 @@ class Internal:
 
     Attributes:
         values (n_param,): Optimizer's values.
-        covariance (n_param, n_param): Their covariance, without any quantile.
+        covariance (n_param, n_param): Covariance of those that predict other places, without any quantile.
+        degrees_of_freedom (n_param,): Of the Student distribution that goes with it; infinite for the normal one.
         singular_values (n_param,): Of the scaled information matrix, largest first.
     """
 
     values: FloatArray
     covariance: FloatArray
     singular_values: FloatArray
+    degrees_of_freedom: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -100,24 +105,46 @@ class Resampled:
 
 
 @dataclass(frozen=True)
-class EffectiveValues:
-    """What infinitely many places of this robot would give by this model: the values that predict other places.
+class Between:
+    """How much the internal parameters differ between places, and what each place says of them.
 
     Attributes:
-        value (n_param,): Each place weighed by what noise and differences between places leave of its information.
-        lower (n_param,): Lower end of the interval.
-        upper (n_param,): Upper end of the interval.
-        between_std (n_param,): Standard deviation of the internal parameters between places.
-        degrees_of_freedom (n_param,): Of Student's distribution, whose quantile an interval follows.
+        between_std (n_param,): Their standard deviation between places.
+        degrees_of_freedom (n_param,): Of what places really differ by.
         dependence (n_param,): Share of the information about each that a single place gives.
     """
 
-    value: FloatArray
-    lower: FloatArray
-    upper: FloatArray
     between_std: FloatArray
     degrees_of_freedom: FloatArray
     dependence: FloatArray
+
+    @property
+    def untested(self) -> BoolArray:
+        """Which parameters (n_param,) a single place knows, so that the others do not test them."""
+        return np.asarray(self.dependence > ALONE)
+
+
+@dataclass(frozen=True)
+class NamedDoubts:
+    """What a fit says of what its robot file may have wrong, to first order.
+
+    Attributes:
+        names: Name of each doubt.
+        causes: Likely cause that each stands for.
+        units: Unit of each amount.
+        prior_std (n_doubt,): Deviation known beforehand, of the amounts that all places share.
+        place_std (n_doubt,): Deviation of what each place adds.
+        value (n_doubt,): Estimated amounts; zero where the file is right.
+        half_width (n_doubt,): Half widths of their intervals.
+    """
+
+    names: tuple[str, ...]
+    causes: tuple[str, ...]
+    units: tuple[str, ...]
+    prior_std: FloatArray
+    place_std: FloatArray
+    value: FloatArray
+    half_width: FloatArray
 
 
 @dataclass(frozen=True)
@@ -128,14 +155,15 @@ class ElasticSolution:
         estimate: The parameters with their uncertainty.
         internal: Where the optimizer ended.
         costs: Costs there.
-        misfit: Cost over what noise and the assumed model error give; above 1 it multiplies the covariance.
+        misfit: Cost over what noise and the assumed model error give.
         starts: Where each start ended.
         responses: What was fitted.
         model_error: The residual of each element against its expectation; None without a covariance.
         realization_relative_std (n_param,): As `relative_std` of the estimate, from what each realization does to the
             parameters instead of the structured covariance; None without realizations.
         bootstrap: The uncertainty from repeated fits; None without a bootstrap.
-        effective: The values that predict other places; None with fewer than four places, or without a covariance.
+        effective: How places differ; None with fewer than four places, or without a covariance.
+        doubts: What the data say of the robot file's doubts; None where they were not estimated along.
     """
 
     estimate: Estimate
@@ -147,4 +175,5 @@ class ElasticSolution:
     model_error: ModelError | None = None
     realization_relative_std: FloatArray | None = None
     bootstrap: Resampled | None = None
-    effective: EffectiveValues | None = None
+    effective: Between | None = None
+    doubts: NamedDoubts | None = None

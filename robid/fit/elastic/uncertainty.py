@@ -9,10 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.problem import Problem
-from robid.fit.places import group_places
 from robid.robot.collocated import motor_rows
-
-_LONGEST_STEP = 1.0  # of an internal parameter; beyond, nothing is linear
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,7 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
     The pull is twice the weighted residuals' real product with their derivative: the slope of the log-likelihood
     where the weights are right.
     """
-    n_conf, n_param = len(found.gain), found.inverse.shape[0]
+    n_conf, n_param = len(found.gain), found.gain.shape[-1]
     relative = problem.residual_kind.per_relative(problem.frf.response)
     error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
     assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)
@@ -142,34 +139,6 @@ def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:
         shared[:, :, rows[first], second] += shared[:, :, rows[second], first]
         shared[:, :, rows[second], first] = 0.0
     return shared
-
-
-def configuration_covariance(problem: Problem, internal: FloatArray) -> FloatArray:
-    """Covariance (n_param, n_param) that leaving out one place after the other gives, to first order.
-
-    A place is a robot configuration with all that was measured in it: two amplitudes share what the model lacks there.
-    It needs no model of the errors, only that those of different places are independent: what a model lacks
-    in the same way at many lines moves the parameters differently in each place. Few places make it uncertain: it has
-    one degree of freedom less than their number.
-
-    Args:
-        problem: The problem, at its minimum.
-        internal (n_param,): The minimum.
-
-    Source:
-        Jackknife over clusters, the CR3 of MacKinnon, Nielsen and Webb (2023).
-    """
-    error, derivative = problem.linear(internal)
-    n_conf, n_param = len(error), derivative.shape[-1]
-    rows = derivative.reshape(n_conf, -1, n_param)
-    weighted = problem.fully_weighted(derivative).reshape(rows.shape).conj()
-    information = np.real(np.swapaxes(weighted, 1, 2) @ rows)
-    pulls = np.real(np.swapaxes(weighted, 1, 2) @ error.reshape(n_conf, -1, 1))
-    places = group_places(problem.frf.configurations)
-    each, pull = (np.array([values[place].sum(axis=0) for place in places]) for values in (information, pulls))
-    whole = each.sum(axis=0) + np.diag(0.5 / problem.parameters.prior_std**2)
-    moved = np.clip(np.linalg.solve(whole - each, pull)[..., 0], -_LONGEST_STEP, _LONGEST_STEP)
-    return np.asarray((len(places) - 1) / len(places) * moved.T @ moved)
 
 
 def realization_shifts(problem: Problem, found: Influence) -> FloatArray | None:

@@ -67,6 +67,9 @@ def _doubtful(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, 
         found.append(
             f"the residual costs {two_digits(solution.misfit)} times what noise and the assumed model error allow"
         )
+    alone = _known_alone(solution)
+    if alone:
+        found.append(f"a single place knows {', '.join(alone)}: the others do not test it")
     error = solution.model_error
     if error is not None:
         above, correlated = telling_shares(error)
@@ -76,6 +79,15 @@ def _doubtful(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, 
                 f"{correlated:.0%} correlated over frequency, by more than {_FLOOR:.1%} of the response"
             )
     return tuple(found)
+
+
+def _known_alone(solution: ElasticSolution) -> list[str]:
+    """Identified springs that one place knows."""
+    estimate = solution.estimate
+    if solution.effective is None:
+        return []
+    columns = estimate.names, estimate.kinds, estimate.identified & solution.effective.untested
+    return [name for name, kind, alone in zip(*columns, strict=True) if kind == "stiffness" and alone]
 
 
 def is_unexplained(solution: ElasticSolution) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
+from scipy.stats import norm, t
 
 from robid.arrays import FloatArray, IntArray
 from robid.fit.elastic.options import ElasticOptions
@@ -115,8 +115,8 @@ def tabulate_resonances(
         DataError: If the data and the model do not belong together.
     """
     fitted = fitted_model(robot, solution, frf, options, delay_s)
-    own_factor = float(t.ppf(0.5 + 0.5 * options.confidence, solution.estimate.fewest_degrees_of_freedom))
-    covariance = _own_covariance(solution, fitted)
+    own_factor = float(norm.ppf(0.5 + 0.5 * options.confidence))
+    covariance = _own_covariance(solution, fitted, options.confidence)
     elements = Elements(fitted, frf, scattering=True)
     rows: list[_Row] = []
     for configuration in range(frf.response.shape[0]):
@@ -187,13 +187,19 @@ def _repeats(row: _Row, rows: list[_Row], configurations: FloatArray) -> FloatAr
     return np.array(list(best.values()))
 
 
-def _own_covariance(solution: ElasticSolution, fitted: FittedModel) -> FloatArray:
-    """The solution's covariance in the order of the fitted model; what only this campaign has is known there."""
+def _own_covariance(solution: ElasticSolution, fitted: FittedModel, confidence: float) -> FloatArray:
+    """Covariance of the fitted model's parameters as wide as their intervals, of normal quantiles.
+
+    What only this campaign has is known there.
+    """
+    own, tail = solution.internal, 0.5 + 0.5 * confidence
+    freedom = solution.estimate.degrees_of_freedom if own.degrees_of_freedom is None else own.degrees_of_freedom
+    wider = t.ppf(tail, freedom) / norm.ppf(tail)
     names = fitted.problem.parameters.names
     known = np.array([name in solution.estimate.names for name in names])
     order = [solution.estimate.names.index(name) for name in names if name in solution.estimate.names]
     covariance = np.zeros((len(names), len(names)))
-    covariance[np.ix_(known, known)] = solution.internal.covariance[np.ix_(order, order)]
+    covariance[np.ix_(known, known)] = (own.covariance * np.outer(wider, wider))[np.ix_(order, order)]
     return covariance
 
 

@@ -7,7 +7,7 @@ from scipy.stats import t
 from place_systems import dense_places
 from robid.places.between import estimate_between
 from robid.places.evidence import Evidence, summarise
-from robid.places.pooling import pool
+from robid.places.pooling import Pooled, pool
 
 BETWEEN = np.array([0.2, 0.0, 0.05])
 
@@ -123,3 +123,33 @@ def test_normal_quantiles_of_the_assumed_covariance_do_not_hold():
         found = pool(evidence, np.zeros(3))
         missed.append(np.abs(found.shift) > t.ppf(0.975, 1e6) * np.sqrt(np.diag(found.assumed)))
     assert np.mean(missed) > 0.15
+
+
+def pooled_of(assumed, differing, freedom, dependence=0.3):
+    size = len(assumed)
+    return Pooled(
+        np.zeros(size), np.zeros(size), np.diag(assumed), np.diag(differing), freedom, np.full(size, dependence)
+    )
+
+
+def test_one_covariance_has_the_intervals_of_both_where_each_is_the_wider():
+    # Assumed alone; few places, wider by variance; few places, wider by the quantile alone.
+    found = pooled_of(np.array([4.0, 1.0, 1.0]), np.array([1.0, 9.0, 0.81]), np.array([20.0, 5.0, 2.0]))
+    covariance, freedom = found.spread(0.95)
+    np.testing.assert_allclose(np.diag(covariance), [4.0, 9.0, 0.81])
+    np.testing.assert_array_equal(freedom, [np.inf, 5.0, 2.0])
+    wanted = [1.959964 * 2, t.ppf(0.975, 5) * 3, t.ppf(0.975, 2) * 0.9]
+    np.testing.assert_allclose(found.reach(0.95), wanted, rtol=1e-6)
+
+
+def test_what_is_assumed_keeps_its_correlations_and_the_rest_has_its_own():
+    together, against = np.array([[1.0, 0.5], [0.5, 1.0]]), np.array([[10.0, -10.0], [-10.0, 10.0]])
+    found = Pooled(np.zeros(2), np.zeros(2), together, against, np.full(2, 4.0), np.zeros(2))
+    covariance, _ = found.spread(0.95)
+    np.testing.assert_allclose(covariance, [[10.0, 0.5 - 9.0], [0.5 - 9.0, 10.0]])
+
+
+def test_what_a_single_place_knows_is_not_tested_by_the_others():
+    found = pooled_of(np.ones(1), np.full(1, 100.0), np.ones(1), dependence=0.95)
+    assert found.untested.all()
+    np.testing.assert_allclose(found.reach(0.95), 1.959964, rtol=1e-6)

@@ -16,8 +16,8 @@ from robid.report.bode import BodeResponse, band_radius
 from robid.report.content import ReportContent, Verdict
 from robid.report.numbers import MINUS, MISSING, percent
 from robid.report.page import render
-from robid.report.parameter_section import identified_phrase
-from robid.report.parameters import ParameterRow, parameter_line, widened_sentence
+from robid.report.parameter_section import identified_phrase, parameter_section
+from robid.report.parameters import Estimates, ParameterRow, misfit_sentence, parameter_line
 
 FETCHING = {"src", "href", "srcset", "action", "poster", "data", "xlink:href", "background", "formaction"}
 
@@ -202,10 +202,23 @@ def test_torque_nonlinearities_are_apart_and_relative_to_nothing(arm_page):
     assert "axis_1.level" not in arm_page.replace(apart, "")
 
 
-def test_widened_intervals_are_told(arm):
+def test_a_large_residual_is_told(arm):
     estimates = arm.fit.estimates
-    assert widened_sentence(replace(estimates, misfit=25.0)).startswith("Intervals are widened 5.0 times")
-    assert widened_sentence(replace(estimates, misfit=0.9)) == ""
+    assert misfit_sentence(replace(estimates, misfit=25.0)).startswith("The residual is 5.0 times as large as noise")
+    assert misfit_sentence(replace(estimates, misfit=0.9)) == ""
+
+
+def test_what_predicts_stands_beside_what_is_there():
+    row = ParameterRow(
+        "gear", "stiffness", "N m/rad", 1.0, 2.0, 1.9, 2.3, 0.05, physical=2.1, effective=(2.0, 1.99, 2.01)
+    )
+    line = parameter_line(row, 0.2)
+    assert (line.predicts, line.physical, line.half_width) == ("0.50 %", "2.100", "10 %")
+    (section,) = parameter_section(Estimates((row,)))
+    table = next(part for part in section.parts if hasattr(part, "columns"))
+    assert table.columns[:5] == ("Parameter", "Estimate", "Predicts ±", "Physical", "95 % interval")
+    assert table.rows[0].cells[:5] == ("gear", "2.000", "0.50 %", "2.100", "1.900 … 2.300")
+    assert "what the robot file may have wrong" in table.caption
 
 
 def test_identified_phrase_counts_and_measures(arm, bench):

@@ -98,6 +98,30 @@ class ResonanceRow:
 
 
 @dataclass(frozen=True)
+class DoubtRow:
+    """Something that the robot file may have wrong.
+
+    Attributes:
+        name: What it is, in one word.
+        unit: Unit of its amounts.
+        amount: By how much the data say that the file is wrong.
+        half_width: Half width of its interval.
+        known: Half width of what was known beforehand.
+    """
+
+    name: str
+    unit: str
+    amount: float
+    half_width: float
+    known: float
+
+    @property
+    def is_off(self) -> bool:
+        """Whether the interval excludes that the file is right."""
+        return abs(self.amount) > self.half_width
+
+
+@dataclass(frozen=True)
 class FitContent:
     """One fit with the data that it explains.
 
@@ -115,6 +139,7 @@ class FitContent:
         advice: What to do about it; empty when there is nothing to do.
         element_errors: The residuals against their covariance, or None where there is none.
         grade: How far to trust it; None where that is unknown.
+        file_doubts: What the robot file may have wrong.
         validation_campaign: Name of the validation campaign.
         validation_frf: Its frequency responses, or None.
         validation_model: The model's responses there, or None.
@@ -133,6 +158,7 @@ class FitContent:
     advice: str = ""
     element_errors: ElementErrors | None = None
     grade: GradeRow | None = None
+    file_doubts: tuple[DoubtRow, ...] = ()
     validation_campaign: str = ""
     validation_frf: Frf | None = None
     validation_model: ComplexArray | None = None

@@ -6,17 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
 from robid.arrays import FloatArray
 from robid.artifacts.grade import grade_from_artifact
 from robid.families.elastic.files import solution_from_artifact, validation_from_artifact
-from robid.families.elastic.page.content import ElementErrors, FitContent, GradeRow
+from robid.families.elastic.page.content import DoubtRow, ElementErrors, FitContent, GradeRow
 from robid.families.elastic.page.gather_resonances import resonance_rows
 from robid.families.elastic.settings import elastic_fit
 from robid.families.family import Shown
 from robid.families.parameters import parameter_rows
 from robid.fit.elastic.model_error import ModelError
-from robid.fit.elastic.solution import ElasticSolution, Starts
+from robid.fit.elastic.solution import ElasticSolution, NamedDoubts, Starts
 from robid.report.costs import CostRow, StartRow
 from robid.report.parameters import Estimates, ParameterRow
 
@@ -51,6 +52,7 @@ def fit_content(shown: Shown) -> FitContent:
         status=estimate.status.replace("_", " "),
         advice=estimate.advice,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
+        file_doubts=() if solution.doubts is None else _file_doubts(solution.doubts, estimate.confidence),
         grade=GradeRow(grade.value, grade.sentence, tuple(doubt.sentence for doubt in grade.doubts)),
     )
     if validation is None or settings.validate_on is None or shown.new is None:
@@ -63,6 +65,12 @@ def fit_content(shown: Shown) -> FitContent:
         validation_frf=replace(shown.new.response, response=validation.measured),
         validation_model=validation.modelled,
     )
+
+
+def _file_doubts(doubts: NamedDoubts, confidence: float) -> tuple[DoubtRow, ...]:
+    known = norm.ppf(0.5 + 0.5 * confidence) * np.hypot(doubts.prior_std, doubts.place_std)
+    columns = doubts.names, doubts.units, doubts.value.tolist(), doubts.half_width.tolist(), known.tolist()
+    return tuple(DoubtRow(*row) for row in zip(*columns, strict=True))
 
 
 def _element_errors(error: ModelError) -> ElementErrors:
@@ -87,13 +95,16 @@ def _parameters(
     solution: ElasticSolution, torque_unit: str, truth: Mapping[str, float], assumed: tuple[str, ...]
 ) -> tuple[ParameterRow, ...]:
     realized, repeated = solution.realization_relative_std, solution.bootstrap
+    rows = parameter_rows(solution.estimate, truth, assumed, torque_unit)
+    alone = np.zeros(len(rows), bool) if solution.effective is None else solution.effective.untested
     return tuple(
         replace(
             row,
+            note="; ".join(filter(None, (row.note, "known from one place" if alone[index] else ""))),
             bootstrap=None if repeated is None else (float(repeated.lower[index]), float(repeated.upper[index])),
             realization_relative_std=None if realized is None else float(realized[index]),
         )
-        for index, row in enumerate(parameter_rows(solution.estimate, truth, assumed, torque_unit))
+        for index, row in enumerate(rows)
     )
 
 

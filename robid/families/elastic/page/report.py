@@ -12,7 +12,7 @@ from robid.families.elastic.page.summary import comparison, fit_summary
 from robid.families.family import Shown
 from robid.report.content import FitReport
 from robid.report.parameter_section import identified_phrase
-from robid.report.parameters import widened_sentence
+from robid.report.parameters import misfit_sentence
 from robid.validation.elastic.validating import Validation
 from robid.validation.recovery import recovery_sentence
 
@@ -52,7 +52,7 @@ def _verdict(fit: FitContent, validation: Validation | None) -> str:
     found = [] if fit.grade is None else [fit.grade.sentence]
     found.append(f"{identified_phrase(fit.estimates, usable=fit.usable)}.")
     if fit.usable:
-        found.append(widened_sentence(fit.estimates))
+        found.append(misfit_sentence(fit.estimates))
     if validation is None:
         found.append("Not validated: no campaign was named to hold it against.")
     else:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 
 from rich.console import Group
 
-from robid.families.elastic.page.content import FitContent
+from robid.families.elastic.page.content import DoubtRow, FitContent
 from robid.families.elastic.page.resonances import resonance_number, resonance_section, resonance_table
 from robid.report.bode import BodeMatrix, BodeResponse, Mark
 from robid.report.content import Headline
 from robid.report.costs import campaign_title, cost_number, cost_section, start_number, start_section
-from robid.report.numbers import percent
+from robid.report.numbers import MINUS, MISSING, percent
 from robid.report.parameter_section import parameter_numbers, parameter_section
-from robid.report.section import Notes, Part, Section
+from robid.report.section import Folded, Notes, Part, Section, Table
 from robid.report.terminal import parameter_table
 
 _FEW_MOTORS = 2
@@ -37,7 +38,7 @@ def headline(fit: FitContent) -> Headline:
 
 
 def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]:
-    """Lays out a fit: its responses, parameters, resonances, costs and starts.
+    """Lays out a fit: its responses, parameters, doubts, resonances, costs and starts.
 
     Args:
         fit: The fit.
@@ -46,10 +47,38 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
     return (
         _response(fit, told),
         *parameter_section(fit.estimates, _CONVENTIONS),
+        *doubt_section(fit.file_doubts, fit.estimates.level),
         *resonance_section(fit.resonances, fit.frf, fit.estimates.level),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
         *start_section(fit.starts),
     )
+
+
+def doubt_section(rows: tuple[DoubtRow, ...], level: float) -> tuple[Section, ...]:
+    """Lays out what the data say of the robot file; nothing without doubts."""
+    if not rows:
+        return ()
+    off = [row for row in rows if row.is_off]
+    lead = (
+        f"Estimated with the parameters, from how far the robot file says that it may be off. {percent(level)} "
+        f"intervals exclude that it is right in {len(off)} of {len(rows)} doubts."
+    )
+    parts: list[Part] = [_doubt_table(off)] if off else []
+    parts.append(Folded(f"All doubts, {len(rows)}", (_doubt_table(rows),)))
+    return (Section("What the robot file may have wrong", lead, tuple(parts), "file-doubts"),)
+
+
+def _doubt_table(rows: Sequence[DoubtRow]) -> Table:
+    return Table(
+        ("Doubt", "Off by", "±", "Known beforehand ±", "Unit"),
+        tuple((row.name, *map(_written, (row.amount, row.half_width, row.known)), row.unit) for row in rows),
+        caption="Off by: what is true less what the file says, to first order where no robot could be moved along.",
+        styles=("name", "strong", "number", "number", "text"),
+    )
+
+
+def _written(value: float) -> str:
+    return f"{value:.3g}".replace("-", MINUS) if math.isfinite(value) else MISSING
 
 
 def fit_tables(fit: FitContent) -> Iterator[Group]:

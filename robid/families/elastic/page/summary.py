@@ -78,6 +78,8 @@ def _fit(fit: FitContent) -> dict[str, float]:
     distances = [abs(error) for error, _ in resonance_errors(fit.resonances)]
     if distances:
         found |= {"resonances.median_relative_error": median(distances), "resonances.count": len(distances)}
+    for row in fit.file_doubts:
+        found |= {f"doubts.{row.name}.amount": row.amount, f"doubts.{row.name}.half_width": row.half_width}
     return found | _modes(fit) | _recovery(fit)
 
 

@@ -16,7 +16,7 @@ from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
-from robid.fit.places import group_places
+from robid.places.grouping import group_places
 from robid.robot.description import Robot, Spring
 
 _MOST = 6

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exact_systems import exact_frf, two_joint_robot
-from robid.fit.elastic.considered import DoubtfulRobot, same_values
-from robid.fit.elastic.fitting import fit_elastic, set_up
+from exact_systems import certain, exact_frf, two_joint_robot
+from robid.fit.elastic.considered import DoubtfulRobot
+from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.inertia import remove
@@ -43,7 +43,7 @@ def frf():
 
 @pytest.mark.parametrize("elbow", [0.002, -0.002])
 def test_one_step_is_what_a_fit_to_the_other_robot_would_find(exact, elbow):
-    robot = two_joint_robot()
+    robot = certain(two_joint_robot())
     own = fit_elastic(robot, exact, OPTIONS, 0.0)
     other = fit_elastic(heavier(robot, elbow), exact, OPTIONS, 0.0)
     wanted = other.estimate.value - own.estimate.value
@@ -56,19 +56,20 @@ def test_one_step_is_what_a_fit_to_the_other_robot_would_find(exact, elbow):
 
 
 def test_a_rotor_that_is_estimated_itself_hardly_depends_on_the_file(exact):
-    robot = two_joint_robot()
+    robot = certain(two_joint_robot())
     own, other = (fit_elastic(one, exact, OPTIONS, 0.0).estimate for one in (robot, heavier(robot, rotor=0.02)))
     doubtful = [DoubtfulRobot(heavier(robot, rotor=0.002), 0.1)]
     found = fit_elastic(robot, exact, OPTIONS, 0.0, doubtful=doubtful).estimate
     grown = np.sqrt(np.maximum(np.diag(found.covariance - own.covariance), 0.0)) / own.value
     index = own.names.index("elbow.motor_inertia")
     assert other.nominal[index] == pytest.approx(1.02 * own.nominal[index])
-    assert grown[index] < 1e-3
-    np.testing.assert_allclose(grown, np.abs(other.value / own.value - 1), atol=2e-4)
+    # What the file knows of it is its prior already.
+    assert abs(other.value[index] / own.value[index] - 1) < 1e-3
+    assert grown.max() < 1e-8
 
 
 def test_intervals_widen_and_say_why(frf):
-    robot = two_joint_robot()
+    robot = certain(two_joint_robot())
     doubtful = [DoubtfulRobot(heavier(robot, elbow=-0.01), -0.1), DoubtfulRobot(heavier(robot, rotor=0.01), 0.1)]
     sure, unsure = (fit_elastic(robot, frf, OPTIONS, 0.0, doubtful=given).estimate for given in ((), doubtful))
     np.testing.assert_allclose(sure.value, unsure.value)
@@ -80,13 +81,3 @@ def test_intervals_widen_and_say_why(frf):
     np.testing.assert_allclose(
         unsure.covariance - sure.covariance, alone[0] + alone[1] - 2 * sure.covariance, rtol=1e-6
     )
-
-
-def test_internal_parameters_of_other_nominal_values_have_the_same_values(frf):
-    robot = two_joint_robot()
-    options = replace(OPTIONS, free=("stiffness", "viscous", "motor_inertia", "delay"))
-    ours, theirs = (set_up(one, frf, options, 1e-3)[0].parameters for one in (robot, heavier(robot, rotor=0.3)))
-    internal = np.random.default_rng(0).standard_normal(len(ours.names))
-    moved = same_values(theirs, ours, internal)
-    assert np.abs(moved - internal).max() > 0.1
-    np.testing.assert_allclose(theirs.values(moved), ours.values(internal), rtol=1e-12)

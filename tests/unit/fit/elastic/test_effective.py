@@ -7,7 +7,8 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from realizations import averaged
-from robid.fit.elastic.effective import find_effective, place_evidence
+from robid.fit.elastic.effective import place_evidence, settle
+from robid.fit.elastic.intervals import find_spreads
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.fit.elastic.parameters import map_parameters
@@ -81,27 +82,26 @@ def _bread(problem, internal):
 
 def test_without_differences_the_intervals_are_those_of_noise_and_assumed_error():
     problem, internal, found = fitted(0.0, 3)
-    effective = find_effective(problem, internal, found, 0.95)
+    effective = settle(problem, internal, found)
     own = springs(problem)
     std = np.sqrt(np.diag(structured_covariance(problem, found)))
-    half = 0.5 * np.log(effective.upper / effective.lower)
+    half = effective.pooled.reach(0.95)
     np.testing.assert_allclose(half[own], 1.96 * std[own], rtol=0.6)
     assert (half[own] > 0.9 * std[own]).all()
-    assert (np.abs(np.log(effective.value / problem.parameters.values(internal)))[own] < 1.5 * std[own]).all()
+    assert (np.abs(effective.values - internal)[own] < 1.5 * std[own]).all()
 
 
 def test_what_springs_differ_by_is_found_and_their_mean_is_held():
     held, between, narrow = [], [], []
     for seed in range(10, 35):
         problem, internal, found = fitted(SCATTER, seed)
-        effective = find_effective(problem, internal, found, 0.95)
+        effective = settle(problem, internal, found)
         own = springs(problem)
-        nominal = problem.parameters.nominal_values()
-        held.append(((effective.lower <= nominal) & (nominal <= effective.upper))[own])
+        held.append((np.abs(effective.values) <= effective.pooled.reach(0.95))[own])
         std = np.sqrt(np.diag(structured_covariance(problem, found)))
         narrow.append((np.abs(internal) <= 1.96 * std)[own])
-        between.append(effective.between_std[own])
-    assert np.sqrt(np.mean(np.square(between))) == pytest.approx(SCATTER, rel=0.25)
+        between.append(effective.pooled.between[own])
+    assert np.sqrt(np.mean(between)) == pytest.approx(SCATTER, rel=0.25)
     # 100 springs; 0.95 less three deviations.
     assert np.mean(held) > 0.88
     assert np.mean(narrow) < 0.7, "noise and assumed error must say far less, or there is nothing to find"
@@ -109,14 +109,33 @@ def test_what_springs_differ_by_is_found_and_their_mean_is_held():
 
 def test_amplitudes_of_one_place_are_one_place():
     problem, internal, found = fitted(SCATTER, 5, n_place=4, amplitudes=3)
-    effective = find_effective(problem, internal, found, 0.95)
-    assert (effective.degrees_of_freedom < 3.1).all()
+    assert (settle(problem, internal, found).pooled.degrees_of_freedom < 3.1).all()
 
 
-def test_too_few_places_or_no_covariance_give_none():
+def spreads(problem, internal, found, excess=1.0):
+    return find_spreads(problem, internal, found, excess, 0.95)
+
+
+def test_few_places_are_widened_by_the_misfit_instead():
     problem, internal, found = fitted(0.0, 6, n_place=3, amplitudes=2)
-    assert find_effective(problem, internal, found, 0.95) is None
-    problem, internal, found = fitted(0.0, 6)
+    sound, poor = (spreads(problem, internal, found, excess) for excess in (0.5, 4.0))
+    np.testing.assert_allclose(poor.effective.std, 2 * sound.effective.std)
+    np.testing.assert_array_equal(sound.effective.values, internal)
+    assert sound.between is None
+    assert sound.effective.rule == "noise and assumed model error"
+    assert poor.effective.rule == "noise and assumed model error, widened by the misfit"
+
+
+def test_from_four_places_on_their_differences_count_and_no_misfit():
+    problem, internal, found = fitted(0.0, 6, n_place=4)
+    one, other = (spreads(problem, internal, found, excess) for excess in (1.0, 4.0))
+    np.testing.assert_array_equal(one.effective.covariance, other.effective.covariance)
+    assert one.between is not None
+    assert one.effective.rule == "noise and assumed model error, and what 4 places differ by"
+
+
+def test_without_a_covariance_places_tell_nothing():
+    problem, internal, _ = fitted(0.0, 6)
     frf = replace(problem.frf, total_covariance=0 * problem.frf.covariance)
     unknown = replace(problem, frf=frf, model_error=np.zeros(()))
-    assert find_effective(unknown, internal, influence(unknown, internal), 0.95) is None
+    assert spreads(unknown, internal, influence(unknown, internal)).between is None

@@ -95,7 +95,7 @@ def with_twist(robot, stiffness):
     return replace(robot, springs=(*robot.springs, twist))
 
 
-def test_a_spring_in_series_with_a_gear_is_found_and_its_error_forbids_use():
+def test_a_spring_in_series_with_a_gear_is_found_and_no_gear_is_called_identified():
     frf = measured(with_twist(two_joint_robot(), 2e4))
     solution, found = explained(two_joint_robot(), frf)
     gear = solution.estimate.names.index("gear_2.stiffness")
@@ -105,9 +105,10 @@ def test_a_spring_in_series_with_a_gear_is_found_and_its_error_forbids_use():
     np.testing.assert_allclose(solution.estimate.value[gear] * np.exp(found[0].moved[gear]), 6e3, rtol=0.02)
     assert found[0].share > 0.9
     grade = assess_fit(two_joint_robot(), solution, frf, OPTIONS, DELAY_S)
-    assert (grade.value, grade.causes[0], bool(grade.decisive[0])) == (0, "missing_spring", True)
-    assert grade.reasons[0] == grade.messages[0]
-    assert grade.messages[0].endswith("% off")
+    assert (grade.value, grade.causes[0]) == (0, "missing_spring")
+    # What places differ by makes the gear's interval hold it: nobody relies on it.
+    assert solution.estimate.lower[gear] < 6e3 < solution.estimate.upper[gear]
+    assert not solution.estimate.identified[gear]
 
 
 def test_a_series_spring_far_softer_than_the_fitted_gear_is_tried_from_where_both_share_its_compliance():

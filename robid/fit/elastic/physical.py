@@ -1,0 +1,192 @@
+"""The parameters themselves: what a fit says of them once what the robot file may have wrong is estimated along."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
+from robid.fit.elastic.doubts.column import RobotMove
+from robid.fit.elastic.doubts.refit import SettledSprings, settle_springs
+from robid.fit.elastic.effective import Settled, settle
+from robid.fit.elastic.named import Named, Suspicion, linearise, move, name_doubts
+from robid.fit.elastic.problem import Problem
+from robid.fit.elastic.solution import NamedDoubts
+from robid.fit.elastic.uncertainty import influence
+
+_PERCENT = 100.0
+_MOVES = 8
+_SHARES = (1.0, 0.5, 0.25, 0.1)
+_RISES = 1
+_SAME = 0.01  # of the cost
+
+
+@dataclass(frozen=True)
+class Physical:
+    """The parameters themselves.
+
+    Attributes:
+        values (n_param,): Internal parameters of the fit.
+        covariance (n_param, n_param): Their covariance, without any quantile.
+        degrees_of_freedom (n_param,): What the quantile of each interval follows.
+        doubts: What places say of the doubts, springs that were put in place first.
+        rigid: Whether a rigid fit says how far masses may be off.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: FloatArray
+    doubts: NamedDoubts
+    rigid: bool
+
+
+def find_physical(
+    problem: Problem, points: Sequence[FloatArray], suspicion: Suspicion, confidence: float
+) -> Physical | None:
+    """Estimates parameters and doubts together, from what is known of the doubts beforehand on.
+
+    Springs that the file lacks are put in place where the data call for them: to first order nothing can be said of a
+    spring as soft as a gear.
+
+    Args:
+        problem: The fit's problem.
+        points: Internal parameters (n_param,) to linearise at: the first where the robot and those near it rest.
+        suspicion: What the robot file may have wrong.
+        confidence: Level of the intervals.
+
+    Returns:
+        The parameters; None where there are no doubts, or the robot rests nowhere.
+    """
+    named = name_doubts(problem, points, suspicion)
+    if named is None:
+        return None
+    robot, options = suspicion.robot, suspicion.options
+    found = settle_springs(problem, named.point, robot, options, named.doubts, named.columns)
+    extended = _extended(found, suspicion) if found.springs else None
+    named, springs = (named, ()) if extended is None else (extended, found.springs)
+    given = replace(suspicion, robot=found.robot, options=found.options) if springs else suspicion
+    named, far = _settled(named, given)
+    names = named.problem.parameters.names
+    own = np.array([names.index(name) for name in problem.parameters.names])
+    covariance, freedom = far.pooled.spread(confidence)
+    return Physical(
+        values=far.values[own],
+        covariance=covariance[np.ix_(own, own)],
+        degrees_of_freedom=freedom[own],
+        doubts=_estimates(named, far, springs, confidence),
+        rigid=named.rigid,
+    )
+
+
+def _settled(named: Named, given: Suspicion) -> tuple[Named, Settled]:
+    """Parameters and doubts that places agree on; robots follow their doubts as far as the cost falls with them."""
+    far = settle(named.problem, named.point, influence(named.problem, named.point), named)
+    best = now = _At(named, far, _cost(named, named.problem, named.point, named.amounts))
+    rises = 0
+    for _ in range(0 if named.rigid else _MOVES):
+        if _is_linear(now, given) or rises > _RISES:
+            break
+        ahead = _ahead(now, given)
+        if ahead is None:
+            break
+        now = ahead
+        best, rises = (now, 0) if now.cost < best.cost else (best, rises + 1)
+    return best.named, best.far
+
+
+@dataclass(frozen=True)
+class _At:
+    """Doubts at a robot that is off by them, what places agree on from there, and the cost there."""
+
+    named: Named
+    far: Settled
+    cost: float
+
+
+def _is_linear(now: _At, given: Suspicion) -> bool:
+    """Whether the cost where places agree is what was foreseen."""
+    named, far = now.named, now.far
+    error, derivative = named.problem.linear(named.point)
+    step = derivative @ (far.values - named.point) + named.columns @ (far.amounts - named.amounts)
+    foreseen = float((np.abs(named.problem.weighted(error - step)) ** 2).sum())
+    foreseen += _known(named, named.problem, far.values, far.amounts)
+    try:
+        there = move(named.problem, named.doubts, far.values, far.amounts, given)
+    except DataError:
+        return False
+    return abs(_cost(named, there.problem, far.values, far.amounts) - foreseen) < _SAME * foreseen
+
+
+def _ahead(now: _At, given: Suspicion) -> _At | None:
+    """Goes the way to what places agree on, or a part of it on which the cost falls; all of it where none does."""
+    named, found = now.named, []
+    for share in _SHARES:
+        point = named.point + share * (now.far.values - named.point)
+        amounts = named.amounts + share * (now.far.amounts - named.amounts)
+        try:
+            there = move(named.problem, named.doubts, point, amounts, given)
+        except DataError:
+            continue
+        found.append((there, _cost(named, there.problem, point, amounts)))
+        if found[-1][1] < now.cost:
+            break
+    if not found:
+        return None
+    chosen, cost = found[-1] if found[-1][1] < now.cost else found[0]
+    try:
+        after = linearise(named.doubts, chosen, given)
+    except DataError:
+        return None
+    return _At(after, settle(after.problem, after.point, influence(after.problem, after.point), after), cost)
+
+
+def _cost(named: Named, problem: Problem, point: FloatArray, amounts: FloatArray) -> float:
+    """Cost with doubts that are no move of a robot as columns, and with what is known of all beforehand."""
+    model = problem.residual(point, problem.model_response(point))
+    columns = amounts * np.array([not isinstance(doubt.direction, RobotMove) for doubt in named.doubts])
+    left = problem.weighted(model - named.columns @ columns)
+    return float((np.abs(left) ** 2).sum()) + _known(named, problem, point, amounts)
+
+
+def _known(named: Named, problem: Problem, point: FloatArray, amounts: FloatArray) -> float:
+    """Half the squared deviations from what is known beforehand."""
+    known = (point / problem.parameters.prior_std) ** 2, (amounts / named.common_std) ** 2
+    return 0.5 * float(sum(each.sum() for each in known))
+
+
+def _extended(found: SettledSprings, suspicion: Suspicion) -> Named | None:
+    """The doubts of the robot with springs put in place, linearised where places agree on it."""
+    extra = found.robot.springs[len(suspicion.robot.springs) :]
+    doubtful = [
+        replace(other, robot=replace(other.robot, springs=(*other.robot.springs, *extra)))
+        for other in suspicion.doubtful
+    ]
+    near = settle(found.problem, found.internal, influence(found.problem, found.internal))
+    points = near.values, found.internal
+    return name_doubts(found.problem, points, Suspicion(found.robot, found.options, doubtful))
+
+
+def _estimates(named: Named, far: Settled, springs: Sequence[str], confidence: float) -> NamedDoubts:
+    every, reach, size = named.doubts, far.pooled.reach(confidence), far.values.size
+    names = named.problem.parameters.names
+    placed = np.array([names.index(f"{spring}.stiffness") for spring in springs], int)
+    value, half = _compliance(far.values, reach, placed)
+    nothing = np.zeros(len(springs))
+    return NamedDoubts(
+        names=(*(f"{spring}.compliance" for spring in springs), *(doubt.name for doubt in every)),
+        causes=(*("missing_spring" for _ in springs), *(doubt.cause for doubt in every)),
+        units=(*("% of its gear's compliance" for _ in springs), *(doubt.unit for doubt in every)),
+        prior_std=np.concatenate([nothing + np.inf, named.common_std]),
+        place_std=np.concatenate([nothing, named.place_std]),
+        value=np.concatenate([value, far.amounts]),
+        half_width=np.concatenate([half, reach[size:]]),
+    )
+
+
+def _compliance(values: FloatArray, reach: FloatArray, placed: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Compliance of springs put in place over what they were listed with, and half its interval, in percent."""
+    lower, upper = (_PERCENT * np.exp(-values[placed] + side * reach[placed]) for side in (-1, 1))
+    return _PERCENT * np.exp(-values[placed]), 0.5 * (upper - lower)
