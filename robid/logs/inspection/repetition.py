@@ -23,6 +23,9 @@ _ENERGY = 0.95
 _ALL = 0.9999
 """Share of the energy of the inputs up to the highest line."""
 
+_WHOLE = 1e-3
+"""Distance from a whole number of periods within which a log holds that number: a period is measured with noise."""
+
 _UNSETTLED = 3.0
 """Distance of the first period from the mean of the others, in those that they have, from which it is a transient."""
 
@@ -82,7 +85,8 @@ def share_period(periods: Mapping[str, Repetition], leading: Sequence[str], n_sa
         for name, one in periods.items()
         if one.samples is not None and abs(one.samples * max(round(length / one.samples), 1) / length - 1) < _SAME
     )
-    return Shared(length, first.std_samples, n_sample / length, alike)
+    held = n_sample / length
+    return Shared(length, first.std_samples, round(held) if abs(held - round(held)) < _WHOLE else held, alike)
 
 
 def cut_periods(values: FloatArray, samples: int, *, last: bool) -> FloatArray:
