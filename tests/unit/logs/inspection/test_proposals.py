@@ -46,3 +46,23 @@ def test_whole_periods_are_all_there_whatever_noise_makes_of_their_length(tmp_pa
     assert found.shared is not None and found.shared.held == count
     made = found.proposal
     assert (made.periods, made.drop_periods, made.take_last) == ((2, 0, False) if count == 2 else (7, 1, False))
+
+
+@pytest.mark.parametrize("after", [2300, 4100, 6600])
+def test_a_period_is_found_in_spite_of_lost_samples(tmp_path, after):
+    generator = np.random.default_rng(after)
+    spectrum = np.zeros(501, complex)
+    spectrum[1:100] = np.exp(2j * np.pi * generator.random(99))
+    period = np.fft.irfft(spectrum, 1000)
+    torque = np.delete(np.tile(period, 9), slice(after, after + 7))[:N]
+    motion = torque + 0.01 * period.std() * generator.normal(size=N)
+    found = inspected(tmp_path, {"torque [Nm]": torque, "angle [rad]": motion})
+    assert found.shared is not None and found.shared.whole == 1000
+
+
+def test_what_differs_from_place_to_place_has_no_period(tmp_path):
+    generator = np.random.default_rng(6)
+    noise = generator.normal(size=N)
+    noise[:2000] = np.tile(noise[:500], 4)
+    found = inspected(tmp_path, {"torque [Nm]": noise, "angle [rad]": np.cumsum(noise)})
+    assert found.shared is None
