@@ -43,7 +43,8 @@ def test_whole_periods_are_all_there_whatever_noise_makes_of_their_length(tmp_pa
     torque = np.tile(period, count) + 1e-3 * period.std() * generator.normal(size=N)
     motion = np.tile(period, count) + 10 * period.std() * np.exp(-TIME / 0.2)
     found = inspected(tmp_path, {"torque [Nm]": torque, "angle [rad]": motion})
-    assert found.shared is not None and found.shared.held == count
+    assert found.shared is not None
+    assert found.shared.held == count
     made = found.proposal
     assert (made.periods, made.drop_periods, made.take_last) == ((2, 0, False) if count == 2 else (7, 1, False))
 
@@ -57,7 +58,8 @@ def test_a_period_is_found_in_spite_of_lost_samples(tmp_path, after):
     torque = np.delete(np.tile(period, 9), slice(after, after + 7))[:N]
     motion = torque + 0.01 * period.std() * generator.normal(size=N)
     found = inspected(tmp_path, {"torque [Nm]": torque, "angle [rad]": motion})
-    assert found.shared is not None and found.shared.whole == 1000
+    assert found.shared is not None
+    assert found.shared.whole == 1000
 
 
 def test_what_differs_from_place_to_place_has_no_period(tmp_path):
