@@ -19,7 +19,7 @@ from robid.frf.dropped import FEWEST, completed, hidden_inputs, lost_inputs, req
 from robid.frf.frf import Frf
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
-from robid.frf.period_noise import FEW_PERIODS, period_noise
+from robid.frf.period_noise import FEW_PERIODS, exceeds, period_noise
 from robid.frf.reading import Spectra, read_spectra, silent_of
 from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
@@ -203,14 +203,18 @@ def _noise(
 ) -> tuple[ComplexArray | None, float, float]:
     """Covariance of the output residual that noise causes, its degrees of freedom and the share of them that is left.
 
-    The scatter of the periods, or their spectrum where they are few and differ by nothing but noise.
+    The scatter of the periods, or their spectrum where they are few, differ by nothing but noise, and scatter no more
+    than it says: what is left of a transient is no spectrum's, and is in the mean.
     """
-    if steady is None or not steady.is_noise or record.inputs.shape[3] > FEW_PERIODS:
-        scatter = blocks.output_scatter - response @ blocks.input_scatter
-        return *noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines), 1.0
+    moved = blocks.output_scatter - response @ blocks.input_scatter
+    scatter, freedom = noise_covariance(moved, blocks.scatter_freedom, options.pooled_lines)
+    if steady is None or scatter is None or not steady.is_noise or record.inputs.shape[3] > FEW_PERIODS:
+        return scatter, freedom, 1.0
     accelerations = to_accelerations(record, options)
     found = period_noise(record, blocks.lines, response, options.pooled_lines, accelerations=accelerations)
-    return found.covariance, found.freedom, found.share
+    each, single = noise_covariance(moved, blocks.scatter_freedom, 1)
+    beyond = each is not None and exceeds(each, found.covariance, single)
+    return scatter if beyond else found.covariance, found.freedom, found.share
 
 
 def _coherence(spectra: Spectra, response: ComplexArray, covariance: ComplexArray | None) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import rfft
 from scipy.signal import fftconvolve
+from scipy.special import chdtri
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.spectra import output_factor, ramp_of_period
@@ -20,6 +21,9 @@ _LOWEST = 3
 
 _SLOPE = 1.5
 """Noise of line 0, which drift hides, over that of line 1: slow noise falls with frequency."""
+
+_CHANCE = 0.01
+"""Share of records whose periods scatter by more than chance, by chance: a smaller excess stays within the band."""
 
 _POINTS = 4
 """Points of that integral per period and line."""
@@ -79,6 +83,18 @@ def period_noise(
     freedom = single * min(pooled, len(lines))
     share = min(1.0, max(_freedom_left(_diagonal(own), _diagonal(leaked), single), _FEWEST) / freedom)
     return PeriodNoise(own.mean(axis=0) + leaked, freedom, share)
+
+
+def exceeds(scatter: ComplexArray, covariance: ComplexArray, single: float) -> bool:
+    """Whether the periods scatter by more than their spectrum and chance explain, at half an output's lines.
+
+    Args:
+        scatter (n_freq, n_out, n_out): Covariance by the scatter of the periods, each line's own.
+        covariance (n_freq, n_out, n_out): The same by their spectrum.
+        single: Differences of periods that there are: one jump in each may be all that the lines scatter by.
+    """
+    told = np.maximum(_diagonal(covariance), np.finfo(float).tiny)
+    return bool((np.median(_diagonal(scatter) / told, axis=0) > chdtri(single, _CHANCE) / single).any())
 
 
 def _noise_spectrum(record: Record) -> ComplexArray:

@@ -224,7 +224,7 @@ def _place(found: Findings, shared: Shared, *, cut: bool) -> tuple[int, int, boo
     Where the log is cut to its longest part without a gap, they are counted in that.
     """
     part, whole = found.unbroken, shared.whole
-    drop, count, last = 0, int(shared.held + 1e-3), from_end(shared)
+    drop, count, last = 0, int(shared.held), from_end(shared)
     if found.sampling.gaps and not cut:
         drop = -(-part.start // whole)
         inside = part.stop // whole - drop

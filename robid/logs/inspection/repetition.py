@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import rfft
 from scipy.signal import decimate, detrend
 
@@ -22,6 +23,18 @@ _SAME = 0.01
 _ENERGY = 0.95
 _ALL = 0.9999
 """Share of the energy of the inputs up to the highest line."""
+
+_WHOLE = 1e-3
+"""Distance from a whole number of periods within which a log holds that number: a period is measured with noise."""
+
+_PLACES = 1000
+"""Places in a period with which a part of a signal is compared."""
+
+_ALIKE = 0.95
+"""Correlation with one of them from which the part is there."""
+
+_LOST = 0.25
+"""Share of the parts that may be nowhere: those that lost samples, or were a transient."""
 
 _UNSETTLED = 3.0
 """Distance of the first period from the mean of the others, in those that they have, from which it is a transient."""
@@ -57,11 +70,40 @@ def measure_period(values: FloatArray) -> Repetition:
     while len(values) > _LOOKED * factor:
         factor *= 2
     short = values if factor == 1 else np.asarray(decimate(values, factor, ftype="fir"))
-    half = len(short) // 2
-    found = measure_repetition(short, half, np.array([1, max(half // 2 - 1, 2)]))
+    found = _repetition_within(short)
+    if found.samples is None:
+        found = _repetition_in_parts(short)
     if found.samples is None or factor == 1:
         return found
     return Repetition(found.samples * factor, max(found.std_samples, 0.01) * factor, found.reachable)
+
+
+def _repetition_within(values: FloatArray) -> Repetition:
+    half = len(values) // 2
+    return measure_repetition(values, half, np.array([1, max(half // 2 - 1, 2)]))
+
+
+def _repetition_in_parts(values: FloatArray) -> Repetition:
+    """Period of a signal that repeats before and after samples that it lost: the two do not fit each other."""
+    half = len(values) // 2
+    for part in (values[half:], values[:half]):
+        found = _repetition_within(part)
+        if found.samples is not None and _is_everywhere(values, part[: round(found.samples)]):
+            return found
+    return Repetition(None, 0.0, reachable=True)
+
+
+def _is_everywhere(values: FloatArray, period: FloatArray) -> bool:
+    """Whether quarters of a period, all over a signal (n_sample,), look like some place of it but for a few."""
+    length = max(len(period) // 4, 2)
+    blocks = values[: len(values) // length * length].reshape(-1, length)
+    blocks = blocks - blocks.mean(axis=1, keepdims=True)
+    around = np.concatenate([period, period[: length - 1]])
+    places = sliding_window_view(around, length)[:: max(len(period) // _PLACES, 1)]
+    places = places - places.mean(axis=1, keepdims=True)
+    norms = np.linalg.norm(places, axis=1) * np.linalg.norm(blocks, axis=1)[:, None]
+    alike = (blocks @ places.T / np.maximum(norms, np.finfo(float).tiny)).max(axis=1)
+    return bool(np.mean(alike > _ALIKE) >= 1 - _LOST)
 
 
 def share_period(periods: Mapping[str, Repetition], leading: Sequence[str], n_sample: int) -> Shared | None:
@@ -82,7 +124,8 @@ def share_period(periods: Mapping[str, Repetition], leading: Sequence[str], n_sa
         for name, one in periods.items()
         if one.samples is not None and abs(one.samples * max(round(length / one.samples), 1) / length - 1) < _SAME
     )
-    return Shared(length, first.std_samples, n_sample / length, alike)
+    held = n_sample / length
+    return Shared(length, first.std_samples, round(held) if abs(held - round(held)) < _WHOLE else held, alike)
 
 
 def cut_periods(values: FloatArray, samples: int, *, last: bool) -> FloatArray:

@@ -8,6 +8,8 @@ import pytest
 from linear_loop import Loop, draw_reference, loop_record
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.signals.quantities import motor_channels
+from robid.signals.record import Record
 
 LOOP = Loop(torque_noise=0.01, sensor_noise=3e-5)
 RUNS = 200
@@ -42,3 +44,29 @@ def test_leakage_of_few_lines_leaves_fewer_degrees_of_freedom():
     assert frf.noise_degrees_of_freedom == 2 * 3
     assert 2 <= frf.degrees_of_freedom < 6
     assert frf.radius_factor(0.95) > replace(frf, freedom_share=None).radius_factor(0.95)
+
+
+def test_a_decay_left_in_the_first_of_three_periods_is_within_the_band():
+    n_sample, lines, step_s = 1000, np.arange(2, 76), 2e-3
+    generator = np.random.default_rng(4)
+    spectrum = np.zeros(n_sample // 2 + 1, complex)
+    spectrum[lines] = np.exp(2j * np.pi * generator.random(len(lines)))
+    omega = 2 * np.pi * np.arange(len(spectrum)) / (n_sample * step_s)
+    torque, angle = (np.fft.irfft(each, n_sample) for each in (spectrum, -spectrum / np.maximum(omega, 1.0) ** 2))
+    decay = 4e-5 * np.exp(-np.arange(3 * n_sample) / (n_sample / 6))
+    measured = np.tile(angle, 3) + decay + 1e-6 * generator.standard_normal(3 * n_sample)
+    frf = estimate_frf(
+        Record(
+            sampling_period_s=step_s,
+            inputs=np.tile(torque, 3).reshape(1, 1, 1, 3, n_sample, 1),
+            outputs=measured.reshape(1, 1, 1, 3, n_sample, 1),
+            output_offset=np.zeros((1, 1)),
+            input_channels=motor_channels(("drive",), "torque"),
+            output_channels=motor_channels(("drive",), "angle"),
+            configurations=np.zeros((1, 1)),
+            excited_lines=lines,
+        ),
+        OPTIONS,
+    )
+    assert not [note for note in frf.notes if "transient" in note]
+    assert np.mean(np.abs(frf.response[0] - 1) <= frf.error_radius(0.95)[0]) > 0.9

@@ -31,3 +31,40 @@ def test_accelerations_in_g_are_scaled(tmp_path):
     made = inspected(tmp_path, {"force [N]": force, "accel [g]": 0.1 * force}).proposal
     assert made.outputs[0].settings["unit"] == "m/s^2"
     assert made.outputs[0].settings["scale"] == pytest.approx(9.80665)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("count", [2, 8])
+def test_whole_periods_are_all_there_whatever_noise_makes_of_their_length(tmp_path, seed, count):
+    generator = np.random.default_rng(seed)
+    spectrum = np.zeros(N // count // 2 + 1, complex)
+    spectrum[1:100] = np.exp(2j * np.pi * generator.random(99))
+    period = np.fft.irfft(spectrum, N // count) * N
+    torque = np.tile(period, count) + 1e-3 * period.std() * generator.normal(size=N)
+    motion = np.tile(period, count) + 10 * period.std() * np.exp(-TIME / 0.2)
+    found = inspected(tmp_path, {"torque [Nm]": torque, "angle [rad]": motion})
+    assert found.shared is not None
+    assert found.shared.held == count
+    made = found.proposal
+    assert (made.periods, made.drop_periods, made.take_last) == ((2, 0, False) if count == 2 else (7, 1, False))
+
+
+@pytest.mark.parametrize("after", [2300, 4100, 6600])
+def test_a_period_is_found_in_spite_of_lost_samples(tmp_path, after):
+    generator = np.random.default_rng(after)
+    spectrum = np.zeros(501, complex)
+    spectrum[1:100] = np.exp(2j * np.pi * generator.random(99))
+    period = np.fft.irfft(spectrum, 1000)
+    torque = np.delete(np.tile(period, 9), slice(after, after + 7))[:N]
+    motion = torque + 0.01 * period.std() * generator.normal(size=N)
+    found = inspected(tmp_path, {"torque [Nm]": torque, "angle [rad]": motion})
+    assert found.shared is not None
+    assert found.shared.whole == 1000
+
+
+def test_what_differs_from_place_to_place_has_no_period(tmp_path):
+    generator = np.random.default_rng(6)
+    noise = generator.normal(size=N)
+    noise[:2000] = np.tile(noise[:500], 4)
+    found = inspected(tmp_path, {"torque [Nm]": noise, "angle [rad]": np.cumsum(noise)})
+    assert found.shared is None
