@@ -145,7 +145,7 @@ def lost_inputs(dropped: BoolArray, frequency_hz: FloatArray, names: tuple[str, 
 
 
 def hidden_inputs(
-    hidden: BoolArray, frequency_hz: FloatArray, names: tuple[str, ...], needed_s: float
+    hidden: BoolArray, frequency_hz: FloatArray, names: tuple[str, ...], needed_s: float | None
 ) -> tuple[str, str]:
     """Says which inputs act so near to an end of the log that their response looks like its transient, and a remedy.
 
@@ -153,12 +153,15 @@ def hidden_inputs(
         hidden (n_freq, n_in): Inputs of which that is so.
         frequency_hz (n_freq,): The lines [Hz].
         names: The inputs.
-        needed_s: Time to the log's ends from which they can be told apart [s].
+        needed_s: Time to the log's ends from which they can be told apart; None of a signal with periods [s].
     """
     what = (
         f"what {_places(hidden, frequency_hz, names)} does lies so near to the beginning or the end of the log that its"
         " response cannot be told from the transient there"
     )
+    if needed_s is None:
+        settled = "leave out `estimator: local`, which a settled signal with periods does not need"
+        return what, f"{settled}, or set `local_half_width_lines` larger"
     remedy = (
         f"begin the log {needed_s:.2g} s before the input moves and let it go on as long after it, lower the band's"
         " upper end (of a sweep), or state a coarser `resolution_hz`"

@@ -127,8 +127,10 @@ def _without_lost(
 
 def _hidden(record: Record, spectra: Spectra, hidden: BoolArray, told: BoolArray) -> Finding:
     """What is said of lines whose response looks like a transient; refuses a record that has hardly any other."""
-    width = 1 if spectra.windows is None else spectra.windows.index.shape[1] - 1
-    what, remedy = hidden_inputs(hidden, record.frequency_hz, record.input_names, 2 * record.period_s / width)
+    needed_s = None
+    if record.segments and spectra.windows is not None:
+        needed_s = 2 * record.period_s / (spectra.windows.index.shape[1] - 1)
+    what, remedy = hidden_inputs(hidden, record.frequency_hz, record.input_names, needed_s)
     if told.sum(axis=0).max() < min(FEWEST, len(told)):
         raise DataError(what, where=place_of(record), remedy=remedy)
     return Finding("weak", what, f"the lines are left out until you {remedy}", fatal=False)

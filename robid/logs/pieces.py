@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.mapping import LogMapping
+from robid.logs.timing import since_first
 
 _GAP = 1.5
 """Time step, in usual ones, from which samples are missing."""
@@ -99,12 +100,11 @@ def _seconds(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> FloatA
     index = np.arange(count)
     if mapping.time is None or mapping.time.variable not in columns:
         return mapping.sampling_period_s * index
-    stamps = columns[mapping.time.variable][:count].astype(float)
+    stamps = columns[mapping.time.variable][:count]
     known = np.isfinite(stamps)
     if not known.any():
         return mapping.sampling_period_s * index
-    stamps = np.interp(index, index[known], stamps[known])
-    return np.asarray((stamps - stamps[0]) * mapping.time.to_seconds)
+    return np.interp(index, index[known], since_first(stamps[known])) * mapping.time.to_seconds
 
 
 def _between(low: float, high: float) -> float:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
@@ -82,8 +84,7 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     if mapping.time is None:
         return None, []
     where, stated = mapping.place(mapping.time.variable), mapping.sampling_period_s
-    # Nanoseconds since 1970 have more digits than a float holds.
-    time = (stamps - stamps[0]).astype(float) * mapping.time.to_seconds
+    time = since_first(stamps) * mapping.time.to_seconds
     if np.ptp(time) == 0:
         remedy = "Correct time.variable, or leave out `time`."
         return None, [DataError(f"Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)]
@@ -100,6 +101,17 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
         return None, [DataError(what, where=where, remedy=_unit_remedy(mapping, exponent))]
     gaps = np.flatnonzero(steps > _GAP * usual)
     return Clock(where, time, stated, float(np.delete(steps, gaps).mean()), gaps), []
+
+
+def since_first(stamps: NDArray[Any]) -> FloatArray:
+    """Time of each sample since the first one, in its unit: nanoseconds since 1970 have more digits than a float holds.
+
+    Args:
+        stamps (n_sample,): The time, numbers of any kind.
+    """
+    # Unsigned ones that go back would come out far ahead.
+    exact = stamps.astype(np.int64) if stamps.dtype.kind in "iu" else stamps.astype(float)
+    return np.asarray((exact - exact[0]).astype(float))
 
 
 def _unit_remedy(mapping: LogMapping, exponent: int) -> str:

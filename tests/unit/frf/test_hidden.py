@@ -1,5 +1,7 @@
 """Inputs that act at an end of a log: their response is that of a transient, and is said to be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter, ss2tf
@@ -85,6 +87,23 @@ def test_lines_that_a_sweep_reaches_as_the_log_ends_are_left_out_with_cause_and_
     share, found = inside([sweep(180.0)] * 30)
     assert 0.93 <= share <= 0.97
     assert found[0].dropped is None or not found[0].dropped.any()
+
+
+def test_a_sweep_that_is_a_period_is_told_to_take_an_estimator_of_periods():
+    record, truth = recorded(sweep(60.0), 1, noise=0.0)
+    lines = BAND_HZ * record.segments
+    again = replace(record, segments=0, excited_lines=lines)
+    (note,) = [note for note in estimate_frf(again, OPTIONS).notes if "cannot be told from the transient" in note]
+    assert "resolution_hz" not in note
+    assert "leave out `estimator: local`" in note
+    # The remedy: in steady state, which is the second of two periods, nothing is left out.
+    numerator, denominator = structure(1)
+    force = np.tile(record.inputs[0, 0, 0, 0, :, 0], 3)
+    position = lfilter(numerator, denominator, force).reshape(1, 1, 1, 3, -1, 1)[:, :, :, 1:]
+    steady = replace(again, inputs=force.reshape(1, 1, 1, 3, -1, 1)[:, :, :, 1:], outputs=position)
+    frf = estimate_frf(steady, EstimateOptions(compensation="none"))
+    assert not frf.dropped.any()
+    np.testing.assert_allclose(frf.response[0, :, 0, 0], truth, rtol=1e-3)
 
 
 def test_a_blow_as_the_log_begins_is_refused_and_one_later_is_within_its_band():
