@@ -26,7 +26,9 @@ def exported(done, form, *options):
 
 def test_an_experiment_without_fits_ends_with_its_responses(shop):
     shop.change("fits:\n  elastic: {family: elastic, from: estimation, validate_on: validation, starts: 2}\n", "")
-    shop.change("designs:\n  best: {campaign: candidates, count: 2}\n", "")
+    shop.change(
+        "designs:\n  best: {campaign: candidates, between_relative_std: {stiffness: 0, damping: 0}, count: 2}\n", ""
+    )
     shop.change("{from: best}", "{list_deg: [[20, 30]]}")
     answer = shop.robid("run", "small.yaml")
     assert answer.code == 0, answer.err
