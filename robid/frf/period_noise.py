@@ -77,7 +77,7 @@ def period_noise(
     kept = 1 / n_period - 1 / (6 * n_period**2)
     own = np.where(lines > _LOWEST, kept, 0.0)[:, None, None, None] * spectrum[around]
     own = np.stack([_residual(take, own[:, place]) for place in range(around.shape[1])])
-    leaked = _residual(take, _far_share(spectrum, lines, n_period))
+    leaked = _residual(take, _far_share(spectrum, lines, n_period, n_sample))
     leaked = leaked + _low_share(spectrum, take, lines, n_period, n_sample)
     single = float(record.inputs.shape[1] * record.inputs.shape[2] * (n_period - 1))
     freedom = single * min(pooled, len(lines))
@@ -123,13 +123,17 @@ def _deviations(samples: FloatArray, *, drifts: bool = False) -> ComplexArray:
     return np.concatenate([np.sqrt(_SLOPE) * inner[..., :1, :], inner], axis=-2)
 
 
-def _far_share(spectrum: ComplexArray, lines: IntArray, n_period: int) -> ComplexArray:
-    """What other lines above the lowest ones make of the mean's covariance (n_freq, n_channel, n_channel)."""
+def _far_share(spectrum: ComplexArray, lines: IntArray, n_period: int, n_sample: int) -> ComplexArray:
+    """What other lines above the lowest ones make of the mean's covariance (n_freq, n_channel, n_channel).
+
+    Of a wave somewhere within a line, half a turn's square on average; beyond half the sampling rate lines come back.
+    """
     count = len(spectrum)
     kept = np.where(np.arange(count)[:, None, None] > _LOWEST, spectrum, 0.0)
     both = np.concatenate([kept[:0:-1].conj(), kept])
-    distance = np.arange(1 - count, count)
-    kernel = 1 / (2 * np.pi**2 * n_period**2 * np.maximum(np.abs(distance), 1) ** 2.0) * (distance != 0)
+    distance = np.arange(2 - 2 * count, 2 * count - 1)
+    size = 2 * (n_period * n_sample * np.sin(np.pi * distance / n_sample)) ** 2
+    kernel = np.divide(1.0, size, out=np.zeros(len(size)), where=distance != 0)
     spread = fftconvolve(both, kernel[:, None, None], mode="same", axes=0)
     return np.asarray(spread[count - 1 + np.minimum(lines, count - 1)])
 

@@ -106,6 +106,17 @@ def test_a_sweep_that_is_a_period_is_told_to_take_an_estimator_of_periods():
     np.testing.assert_allclose(frf.response[0, :, 0, 0], truth, rtol=1e-3)
 
 
+def test_noise_that_goes_on_to_the_ends_hides_nothing():
+    _, found = inside([np.random.default_rng(seed).standard_normal(8000) for seed in range(5)])
+    assert all(frf.dropped is None or not frf.dropped.any() for frf in found)
+
+
+@pytest.mark.parametrize("at_s", [0.8, 1.2])
+def test_a_blow_that_is_hardly_told_from_the_transient_is_refused(at_s):
+    with pytest.raises(DataError, match="cannot be told from the transient"):
+        estimate_frf(recorded(blow(at_s, 8.0), 1)[0], OPTIONS)
+
+
 def test_a_blow_as_the_log_begins_is_refused_and_one_later_is_within_its_band():
     with pytest.raises(DataError, match="cannot be told from the transient") as caught:
         estimate_frf(recorded(blow(0.3, 8.0), 1)[0], OPTIONS)
