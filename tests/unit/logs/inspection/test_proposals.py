@@ -79,3 +79,13 @@ def test_stamps_rounded_to_more_than_a_step_tell_the_sampling_period(tmp_path):
     assert sampling.variable == ""
     assert sampling.step_s == STEP / 2
     assert "rounded" in sampling.told_by
+
+
+def test_a_period_that_lacks_two_samples_is_not_proposed(tmp_path):
+    period = np.random.default_rng(8).normal(size=2000)
+    torque = np.tile(period, 4)
+    file = tmp_path / "log.csv"
+    table = np.stack([TIME[:-2], torque[:-2], np.cumsum(torque)[:-2]], axis=1)
+    np.savetxt(file, table, delimiter=",", header="time [s],torque [Nm],angle [rad]", comments="")
+    made = inspect_log([file]).proposal
+    assert (made.periods or 0) + made.drop_periods == 3
