@@ -22,7 +22,7 @@ _LOWEST = 3
 _SLOPE = 1.5
 """Noise of line 0, which drift hides, over that of line 1: slow noise falls with frequency."""
 
-_CHANCE = 0.01
+_CHANCE = 0.05
 """Share of records whose periods scatter by more than chance, by chance: a smaller excess stays within the band."""
 
 _POINTS = 4

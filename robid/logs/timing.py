@@ -92,7 +92,7 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     backward = np.flatnonzero(steps <= 0)
     if len(backward):
         what = f"Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
-        remedy = "Sort the log by time and drop repeated samples, or leave out `time`."
+        remedy = "Where stamps are only rounded, leave out `time`; else sort the log by time and drop repeated samples."
         return None, [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
     usual = float(np.median(steps))
     exponent = round(np.log10(usual / stated))

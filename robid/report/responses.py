@@ -34,6 +34,9 @@ _LEAD = (
     "Responses to which no model was fitted, with their uncertainty. Every column is one input, every row one output;"
     " select an element to enlarge it."
 )
+_FEW_DROPPED = 0.05
+"""Share of the lines from which on the sentence that sums up says that they were dropped."""
+
 _CAPTION = (
     "Of each output, at the input that moves it the most: median over the lines, and the worst line. Uncertainty is the"
     " standard deviation over the magnitude; it holds noise alone where there is one realization. Coherence is the"
@@ -75,7 +78,14 @@ def responses_verdict(campaigns: Campaigns) -> str:
     end = f" and known: {told} (median standard deviation)" if told else ", with unknown uncertainty" if known else ""
     responses = "response is" if len(campaigns) == 1 else f"responses of {len(campaigns)} campaigns are"
     clipped = "".join(f" Do not trust {name}: {text}." for name, frf in campaigns if (text := saturation_text(frf)))
-    return f"No fit was asked for; the {responses} measured{end}.{clipped}"
+    lacking = "".join(f" {text}" for name, frf in campaigns if (text := _lacking(name, frf)))
+    return f"No fit was asked for; the {responses} measured{end}.{lacking}{clipped}"
+
+
+def _lacking(name: str, frf: Frf) -> str:
+    """Says at how many lines a response is not known, where they are more than a few."""
+    dropped, whole = _count(frf), len(frf.response) * len(frf.frequency_hz)
+    return f"At {dropped} of {whole} lines of {name} too little was told." if dropped > _FEW_DROPPED * whole else ""
 
 
 def measured_sentence(name: str, frf: Frf) -> str:

@@ -124,8 +124,9 @@ def share_period(periods: Mapping[str, Repetition], leading: Sequence[str], n_sa
         for name, one in periods.items()
         if one.samples is not None and abs(one.samples * max(round(length / one.samples), 1) / length - 1) < _SAME
     )
-    held = n_sample / length
-    return Shared(length, first.std_samples, round(held) if abs(held - round(held)) < _WHOLE else held, alike)
+    held, count = n_sample / length, round(n_sample / length)
+    whole = abs(held - count) < _WHOLE and count * round(length) <= n_sample
+    return Shared(length, first.std_samples, count if whole else held, alike)
 
 
 def cut_periods(values: FloatArray, samples: int, *, last: bool) -> FloatArray:

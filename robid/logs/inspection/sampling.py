@@ -33,6 +33,11 @@ _EVEN = 0.01
 """Deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it."""
 _SURELY = 3
 """Score from which a variable is a time, whatever else is."""
+_REPEATED = 0.02
+"""Share of samples with the stamp of the one before from which stamps are no times of single samples."""
+_ROUNDED = 1.1
+"""Steps of rounded stamps by which they may be off a straight line."""
+_LEAST = 100
 _USUAL_HZ = (10.0, 50e3)
 
 
@@ -80,6 +85,8 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
         stated_s: The sampling period as the user knows it [s].
     """
     known, told_by = (stated_s, "the command line") if stated_s else _from_scalars(scalars)
+    if known is None:
+        known, told_by = _from_rounded(columns)
     rated = [(_rate(column, known), -index) for index, column in enumerate(columns)]
     best, index = max(rated, default=(0, 0))
     if best <= 0:
@@ -100,6 +107,25 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     return replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
 
 
+def _from_rounded(columns: Sequence[Column]) -> tuple[float | None, str]:
+    """A sampling period by the first and last stamp of a time that is rounded to more than a step, and its name [s].
+
+    Several samples have one stamp, so that it is no time of theirs.
+    """
+    for column in columns:
+        unit, values = unit_of_name(column), column.values
+        if unit not in _PER_SECOND or len(values) < _LEAST or not np.all(np.isfinite(values)):
+            continue
+        steps = np.diff(values)
+        if np.mean(steps == 0) <= _REPEATED or steps.min() < 0:
+            continue
+        line = np.linspace(values[0], values[-1], len(values))
+        if np.abs(values - line).max() <= _ROUNDED * steps.max():
+            step = (values[-1] - values[0]) / (len(values) - 1) * _PER_SECOND[unit]
+            return float(f"{step:.3g}"), f"`{column.key}`, whose stamps are rounded,"
+    return None, ""
+
+
 def _rate(column: Column, known_s: float | None) -> int:
     """How much a signal looks like a time; nothing or less where it cannot be one."""
     values = column.values
@@ -107,7 +133,7 @@ def _rate(column: Column, known_s: float | None) -> int:
         return 0
     steps = np.diff(values)
     usual = np.median(steps)
-    if usual <= 0 or np.mean(steps <= 0) > 0.02 or np.mean(np.abs(steps / usual - 1) < _REGULAR) < _REGULAR:
+    if usual <= 0 or np.mean(steps <= 0) > _REPEATED or np.mean(np.abs(steps / usual - 1) < _REGULAR) < _REGULAR:
         return 0
     # The last part of a name says most: `header.stamp` is one, `time_constant` none.
     words = tokens(column.name.rpartition("/")[2])

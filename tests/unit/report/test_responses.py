@@ -97,6 +97,13 @@ def test_dropped_lines_are_counted_listed_and_crossed(bench_frf):
     assert "2 of 240 with a dropped input" in measured_sentence("log", gap)
 
 
+def test_the_verdict_tells_when_much_was_dropped(bench_frf):
+    few, many = with_gap(bench_frf, 3, 7), with_gap(bench_frf, *range(100, 200))
+    assert "too little" not in responses_verdict([("few", few)])
+    told = responses_verdict([("few", few), ("many", many)])
+    assert told.endswith("(median standard deviation). At 100 of 240 lines of many too little was told.")
+
+
 def test_uncertainty_without_noise_is_shown_over_the_whole_variance(bench_frf):
     silent = replace(bench_frf, noise_covariance=None)
     one = bode_data(response_sections([("log", silent)])[0].parts[0])["responses"][0]["configurations"][0]

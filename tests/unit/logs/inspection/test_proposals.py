@@ -68,3 +68,24 @@ def test_what_differs_from_place_to_place_has_no_period(tmp_path):
     noise[:2000] = np.tile(noise[:500], 4)
     found = inspected(tmp_path, {"torque [Nm]": noise, "angle [rad]": np.cumsum(noise)})
     assert found.shared is None
+
+
+def test_stamps_rounded_to_more_than_a_step_tell_the_sampling_period(tmp_path):
+    force = np.random.default_rng(3).normal(size=N)
+    file = tmp_path / "log.csv"
+    table = np.stack([np.round(TIME / 2, 3), force, np.cumsum(force)], axis=1)
+    np.savetxt(file, table, delimiter=",", header="time [s],force [N],way [m]", comments="")
+    sampling = inspect_log([file]).sampling
+    assert sampling.variable == ""
+    assert sampling.step_s == STEP / 2
+    assert "rounded" in sampling.told_by
+
+
+def test_a_period_that_lacks_two_samples_is_not_proposed(tmp_path):
+    period = np.random.default_rng(8).normal(size=2000)
+    torque = np.tile(period, 4)
+    file = tmp_path / "log.csv"
+    table = np.stack([TIME[:-2], torque[:-2], np.cumsum(torque)[:-2]], axis=1)
+    np.savetxt(file, table, delimiter=",", header="time [s],torque [Nm],angle [rad]", comments="")
+    made = inspect_log([file]).proposal
+    assert (made.periods or 0) + made.drop_periods == 3
