@@ -83,7 +83,7 @@ def test_intervals_hold_springs_of_robots_that_are_off_by_what_their_files_say()
     assert np.median(half / error) < 2
 
 
-def test_too_few_places_leave_all_of_a_doubt_open():
+def test_few_places_leave_open_what_all_of_it_scales_by():
     nominal = doubtful_robot()
     places = np.random.default_rng(3).uniform(-1.4, 1.4, (3, 2))
     frf = averaged(exact_frf(nominal, places, FREQUENCY_HZ), 0.003, seed=1)
@@ -92,9 +92,11 @@ def test_too_few_places_leave_all_of_a_doubt_open():
     np.testing.assert_allclose(unsure.effective_upper, sure.upper)
     assert (unsure.upper / unsure.value > sure.upper / sure.value).all()
     assert np.isinf(unsure.degrees_of_freedom).all()
-    # Springs and torque constants by one factor are the same response: each spring is no better known than they are.
+    # Springs, torque constants, masses and rotors by one factor are the same response: springs are no better known
+    # than what is known of the others beforehand, 2 % of torques and payload, 5 % of links and rotors.
     reach = np.log(unsure.upper / unsure.lower)[:4] / 2
-    assert (reach > 1.96 * 0.02 / np.sqrt(2)).all()
+    assert (reach > 1.96 / np.sqrt(3 / 0.02**2 + 4 / 0.05**2)).all()
+    assert (reach[:3] < 0.04).all()
     assert unsure.interval_rule.endswith("doubts of the robot file")
 
 

@@ -105,6 +105,25 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
     return Settled(now, amounts, replace(pooled, assumed=assumed))
 
 
+def weigh_few(named: Named, found: Influence, excess: float) -> Settled:
+    """Weighs places too few to see what they differ by: a single step, each with its noise and its part of the doubts.
+
+    Args:
+        named: The problem and its doubts, linearised at the minimum.
+        found: The estimator linearised there.
+        excess: By how much the misfit widens the covariance of noise and assumed errors; at least 1.
+    """
+    problem, internal, size = named.problem, named.point, named.point.size
+    covariance = excess * score_covariance(problem, _extended(problem, internal, found, named))
+    between = np.concatenate([np.zeros(size), named.place_std**2])
+    pooled = pool(place_evidence(problem, internal, covariance, named), between)
+    step = np.clip(pooled.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
+    values = np.clip(internal + step, problem.parameters.lower, problem.parameters.upper)
+    assumed = pooled.assumed.copy()
+    assumed[:size, :size] += excess * load_doubt(problem, internal, found.inverse, found.weighted)
+    return Settled(values, named.amounts + pooled.shift[size:], replace(pooled, assumed=assumed))
+
+
 def _extended(problem: Problem, internal: FloatArray, found: Influence, doubts: Named) -> Influence:
     """What errors pull at doubts too."""
     weighted = problem.fully_weighted(doubts.columns)

@@ -9,7 +9,7 @@ from scipy.stats import t
 
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
-from robid.fit.elastic.effective import Settled, settle
+from robid.fit.elastic.effective import Settled, settle, weigh_few
 from robid.fit.elastic.named import Suspicion, name_doubts
 from robid.fit.elastic.physical import find_physical
 from robid.fit.elastic.problem import Problem
@@ -112,12 +112,10 @@ def _of_few_places(
     doubts = None if suspicion is None else name_doubts(problem, (internal,), suspicion)
     if doubts is None:
         return Spreads(spread, spread, covariance)
-    # The estimator's own gain: its weights, not those of what places say.
-    resting = influence(doubts.problem, internal)
-    pulls = np.real(np.einsum("cfoip,cfoiq->pq", resting.weighted.conj(), doubts.columns, optimize=True))
-    moved = resting.inverse @ pulls * np.hypot(doubts.common_std, doubts.place_std)
+    far = weigh_few(doubts, influence(doubts.problem, internal), max(1.0, excess))
     told = f"{told}, and {_told(len(doubts.doubts), rigid=doubts.rigid)}"
-    physical = Spread(internal, covariance + moved @ moved.T, spread.degrees_of_freedom, told)
+    size = internal.size
+    physical = Spread(far.values, far.pooled.assumed[:size, :size], spread.degrees_of_freedom, told)
     return Spreads(spread, physical, covariance)
 
 

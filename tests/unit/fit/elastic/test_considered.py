@@ -41,18 +41,18 @@ def frf():
     return exact_frf(two_joint_robot(), CONFIGURATIONS, FREQUENCY_HZ, relative_noise=0.01, seed=1)
 
 
-@pytest.mark.parametrize("elbow", [0.002, -0.002])
-def test_one_step_is_what_a_fit_to_the_other_robot_would_find(exact, elbow):
+@pytest.mark.parametrize("elbow", [0.02, -0.02])
+def test_springs_of_a_robot_that_is_off_along_a_doubt_are_found_in_one_step(elbow):
     robot = certain(two_joint_robot())
-    own = fit_elastic(robot, exact, OPTIONS, 0.0)
-    other = fit_elastic(heavier(robot, elbow), exact, OPTIONS, 0.0)
-    wanted = other.estimate.value - own.estimate.value
-    assert np.abs(wanted / own.estimate.value).max() > 1e-3
-    doubtful = [DoubtfulRobot(heavier(robot, 0.1 * elbow), 0.1)]
-    found = fit_elastic(robot, exact, OPTIONS, 0.0, doubtful=doubtful).estimate.covariance - own.estimate.covariance
-    size = np.outer(np.abs(wanted), np.abs(wanted))
-    # Descents stop at a share of the cost, some percent of so small a move before its end.
-    np.testing.assert_allclose(found / size, np.outer(np.sign(wanted), np.sign(wanted)), atol=0.25)
+    true = heavier(robot, elbow)
+    frf = exact_frf(true, CONFIGURATIONS, FREQUENCY_HZ, declared_noise=0.001)
+    doubtful = [DoubtfulRobot(heavier(robot, 0.01), 0.1)]
+    found = fit_elastic(robot, frf, OPTIONS, 0.0, doubtful=doubtful).estimate
+    truth = np.array([spring.stiffness for spring in true.springs])
+    before, after = (np.abs(each[: truth.size] / truth - 1) for each in (found.value, found.physical_value))
+    assert before.max() > 0.01
+    assert after.max() < 0.15 * before.max()
+    assert ((found.lower[: truth.size] <= truth) & (truth <= found.upper[: truth.size])).all()
 
 
 def test_a_rotor_that_is_estimated_itself_hardly_depends_on_the_file(exact):
@@ -73,11 +73,8 @@ def test_intervals_widen_and_say_why(frf):
     doubtful = [DoubtfulRobot(heavier(robot, elbow=-0.01), -0.1), DoubtfulRobot(heavier(robot, rotor=0.01), 0.1)]
     sure, unsure = (fit_elastic(robot, frf, OPTIONS, 0.0, doubtful=given).estimate for given in ((), doubtful))
     np.testing.assert_allclose(sure.value, unsure.value)
-    assert (unsure.upper >= sure.upper).all()
-    assert (unsure.upper / sure.upper).max() > 1.05
+    wider = np.diag(unsure.covariance) / np.diag(sure.covariance)
+    assert wider.min() > 0.97
+    assert wider.max() > 2
     assert "what the rigid fit leaves open" in unsure.interval_rule
     assert "rigid" not in sure.interval_rule
-    alone = [fit_elastic(robot, frf, OPTIONS, 0.0, doubtful=[one]).estimate.covariance for one in doubtful]
-    np.testing.assert_allclose(
-        unsure.covariance - sure.covariance, alone[0] + alone[1] - 2 * sure.covariance, rtol=1e-6
-    )
