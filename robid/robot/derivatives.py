@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.robot.linearize import LinearModel
+from robid.robot.linearize import LinearModel, Shifts
 from robid.robot.response import ElasticParameters, Response, alias_factor, fast_limit, mass_matrix
 from robid.robot.rest import Moves, Springs, SpringSlopes, settle_springs, spring_slopes
 
@@ -49,6 +49,8 @@ def _columns(
     sampling_period_s: float | None,
     through_rest: ComplexArray | None,
 ) -> ComplexArray:
+    if kind == "doubt" and model.shifts is not None:
+        return _move_columns(parameters, result, model.shifts, sampling_period_s)
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
     rate = 1j * result.omega[:, None, None, None]
@@ -112,9 +114,9 @@ def _rest_columns(
 
 
 def _move_columns(
-    parameters: ElasticParameters, result: Response, moves: Moves, sampling_period_s: float | None
+    parameters: ElasticParameters, result: Response, moves: Moves | Shifts, sampling_period_s: float | None
 ) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest."""
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or amounts of doubts."""
     model, square = result.model, result.omega**2
     columns = _inertia_columns(model, parameters, result, moves.mass, sampling_period_s)
     left, right = np.swapaxes(result.outputs, -1, -2), result.inputs

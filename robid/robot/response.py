@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
-from robid.robot.linearize import LinearModel
-from robid.robot.rest import Springs, SpringValues, settle_springs
+from robid.robot.linearize import LinearModel, Shifts
+from robid.robot.rest import Moves, Springs, SpringValues, settle_springs
 
 _ALIASES = (-2, -1, 1, 2)
 
@@ -28,6 +28,7 @@ class ElasticParameters:
         delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
         cubic (n_spring,): Cubic coefficients, arm side [N m/rad^3, or N/m^3].
         location (3 n_spring,): Where springs of links, payload and base sit, see `Spring.point_m` [m].
+        doubt (n_doubt,): Amounts of what the robot file may have wrong, zero where it is right, in their own units.
     """
 
     stiffness: FloatArray
@@ -39,6 +40,7 @@ class ElasticParameters:
     delay: FloatArray
     cubic: FloatArray
     location: FloatArray
+    doubt: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def springs(self) -> SpringValues:
@@ -81,6 +83,7 @@ def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> Elas
         delay=np.array([delay_s]),
         cubic=np.array([spring.cubic for spring in robot.springs]),
         location=robot.spring_points_m,
+        doubt=np.zeros(0 if model.shifts is None else model.shifts.amounts.size),
     )
 
 
@@ -126,6 +129,7 @@ def response(
 
 def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:
     """Returns the linear model where the parameters let it rest, to first order, and its springs there."""
+    model = _shifted(model, parameters)
     if not parameters.cubic.any() and model.rest.moves is None:
         rest = model.rest
         stiffness = rest.factor * parameters.stiffness
@@ -135,14 +139,27 @@ def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearMo
     if moves is None:
         return model, springs
     by = springs.displacement
-    moved = replace(
+    return _along(model, moves, by), springs
+
+
+def _shifted(model: LinearModel, parameters: ElasticParameters) -> LinearModel:
+    """The model with other amounts of its doubts."""
+    shifts = model.shifts
+    if shifts is None or np.array_equal(shifts.amounts, parameters.doubt):
+        return model
+    by = np.broadcast_to(parameters.doubt - shifts.amounts, (len(model.mass), shifts.amounts.size))
+    return replace(_along(model, shifts, by), shifts=replace(shifts, amounts=parameters.doubt))
+
+
+def _along(model: LinearModel, slopes: Moves | Shifts, by: FloatArray) -> LinearModel:
+    """The model some way (n_conf, n_slope) along its slopes."""
+    return replace(
         model,
-        mass=_moved(model.mass, moves.mass, by),
-        gravity_stiffness=_moved(model.gravity_stiffness, moves.gravity_stiffness, by),
-        output=_moved(model.output, moves.output, by),
-        tilt=_moved(model.tilt, moves.tilt, by),
+        mass=_moved(model.mass, slopes.mass, by),
+        gravity_stiffness=_moved(model.gravity_stiffness, slopes.gravity_stiffness, by),
+        output=_moved(model.output, slopes.output, by),
+        tilt=_moved(model.tilt, slopes.tilt, by),
     )
-    return moved, springs
 
 
 def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> FloatArray:
