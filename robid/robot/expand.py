@@ -61,9 +61,7 @@ def expand(
     return replace(linear, rest=replace(linear.rest, moves=moves))
 
 
-def shifts_between(
-    pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray, amounts: FloatArray
-) -> Shifts:
+def shifts_between(pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray, amounts: FloatArray) -> Shifts:
     """Returns how a linearised robot moves with doubts, by central differences.
 
     Args:

@@ -17,6 +17,7 @@ from robid.families.family import Data, Work
 from robid.families.rigid_source import RigidSource, rigid_source
 from robid.fit.elastic.bootstrap import bootstrap_tasks
 from robid.fit.elastic.considered import DoubtfulRobot
+from robid.fit.elastic.doubts.further import with_freed_springs
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.solution import ElasticSolution
 from robid.robot.description import Robot
@@ -119,7 +120,8 @@ def _robot(data: Data, campaign: Campaign) -> Robot:
     """The robot that a fit starts from: the robot file's, its masses those of a rigid fit where it names one."""
     source = _source(data)
     file = data.loaded.robot
-    return file.to_robot(campaign.payload_kg) if source is None else source.robot(payload_kg(campaign, file))
+    robot = file.to_robot(campaign.payload_kg) if source is None else source.robot(payload_kg(campaign, file))
+    return with_freed_springs(robot, elastic_fit(data.loaded.experiment, data.name).options())
 
 
 def nominal_robot(data: Data) -> Robot:
@@ -138,7 +140,8 @@ def _doubtful(data: Data, campaign: Campaign) -> tuple[DoubtfulRobot, ...]:
     if source is None:
         return ()
     found = source.doubtful(payload_kg(campaign, data.loaded.robot))
-    return tuple(DoubtfulRobot(robot, deviations) for robot, deviations in found)
+    options = elastic_fit(data.loaded.experiment, data.name).options()
+    return tuple(DoubtfulRobot(with_freed_springs(robot, options), deviations) for robot, deviations in found)
 
 
 def _counted(number: int, noun: str) -> str:

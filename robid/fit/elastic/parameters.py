@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.freed import DOUBT, PRIOR_FACTOR, freed_doubts
+from robid.fit.elastic.doubts.freed import DOUBT, PRIOR_FACTOR, freed_doubts, unknown_names
 from robid.fit.elastic.names import check_names
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
@@ -177,7 +177,7 @@ def map_parameters(
     masks = tuple(np.array([n is not None and n not in options.fixed for n in every[kind]], bool) for kind in kinds)
     free = {name: kind for kind in kinds for name in every[kind] if name is not None and name not in options.fixed}
     elements = tuple(free)
-    check_names(options, every, nominal)
+    check_names(options, every, nominal, unknown_names(robot, options))
     names = [name for name in elements if name not in options.tied]
     member = [names.index(options.tied.get(name, name)) for name in elements]
     kind_of = [free[name] for name in names]

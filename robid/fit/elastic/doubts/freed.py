@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from dataclasses import fields, replace
 
 from robid.arrays import FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import coupling_doubts
+from robid.fit.elastic.doubts.further import further_springs, is_spring
 from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
+from robid.robot.parameters import ELASTIC
 
 PRIOR_FACTOR = 10.0
 """How many times as far off as a doubt is one expected to be that a user frees."""
@@ -52,16 +55,25 @@ def groups(doubt: DoubtColumn) -> tuple[str, ...]:
     return doubt.name, doubt.cause, f"{head}{dot}{kind.partition('_')[0]}"
 
 
-def unknown_names(robot: Robot, options: ElasticOptions) -> list[str]:
-    """Returns what options free that neither is a doubt of the robot nor one of its springs."""
-    every = movable_doubts(robot) if options.freed else ()
-    springs = {spring.name for spring in robot.springs}
-    return [each for each in options.freed if each not in springs and not any(names(doubt, each) for doubt in every)]
+def unknown_names(robot: Robot, options: ElasticOptions) -> list[tuple[str, str]]:
+    """Returns what options free that is neither a doubt of the robot nor a spring, with what may be meant."""
+    if not options.freed:
+        return []
+    every = movable_doubts(robot)
+    unknown = [each for each in options.freed if not any(names(doubt, each) for doubt in every)]
+    return [(each, _meant(robot, each, every)) for each in unknown if not is_spring(robot, each)]
 
 
-def known_names(robot: Robot) -> list[str]:
-    """Returns every name of a doubt, or of a group of them, that can be freed."""
-    return list(dict.fromkeys(name for doubt in movable_doubts(robot) for name in groups(doubt)))
+def _meant(robot: Robot, wrong: str, every: Sequence[DoubtColumn]) -> str:
+    """The end of a sentence about an unknown name."""
+    causes = list(dict.fromkeys(doubt.cause for doubt in every))
+    springs = [further.spring.name for further in further_springs(robot)]
+    known = [*ELASTIC, *causes, *(name for doubt in every for name in groups(doubt)), *springs]
+    close = difflib.get_close_matches(wrong, dict.fromkeys(known), n=3, cutoff=0.5)
+    if close:
+        return f"did you mean {' or '.join(f'`{name}`' for name in close)}?"
+    shown = ", ".join(f"`{name}`" for name in (*ELASTIC, *causes, *springs[:1]))
+    return f"known are {shown}, and single doubts as `{every[0].name}`" if every else f"known are {shown}"
 
 
 def moved_robot(robot: Robot, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> Robot:
