@@ -23,7 +23,7 @@ from robid.validation.elastic.remedies import remedy
 from robid.validation.elastic.trials import try_springs
 
 _CHANCE = 50.0  # times what a random column explains: neighbouring lines err alike
-_WIDER = 3.0  # than its prior is a doubt that would explain a misfit
+_WIDER = 5.0  # than its prior is a doubt that would explain a misfit
 _TELLING = 0.1
 _MOST_OF_IT = 0.9  # of what all doubts of a cause explain
 _MOST_NAMED = 3
