@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,16 @@ from robid.validation.recovery import recovery_sentence
 
 def fit(data: Data, work: Work) -> Artifact:
     """Fits an elastic model and grades it by itself."""
+    return _fitted(data, work, None)
+
+
+def refit(data: Data, model: Artifact, work: Work) -> Artifact:
+    """Goes on from the minimum of a model, with what the data's experiment now frees."""
+    solution = solution_from_artifact(model)
+    return _fitted(data, work, dict(zip(solution.estimate.names, solution.internal.values.tolist(), strict=True)))
+
+
+def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifact:
     settings, campaign = elastic_fit(data.loaded.experiment, data.name), _campaign(data)
     repeated = bootstrap_tasks(settings.bootstrap)
     work.progress.expect(settings.starts + repeated, "tasks" if repeated else "starts")
@@ -43,7 +53,7 @@ def fit(data: Data, work: Work) -> Artifact:
 
     robot, delay = _robot(data, campaign), delay_s(data.loaded, campaign)
     doubtful = _doubtful(data, campaign)
-    solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful)
+    solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful, near)
     fitted = robot, solution, data.response, settings.options(), delay
     return model_of(solution, assess_fit(*fitted), tabulate_resonances(*fitted))
 
