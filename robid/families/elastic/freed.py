@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 from robid.errors import SettingsError
 from robid.families.elastic.settings import ElasticFit, elastic_fit
@@ -43,7 +44,8 @@ def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> Loaded
     if twice:
         message = f"fit `{name}` estimates `{twice[0]}` already"
         raise SettingsError(message, where="--try", remedy="name something else, or leave it out")
-    tried = replace(fit, free=(*fit.free, *more))
+    values: dict[str, Any] = {each.name: getattr(fit, each.name) for each in fields(fit)}
+    tried = ElasticFit(**{"from": values.pop("reads"), **values, "free": (*fit.free, *more)})
     start = loaded.robot.to_robot(loaded.experiment.campaigns[fit.campaign].payload_kg)
     unknown = [free_problem(*each) for each in unknown_names(start, tried.options())]
     if unknown:
