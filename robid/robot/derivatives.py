@@ -38,7 +38,7 @@ def jacobian(
     slopes = loaded_slopes(model, parameters, result.springs, kinds)
     through_rest = _rest_columns(parameters, result, slopes, sampling_period_s)
     columns = [_columns(model, parameters, result, kind, sampling_period_s, through_rest.get(kind)) for kind in kinds]
-    return np.concatenate(columns, axis=-1)
+    return np.concatenate(columns, axis=-1) * result.gain[:, None]
 
 
 def _columns(
@@ -50,7 +50,8 @@ def _columns(
     through_rest: ComplexArray | None,
 ) -> ComplexArray:
     if kind == "doubt" and model.shifts is not None:
-        return _move_columns(parameters, result, model.shifts, sampling_period_s)
+        scaled = (result.sampled / result.gain)[..., None] * model.shifts.torque.T
+        return scaled + _move_columns(parameters, result, model.shifts, sampling_period_s)
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
     rate = 1j * result.omega[:, None, None, None]
@@ -166,8 +167,8 @@ def _delay_column(
 ) -> ComplexArray:
     rate = -1j * result.omega[:, None, None]
     if sampling_period_s is None:
-        return np.asarray(rate * result.sampled)[..., None]
+        return np.asarray(rate * result.sampled / result.gain)[..., None]
     fast = fast_limit(model, parameters)[:, None]
     aliases, slope = alias_factor(result.omega, parameters.delay[0], sampling_period_s)
-    own = result.sampled - aliases[:, None, None] * fast
+    own = result.sampled / result.gain - aliases[:, None, None] * fast
     return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]

@@ -61,15 +61,18 @@ def expand(
     return replace(linear, rest=replace(linear.rest, moves=moves))
 
 
-def shifts_between(pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray, amounts: FloatArray) -> Shifts:
+def shifts_between(
+    pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray, amounts: FloatArray, torque: FloatArray
+) -> Shifts:
     """Returns how a linearised robot moves with doubts, by central differences.
 
     Args:
         pairs: The robot with less and with more of each doubt.
         width (n_doubt,): By how much each pair differs.
         amounts (n_doubt,): Amounts in the middle.
+        torque (n_doubt, n_joint): As in `Shifts`.
     """
-    return Shifts(amounts=amounts, **_slopes(pairs, width))
+    return Shifts(amounts=amounts, torque=torque, **_slopes(pairs, width))
 
 
 def moved_spring(robot: Robot, element: int, by_m: float) -> Robot:

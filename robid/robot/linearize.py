@@ -45,6 +45,7 @@ class Shifts:
         gravity_stiffness (n_conf, n_doubt, n, n): Of the symmetrised gradient of gravity.
         output (n_conf, n_doubt, n_out, n): Of the outputs.
         tilt (n_conf, n_doubt, n_out, n): Of gravity's part of the outputs.
+        torque (n_doubt, n_joint): Of the logarithm of the torque that a motor gives per torque recorded.
     """
 
     amounts: FloatArray
@@ -52,6 +53,7 @@ class Shifts:
     gravity_stiffness: FloatArray
     output: FloatArray
     tilt: FloatArray
+    torque: FloatArray
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,7 @@ class Response:
         omega (n_freq,): Angular frequency [rad/s].
         model: The linearised robot where these parameters let it rest.
         springs: Its springs there.
+        gain (n_in,): Torque that each motor gives per torque recorded, where that is doubted; in `sampled` only.
     """
 
     sampled: ComplexArray
@@ -69,6 +70,7 @@ class Response:
     omega: FloatArray
     model: LinearModel
     springs: Springs
+    gain: FloatArray
 
 
 def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> ElasticParameters:
@@ -124,7 +126,8 @@ def response(
         sampled = (
             sampled + alias_factor(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
         )
-    return Response(sampled, inputs, outputs, hold, omega, model, springs)
+    gain = np.ones(n_motor) if model.shifts is None else np.exp(parameters.doubt @ model.shifts.torque)
+    return Response(sampled * gain, inputs, outputs, hold, omega, model, springs, gain)
 
 
 def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:

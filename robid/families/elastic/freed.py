@@ -8,7 +8,7 @@ from typing import Any
 
 from robid.errors import SettingsError
 from robid.families.elastic.settings import ElasticFit, elastic_fit
-from robid.fit.elastic.doubts.freed import DOUBT, freed_doubts, unknown_names
+from robid.fit.elastic.doubts.freed import DOUBT, free_with, freed_doubts, unknown_names
 from robid.fit.elastic.doubts.further import with_freed_springs
 from robid.fit.elastic.names import free_problem
 from robid.robot.description import Robot, Spring
@@ -45,7 +45,7 @@ def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> Loaded
         message = f"fit `{name}` estimates `{twice[0]}` already"
         raise SettingsError(message, where="--try", remedy="name something else, or leave it out")
     values: dict[str, Any] = {each.name: getattr(fit, each.name) for each in fields(fit)}
-    tried = ElasticFit(**{"from": values.pop("reads"), **values, "free": (*fit.free, *more)})
+    tried = ElasticFit(**{"from": values.pop("reads"), **values, "free": free_with(fit.free, more)})
     start = loaded.robot.to_robot(loaded.experiment.campaigns[fit.campaign].payload_kg)
     unknown = [free_problem(*each) for each in unknown_names(start, tried.options())]
     if unknown:

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.fit.elastic.doubts.freed import freed_doubts, moved_robot
+from robid.fit.elastic.doubts.freed import freed_doubts, moved_robot, torque_slopes
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.swing_distribution import Swinging, line_frequencies, spring_compliance, swing_shape
 from robid.fit.elastic.weights import make_weights
@@ -55,8 +55,9 @@ def rest_model(
         behind, ahead = (_rested(side, frf, still, delay_s, values) for side in sides)
         pairs.append((behind, ahead))
         steps.append(2 * _DOUBT_STEP * doubt.common_std)
+    torque = torque_slopes(freed, len(robot.joints))
     model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values)
-    return replace(model, shifts=shifts_between(pairs, np.array(steps), amounts))
+    return replace(model, shifts=shifts_between(pairs, np.array(steps), amounts, torque))
 
 
 def _rested(

@@ -11,12 +11,12 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.columns import doubt_columns
+from robid.fit.elastic.doubts.freed import free_with
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.estimate import Estimate
 from robid.robot.description import Robot
-from robid.robot.parameters import ELASTIC, FREE
 from robid.validation.doubt import CAUSES, Doubt, two_digits
 from robid.validation.elastic.fitted import FittedModel
 from robid.validation.elastic.remedies import remedy
@@ -237,7 +237,7 @@ def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation]
     widths = np.where(telling, np.abs(found.moved) * slopes / half, 0.0)
     ruined = _ruined(estimate, found, widths) if leads else None
     worst = int(np.argmax(widths)) if ruined is None else ruined
-    hints = [f"try `free: [{', '.join(_freed(found, options))}]`"] if found.free else []
+    hints = [f"try `free: [{', '.join(free_with(options.free, found.free))}]`"] if found.free else []
     hints += [f"next: {'; '.join(f'{CAUSES[each.cause]}, {each.share:.0%}' for each in ranked[1:])}"] * (
         len(ranked) > 1
     )
@@ -249,12 +249,6 @@ def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation]
     if ruined is not None:
         message += f", which leaves it {_error(found)[ruined]:.0%} off"
     return Doubt(found.cause, message, decisive=ruined is not None, strength=float(widths[worst]))
-
-
-def _freed(found: Explanation, options: ElasticOptions) -> tuple[str, ...]:
-    """What `free` must hold so that an explanation is estimated too; the default kinds need not be named."""
-    beside = options.free == FREE and not set(found.free) & set(ELASTIC)
-    return found.free if beside else tuple(dict.fromkeys((*options.free, *found.free)))
 
 
 def _ruined(estimate: Estimate, found: Explanation, widths: FloatArray) -> int | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
+from robid.fit.elastic.doubts.drives import TorqueScale
 
 _FEW = 2
 _KINDS = {"rotor_inertia": "motor_inertia", "arm_friction": "arm_viscous"}
@@ -21,7 +22,7 @@ def remedy(doubts: Sequence[DoubtColumn]) -> tuple[str, ...]:
     cause = doubts[0].cause
     if cause in _KINDS:
         return (_KINDS[cause],)
-    if not all(isinstance(doubt.direction, RobotMove) for doubt in doubts):
+    if not all(isinstance(doubt.direction, RobotMove | TorqueScale) for doubt in doubts):
         return ()
     many = len(doubts) > _FEW or cause in _ALWAYS_WHOLE
     return (cause,) if many else tuple(doubt.name for doubt in doubts)

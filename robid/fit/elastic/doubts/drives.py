@@ -40,8 +40,13 @@ class TorqueScale:
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
         found = np.zeros(scene.problem.frf.response.shape, complex)
-        found[..., self.joint] = -1 / _PERCENT
+        found[..., self.joint] = self.slope
         return found
+
+    @property
+    def slope(self) -> float:
+        """Derivative of the log response to its torque by the amount."""
+        return -1 / _PERCENT
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,17 @@ import difflib
 from collections.abc import Sequence
 from dataclasses import fields, replace
 
+import numpy as np
+
 from robid.arrays import FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import coupling_doubts
+from robid.fit.elastic.doubts.drives import TorqueScale, coupling_doubts, torque_doubts
 from robid.fit.elastic.doubts.further import further_springs, is_spring
 from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
-from robid.robot.parameters import ELASTIC
+from robid.robot.parameters import ELASTIC, FREE
 
 PRIOR_FACTOR = 10.0
 """How many times as far off as a doubt is one expected to be that a user frees."""
@@ -35,18 +37,33 @@ def freed_doubts(robot: Robot, options: ElasticOptions) -> tuple[DoubtColumn, ..
 
 
 def movable_doubts(robot: Robot) -> tuple[DoubtColumn, ...]:
-    """Lists all doubts that a fit can estimate; those that the file takes for granted too, as far off as by default."""
+    """Lists all doubts that a fit can estimate: what moves the robot, or scales its torques.
+
+    Those that the file takes for granted are listed too, as far off as by default.
+    """
     doubtful = replace(
         robot,
         doubts=_open(robot.doubts),
         joints=tuple(replace(joint, doubts=_open(joint.doubts)) for joint in robot.joints),
     )
-    return (*payload_doubts(doubtful), *link_doubts(doubtful), *coupling_doubts(doubtful))
+    return (
+        *payload_doubts(doubtful),
+        *link_doubts(doubtful),
+        *coupling_doubts(doubtful),
+        *torque_doubts(doubtful),
+    )
 
 
 def names(doubt: DoubtColumn, name: str) -> bool:
     """Whether a name is that of a doubt or of its group: its cause, or its own name as far as the last underscore."""
     return name in (doubt.name, doubt.cause) or doubt.name.startswith(f"{name}_")
+
+
+def free_with(free: Sequence[str], more: Sequence[str]) -> tuple[str, ...]:
+    """Returns what `free` must say so that more is estimated too; the default kinds need not be named beside doubts."""
+    if tuple(free) == FREE and not set(more) & set(ELASTIC):
+        return tuple(dict.fromkeys(more))
+    return tuple(dict.fromkeys((*free, *more)))
 
 
 def groups(doubt: DoubtColumn) -> tuple[str, ...]:
@@ -74,6 +91,15 @@ def _meant(robot: Robot, wrong: str, every: Sequence[DoubtColumn]) -> str:
         return f"did you mean {' or '.join(f'`{name}`' for name in close)}?"
     shown = ", ".join(f"`{name}`" for name in (*ELASTIC, *causes, *springs[:1]))
     return f"known are {shown}, and single doubts as `{every[0].name}`" if every else f"known are {shown}"
+
+
+def torque_slopes(doubts: Sequence[DoubtColumn], n_joint: int) -> FloatArray:
+    """Derivatives (n_doubt, n_joint) of the log response to each motor's torque by the amounts of doubts."""
+    slopes = np.zeros((len(doubts), n_joint))
+    for row, doubt in enumerate(doubts):
+        if isinstance(doubt.direction, TorqueScale):
+            slopes[row, doubt.direction.joint] = doubt.direction.slope
+    return slopes
 
 
 def moved_robot(robot: Robot, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> Robot:

@@ -67,7 +67,7 @@ def test_what_a_file_takes_for_granted_can_be_freed_and_what_is_freed_is_no_doub
     assert "payload.inertia" in listed
 
 
-@pytest.mark.parametrize("names", [("payload.mass",), ("elbow.mass", "elbow.com_x", "payload.inertia")])
+@pytest.mark.parametrize("names", [("payload.mass",), ("elbow.mass", "elbow.com_x", "elbow.torque_constant")])
 def test_derivatives_by_doubts_are_those_of_the_response(true_arm, names):
     robot, options = two_joint_robot(), freeing(*names)
     problem = set_up(robot, measured(true_arm), options, DELAY_S)[0]
@@ -119,6 +119,20 @@ def test_a_payload_that_is_off_returns_and_the_springs_with_it(true_arm):
     np.testing.assert_allclose(
         fitted.problem.model_response(fitted.internal), solution.responses.modelled, rtol=1e-3, atol=0
     )
+
+
+def test_a_torque_constant_that_is_off_returns(true_arm):
+    frf = measured(true_arm)
+    read_too_large = np.where(np.arange(2) == 1, 1 / 1.08, 1.0)
+    frf = replace(frf, response=frf.response * read_too_large)
+    options = freeing("elbow.torque_constant")
+    solution = fit_elastic(two_joint_robot(), frf, options, DELAY_S)
+    estimate = solution.estimate
+    index = estimate.names.index("elbow.torque_constant")
+    assert estimate.lower[index] < 100 * np.log(1.08) < estimate.upper[index]
+    assert fitted_robot(two_joint_robot(), estimate).payload.mass_kg == 4.0
+    fitted = fitted_model(two_joint_robot(), solution, frf, options, DELAY_S)
+    np.testing.assert_allclose(fitted.problem.model_response(fitted.internal), solution.responses.modelled, rtol=1e-3)
 
 
 def test_going_on_from_a_minimum_ends_where_a_fit_of_its_own_does(true_arm):
