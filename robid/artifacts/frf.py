@@ -11,7 +11,7 @@ Schema history:
         `torque_hold`, `torque_amplitude`, `mean_torque` and `mean_position`. `joint_units`, where joints
         are prismatic.
     2.1: `dropped`.
-    2.2: `saturated_share`.
+    2.2: `saturated_inputs`, `saturated_outputs`.
 """
 
 from __future__ import annotations
@@ -84,7 +84,8 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
         "motion_rms": Column(measured, ("configuration", "output"), "RMS of the outputs about their means"),
         "freedom_share": Column("1", ("configuration",), "Of the degrees of freedom, left by experiments that repeat"),
         "dropped": Column("1", ("configuration", "frequency", "input"), "Lines that tell too little of an input"),
-        "saturated_share": Column("1", ("configuration", "output", "input"), "Share of time at a limit"),
+        "saturated_inputs": Column("1", ("configuration", "input"), "Share of time at a limit"),
+        "saturated_outputs": Column("1", ("configuration", "output"), "Share of time at a limit"),
         "line_correlation": Column("1", ("configuration", "frequency", "next"), "Of errors at overlapping windows"),
     }
     return Artifact(FRF, *to_datasets(frf, table), provenance)

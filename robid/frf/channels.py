@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.options import EstimateOptions
+from robid.frf.saturation import saturated_shares
 from robid.signals.quantities import DRIVES, Channel, UsableChannels, describe
 from robid.signals.record import Record
 
@@ -45,3 +50,23 @@ def require(frf: Frf, inputs: UsableChannels, outputs: UsableChannels, reader: s
         " and `side` under `acquire`, or `estimate.outputs`, and estimate again"
     )
     raise DataError(what, remedy=remedy)
+
+
+def channel_levels(record: Record) -> dict[str, Any]:
+    """Returns means of inputs and outputs, how far the outputs move about theirs, and how long each is at a limit.
+
+    Args:
+        record: Record of a single configuration; the configuration axis is kept.
+    """
+    n_sample, offset = record.outputs[0, ..., 0].size, record.output_offset
+    mean = record.outputs.mean(axis=(1, 2, 3, 4))
+    # Without a copy of the samples, of which there may be many.
+    square = np.einsum("crepno,crepno->co", record.outputs, record.outputs) / n_sample
+    inputs, outputs = saturated_shares(record)
+    return {
+        "mean_input": record.inputs.mean(axis=(1, 2, 3, 4)),
+        "mean_output": mean + offset,
+        "motion_rms": np.sqrt(np.maximum(square - mean**2, 0.0)),
+        "saturated_inputs": inputs[None],
+        "saturated_outputs": outputs[None],
+    }

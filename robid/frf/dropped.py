@@ -141,10 +141,37 @@ def lost_inputs(dropped: BoolArray, frequency_hz: FloatArray, names: tuple[str, 
         frequency_hz (n_freq,): The lines [Hz].
         names: The inputs.
     """
+    return f"too little was told of {_places(dropped, frequency_hz, names)}"
+
+
+def hidden_inputs(
+    hidden: BoolArray, frequency_hz: FloatArray, names: tuple[str, ...], needed_s: float
+) -> tuple[str, str]:
+    """Says which inputs act so near to an end of the log that their response looks like its transient, and a remedy.
+
+    Args:
+        hidden (n_freq, n_in): Inputs of which that is so.
+        frequency_hz (n_freq,): The lines [Hz].
+        names: The inputs.
+        needed_s: Time to the log's ends from which they can be told apart [s].
+    """
+    what = (
+        f"what {_places(hidden, frequency_hz, names)} does lies so near to the beginning or the end of the log that its"
+        " response cannot be told from the transient there"
+    )
+    remedy = (
+        f"begin the log {needed_s:.2g} s before the input moves and let it go on as long after it, lower the band's"
+        " upper end (of a sweep), or state a coarser `resolution_hz`"
+    )
+    return what, remedy
+
+
+def _places(chosen: BoolArray, frequency_hz: FloatArray, names: tuple[str, ...]) -> str:
+    """Lists the lines of each input."""
     told = []
-    for name, lost in zip(names, dropped.T, strict=True):
+    for name, lost in zip(names, chosen.T, strict=True):
         if lost.any():
             shown = ", ".join(f"{value:.4g}" for value in frequency_hz[lost][:_SHOWN])
             more = ", ..." if lost.sum() > _SHOWN else ""
             told.append(f"{name} at {int(lost.sum())} of {len(lost)} lines ({shown}{more} Hz)")
-    return f"too little was told of {'; '.join(told)}"
+    return "; ".join(told)

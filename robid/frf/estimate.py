@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
 from robid.frf.block_checks import place_of, solvable_lines
 from robid.frf.blocks import ESTIMATORS, BlockEstimate
-from robid.frf.channels import response_channels, to_accelerations
+from robid.frf.channels import channel_levels, response_channels, to_accelerations
 from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
 from robid.frf.coefficients import coefficients
 from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
 from robid.frf.distortion import explained_coherence, multiple_coherence, silent_levels
-from robid.frf.dropped import completed, lost_inputs, require_lines, weak_inputs
+from robid.frf.dropped import FEWEST, completed, hidden_inputs, lost_inputs, require_lines, weak_inputs
 from robid.frf.frf import Frf
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
+from robid.frf.period_noise import FEW_PERIODS, period_noise
 from robid.frf.reading import Spectra, read_spectra, silent_of
-from robid.frf.saturation import saturated_shares
+from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
 from robid.frf.windows import Windows
 from robid.signals.friction import TorqueLaw
@@ -42,6 +43,7 @@ class _Found:
     realization_error: ComplexArray | None = None
     line_correlation: FloatArray | None = None
     freedom_share: float = 1.0
+    hidden: BoolArray | None = None
 
     def scale(self, record: Record, told: BoolArray) -> FloatArray:
         """Element scale (n_out, n_in) from the lines that tell of each input (n_freq, n_in) alone."""
@@ -89,21 +91,47 @@ def estimate_frf(
     if any(one.fatal and one.kind == "unsteady" for one in findings):
         findings = [one for one in findings if one.kind != "jitter"]
     refuse_faults(record, findings)
-    frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws)
+    frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws, steady)
+    frf, lost = _without_lost(frf, record, spectra, found, solved, options)
+    findings += lost
+    findings += fed_back(record, frf)
+    told = () if steady is None else (steadiness_note(steady, record),)
+    return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
+
+
+def _without_lost(
+    frf: Frf, record: Record, spectra: Spectra, found: _Found, solved: BoolArray, options: EstimateOptions
+) -> tuple[Frf, list[Finding]]:
+    """A response at all lines, those that tell too little left out, and what is said of them."""
+    findings: list[Finding] = []
     dropped = np.ones((len(solved), len(record.input_names)), bool)
+    hidden = np.zeros_like(dropped)
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
+    if found.hidden is not None:
+        hidden[solved] = found.hidden
+    weak, dropped = dropped & ~hidden, dropped | hidden
+    if hidden.any():
+        findings.append(_hidden(record, spectra, hidden, ~dropped))
     require_lines(~dropped, record.frequency_hz, options.weak_line_std, place_of(record))
-    frf = replace(frf, dropped=dropped[None], saturated_share=saturated_shares(record)[None])
+    frf = replace(frf, dropped=dropped[None])
     if dropped.any():
         frf = replace(frf, element_scale=found.scale(record, ~dropped[solved])[None])
         amplitude = spectra.amplitude(record)
         reach = 0 if spectra.windows is None else spectra.windows.reach
         frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude, reach)
-        what = lost_inputs(dropped, record.frequency_hz, record.input_names)
+    if weak.any():
+        what = lost_inputs(weak, record.frequency_hz, record.input_names)
         findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
-    findings += fed_back(record, frf)
-    told = () if steady is None else (steadiness_note(steady, record),)
-    return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
+    return frf, findings
+
+
+def _hidden(record: Record, spectra: Spectra, hidden: BoolArray, told: BoolArray) -> Finding:
+    """What is said of lines whose response looks like a transient; refuses a record that has hardly any other."""
+    width = 1 if spectra.windows is None else spectra.windows.index.shape[1] - 1
+    what, remedy = hidden_inputs(hidden, record.frequency_hz, record.input_names, 2 * record.period_s / width)
+    if told.sum(axis=0).max() < min(FEWEST, len(told)):
+        raise DataError(what, where=place_of(record), remedy=remedy)
+    return Finding("weak", what, f"the lines are left out until you {remedy}", fatal=False)
 
 
 def _steadiness(record: Record, spectra: Spectra, found: _Found, options: EstimateOptions) -> Steadiness | None:
@@ -129,15 +157,15 @@ def _frf(
     found: _Found,
     options: EstimateOptions,
     laws: tuple[TorqueLaw, ...] | None,
+    steady: Steadiness | None,
 ) -> Frf:
     """The response at the lines that could be solved."""
     response, blocks = found.estimate.response, spectra.at_lines
-    scatter = blocks.output_scatter - response @ blocks.input_scatter
-    noise, noise_freedom = noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines)
+    noise, noise_freedom, noise_share = _noise(record, blocks, response, options, steady)
     levels = silent_levels(spectra.silent, lines, response)
     return Frf(
         **coefficients(record, laws, found.estimate, found.derivative),
-        **_at_rest(record),
+        **channel_levels(record),
         frequency_hz=lines / record.period_s,
         lines=lines,
         configurations=record.require_periods("A frequency response"),
@@ -165,9 +193,24 @@ def _frf(
         silent_interpolation=levels.doubt[None],
         input_amplitude=spectra.amplitude(record)[None],
         compensation=_used(laws, options),
-        freedom_share=np.array([found.freedom_share]),
+        freedom_share=np.array([noise_share if found.total is None else found.freedom_share]),
         line_correlation=None if found.line_correlation is None else found.line_correlation[None],
     )
+
+
+def _noise(
+    record: Record, blocks: Blocks, response: ComplexArray, options: EstimateOptions, steady: Steadiness | None
+) -> tuple[ComplexArray | None, float, float]:
+    """Covariance of the output residual that noise causes, its degrees of freedom and the share of them that is left.
+
+    The scatter of the periods, or their spectrum where they are few and differ by nothing but noise.
+    """
+    if steady is None or not steady.is_noise or record.inputs.shape[3] > FEW_PERIODS:
+        scatter = blocks.output_scatter - response @ blocks.input_scatter
+        return *noise_covariance(scatter, blocks.scatter_freedom, options.pooled_lines), 1.0
+    accelerations = to_accelerations(record, options)
+    found = period_noise(record, blocks.lines, response, options.pooled_lines, accelerations=accelerations)
+    return found.covariance, found.freedom, found.share
 
 
 def _coherence(spectra: Spectra, response: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
@@ -204,7 +247,9 @@ def _by_windows(spectra: Spectra, windows: Windows, options: EstimateOptions) ->
     fit = local_fit(spectra.blocks, windows, options)
     derivative = windows.at(fit.determined).joined(spectra.removed.derivative)
     shared = fit.line_correlation if fit.line_correlation.size else None
-    found = _Found(fit, fit.element_scale, fit.covariance, fit.freedom, derivative, line_correlation=shared)
+    found = _Found(
+        fit, fit.element_scale, fit.covariance, fit.freedom, derivative, line_correlation=shared, hidden=fit.hidden
+    )
     return found, fit.determined
 
 
@@ -216,19 +261,6 @@ def _uncompensated(spectra: Spectra, options: EstimateOptions) -> ComplexArray:
     fit = local_fit(measured, spectra.windows, options)
     nearest = np.abs(np.arange(len(fit.determined))[:, None] - np.flatnonzero(fit.determined)).argmin(axis=1)
     return np.asarray(fit.response[nearest])
-
-
-def _at_rest(record: Record) -> dict[str, Any]:
-    """Mean inputs and outputs of the only configuration, and how far the outputs move about them."""
-    n_sample, offset = record.outputs[0, ..., 0].size, record.output_offset
-    mean = record.outputs.mean(axis=(1, 2, 3, 4))
-    # Without a copy of the samples, of which there may be many.
-    square = np.einsum("crepno,crepno->co", record.outputs, record.outputs) / n_sample
-    return {
-        "mean_input": record.inputs.mean(axis=(1, 2, 3, 4)),
-        "mean_output": mean + offset,
-        "motion_rms": np.sqrt(np.maximum(square - mean**2, 0.0)),
-    }
 
 
 def _rms(torque: ComplexArray) -> FloatArray:

@@ -39,7 +39,8 @@ CONFIGURATION_WISE = (
     "line_correlation",
     "freedom_share",
     "dropped",
-    "saturated_share",
+    "saturated_inputs",
+    "saturated_outputs",
 )
 """Fields of an `Frf` whose first axis is the configuration."""
 
@@ -103,12 +104,13 @@ class Frf:
         compensation: Which laws were subtracted: `none`, `nominal`, `silent_lines` or `fit`; "" where it is unknown.
         line_correlation (n_conf, n_freq, n_next): Correlation of each line's error with those of the next lines, of
             estimators whose windows overlap; None where lines are independent.
-        freedom_share (n_conf,): Share of `total_degrees_of_freedom` left where experiments repeat each other's
-            residual; None where it is unknown.
+        freedom_share (n_conf,): Share of the degrees of freedom behind `covariance` left where experiments repeat each
+            other's residual or pooled lines are unequal or share what leaks; None where it is unknown.
         dropped (n_conf, n_freq, n_in): Lines that tell too little of an input: the response from it is interpolated
             there, and its variance infinite. None where it is unknown.
-        saturated_share (n_conf, n_out, n_in): Share of the time in which an element's input or output saturates, see
-            `robid.frf.saturation`. None where it is unknown.
+        saturated_inputs (n_conf, n_in): Share of the time in which each input saturates, see `robid.frf.saturation`.
+            None where it is unknown.
+        saturated_outputs (n_conf, n_out): The same of each output.
     """
 
     frequency_hz: FloatArray
@@ -151,7 +153,8 @@ class Frf:
     freedom_share: FloatArray | None = None
     joint_units: tuple[str, ...] | None = None
     dropped: BoolArray | None = None
-    saturated_share: FloatArray | None = None
+    saturated_inputs: FloatArray | None = None
+    saturated_outputs: FloatArray | None = None
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -208,10 +211,9 @@ class Frf:
     @property
     def degrees_of_freedom(self) -> float:
         """Complex degrees of freedom behind `covariance`."""
-        if self.total_covariance is None:
-            return self.noise_degrees_of_freedom
         share = 1.0 if self.freedom_share is None else float(np.mean(self.freedom_share))
-        return self.total_degrees_of_freedom * share
+        counted = self.noise_degrees_of_freedom if self.total_covariance is None else self.total_degrees_of_freedom
+        return counted * share
 
     def full_covariance(self, configuration: int) -> ComplexArray:
         """Structured covariance of `vec G`, columns stacked, in one configuration (n_freq, n_out n_in, n_out n_in)."""

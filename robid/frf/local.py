@@ -20,6 +20,9 @@ LOCAL = ("local", "local_periodic")
 
 _CONDITION_LIMIT = 1e8
 
+_HIDDEN = 30.0
+"""Variance of a response with a transient beside it, over that without, from which it passes for the transient."""
+
 
 @dataclass(frozen=True)
 class LocalEstimate(BlockEstimate):
@@ -34,6 +37,8 @@ class LocalEstimate(BlockEstimate):
         determined (n_window,): Whether the bins of each window determine a model; all else is of those that do.
         line_correlation (n_freq, n_next): Correlation of each line's error with those of the next lines, whose
             windows hold the same bins; the denominator's part is taken to be alike.
+        hidden (n_freq, n_in): Whether an input acts so near to an end of the record that its response looks like the
+            transient.
     """
 
     covariance: ComplexArray
@@ -41,6 +46,7 @@ class LocalEstimate(BlockEstimate):
     element_scale: FloatArray
     line_correlation: FloatArray
     determined: BoolArray
+    hidden: BoolArray
 
 
 def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> LocalEstimate:
@@ -70,7 +76,8 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
     explained = np.concatenate([inputs, outputs], axis=-1) if indirect else outputs
     powers = windows.offset[:, :, None] ** np.arange(n_power)
     silence = _transient_projection(powers) if options.estimator == "local" else None
-    fit = _Fit(_flat(_products(powers, regressor), silence), n_in)
+    columns = _products(powers, regressor)
+    fit = _Fit(_flat(columns, silence), n_in)
     if not fit.determined.all():
         return replace(local_fit(blocks, windows.at(fit.determined), options), determined=fit.determined)
     observed = _flat(explained, silence)
@@ -83,7 +90,19 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.size, -1))
         observed = observed + denominator.change
     n_real = blocks.inputs.shape[0]
-    return _estimate(fit, observed, denominator, freedom, n_in, n_real, windows, indirect=indirect)
+    found = _estimate(fit, observed, denominator, freedom, n_in, n_real, windows, indirect=indirect)
+    return found if silence is None else replace(found, hidden=_hidden(_products(powers, inputs), silence, n_in))
+
+
+def _hidden(columns: ComplexArray, silence: FloatArray, n_in: int) -> BoolArray:
+    """Whether each input's response (n_freq, n_in) is known much worse with the transients than alone.
+
+    Asked of the inputs even where a reference stands for them: a position that ends elsewhere than it began looks like
+    a transient, whatever it makes the motors do.
+    """
+    fits = (_Fit(_flat(columns, kept), n_in) for kept in (silence, None))
+    size, without = ((np.abs(each.gain(n_in)) ** 2).sum(axis=2) for each in fits)
+    return np.asarray(size > _HIDDEN * without)
 
 
 def _estimate(
@@ -114,7 +133,8 @@ def _estimate(
         scale = scale * _element_scale(slope, denominator.covariance(freedom), gain, covariance)
     correlation = window_correlation(gain, windows.index)
     weights = np.swapaxes(gain, 1, 2)[None]
-    return LocalEstimate(response, weights, covariance, freedom, scale, correlation, fit.determined)
+    hidden = np.zeros((len(response), n_in), bool)
+    return LocalEstimate(response, weights, covariance, freedom, scale, correlation, fit.determined, hidden)
 
 
 class _Fit:

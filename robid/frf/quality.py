@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,9 +49,32 @@ def dropped_lines(frf: Frf) -> BoolArray:
     return np.zeros(shape, bool) if frf.dropped is None else frf.dropped
 
 
+def saturated_signals(
+    frf: Frf, inputs: Collection[int] | None = None, outputs: Collection[int] | None = None
+) -> dict[str, FloatArray]:
+    """Share of the time (n_conf,) in which each signal saturates, by what it is; empty where it is unknown.
+
+    Args:
+        frf: The response.
+        inputs: Indices of the inputs that count; all unless told.
+        outputs: Those of the outputs.
+    """
+    sides = (
+        (frf.input_channels, frf.saturated_inputs, inputs),
+        (frf.measured_channels or frf.output_channels, frf.saturated_outputs, outputs),
+    )
+    return {
+        f"{channel.name}: {channel.title}": share[:, index]
+        for channels, share, chosen in sides
+        if share is not None
+        for index, channel in enumerate(channels)
+        if chosen is None or index in chosen
+    }
+
+
 def worst_saturation(frf: Frf) -> float:
     """Largest share of the time in which an input or output saturates; 0 where none does or it is unknown."""
-    return 0.0 if frf.saturated_share is None else float(frf.saturated_share.max(initial=0.0))
+    return float(max((share.max(initial=0.0) for share in saturated_signals(frf).values()), default=0.0))
 
 
 def saturation_text(frf: Frf) -> str:

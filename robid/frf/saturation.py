@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
@@ -16,6 +14,9 @@ SATURATED_SHARE = 0.005
 _BINARY = 0.99
 """Share of samples at either limit from which a signal has two values by design, as binary noise."""
 
+_RESTING = 0.5
+"""Share of samples at one extreme value from which a signal rests there: most of what lies at a limit is lost."""
+
 _PLACES = ("angle", "position")
 _FAR_MORE = 3
 _NEAR = 0.01
@@ -25,19 +26,19 @@ def saturated_channels(record: Record) -> list[tuple[Channel, FloatArray]]:
     """Returns the channels that saturate, inputs first, and the share of samples (n_real, n_exp) in which they do.
 
     Of outputs, angles and positions do not count: a motor that sticks rests at its turning points. Nor do signals that
-    have two values by design.
+    have two values by design, and values at which a signal rests, as a force between blows.
     """
     found = [*_inputs(record), *_outputs(record)]
-    return [(channel, share) for channel, share in found if _told(share)]
+    return [(channel, share) for channel, share in found if share.max() > SATURATED_SHARE]
 
 
-def saturated_shares(record: Record) -> FloatArray:
-    """Share of the time (n_out, n_in) in which the input or the output of each element saturates, at worst."""
+def saturated_shares(record: Record) -> tuple[FloatArray, FloatArray]:
+    """Share of the time in which each input (n_in,) and output (n_out,) saturates at worst, 0 where it is not told."""
     inputs, outputs = (
-        np.array([share.max() if _told(share) else 0.0 for _, share in found])
+        np.array([share.max() if share.max() > SATURATED_SHARE else 0.0 for _, share in found])
         for found in (_inputs(record), _outputs(record))
     )
-    return np.asarray(np.maximum(outputs[:, None], inputs))
+    return inputs, outputs
 
 
 def saturation_error(share: float) -> float:
@@ -49,10 +50,6 @@ def saturation_error(share: float) -> float:
         Bussgang, Crosscorrelation functions of amplitude-distorted Gaussian signals (1952).
     """
     return share / max(1 - share, 1e-3)
-
-
-def _told(share: FloatArray) -> bool:
-    return bool(SATURATED_SHARE < share.max() <= _BINARY)
 
 
 def _inputs(record: Record) -> list[tuple[Channel, FloatArray]]:
@@ -67,14 +64,19 @@ def _outputs(record: Record) -> list[tuple[Channel, FloatArray]]:
 
 
 def _share(signal: FloatArray) -> FloatArray:
-    """Share of samples (n_real, n_exp) at the highest or lowest value, of those (n_real, n_exp, n_period, n_sample)."""
+    """Share of samples (n_real, n_exp) at a limit, of those (n_real, n_exp, n_period, n_sample)."""
     share = np.zeros(signal.shape[:2])
-    for sign, place in product((1, -1), np.ndindex(share.shape)):
-        values = sign * signal[place]
-        at_top = values >= values.max() - 1e-6 * np.ptp(values)
-        if at_top.mean() > SATURATED_SHARE / 2:
-            share[place] += _at_top(values, at_top)
+    for place in np.ndindex(share.shape):
+        limits = [_at_limit(sign * signal[place]) for sign in (1, -1)]
+        if sum(limits) <= _BINARY:
+            share[place] = sum(limit for limit in limits if limit <= _RESTING)
     return share
+
+
+def _at_limit(signal: FloatArray) -> float:
+    """Share of samples at the highest value."""
+    at_top = signal >= signal.max() - 1e-6 * np.ptp(signal)
+    return _at_top(signal, at_top) if at_top.mean() > SATURATED_SHARE / 2 else 0.0
 
 
 def _at_top(signal: FloatArray, at_top: BoolArray) -> float:

@@ -129,10 +129,10 @@ def mean_without_drift(angle: FloatArray) -> FloatArray:
     if angle.shape[2] < 2:
         return np.asarray(mean)
     drift = np.gradient(angle.mean(axis=3), axis=2).mean(axis=2)
-    return np.asarray(mean - drift[:, :, None] * _ramp(angle.shape[3]))
+    return np.asarray(mean - drift[:, :, None] * ramp_of_period(angle.shape[3]))
 
 
-def _ramp(n_sample: int) -> FloatArray:
+def ramp_of_period(n_sample: int) -> FloatArray:
     """A rise of 1 over one period, without mean (n_sample, 1)."""
     return ((np.arange(n_sample) + 0.5) / n_sample - 0.5)[:, None]
 
@@ -185,6 +185,6 @@ def _band(samples: FloatArray, first: int, last: int, *, drifts: bool) -> Comple
     band = spectrum[..., lines, :]
     if drifts and n_period > 1:
         per_period = np.gradient(spectrum[..., 0, :].real, axis=2)
-        band = band - per_period[..., None, :] * rfft(_ramp(n_sample), axis=0, norm="forward")[lines]
+        band = band - per_period[..., None, :] * rfft(ramp_of_period(n_sample), axis=0, norm="forward")[lines]
     beyond = [(0, 0)] * (band.ndim - 2) + [(int(first == 0), int(last == end)), (0, 0)]
     return np.asarray(band if first > 0 and last < end else np.pad(band, beyond, mode="reflect"))

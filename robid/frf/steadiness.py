@@ -72,6 +72,12 @@ class Steadiness:
     leading: int
     gain: float
 
+    @property
+    def is_noise(self) -> bool:
+        """Whether nothing but noise lets the periods differ."""
+        changes = (self.change, self.pattern, *self.input_change)
+        return not self.leading and max(changes) <= _CHANGING
+
 
 def measure_steadiness(
     blocks: Blocks, response: ComplexArray, record: Record, *, accelerations: bool = True
@@ -195,11 +201,16 @@ def _leading(moved: _Deviations, gain: float) -> int:
 
 
 def _is_size(residual: _Deviations, outputs: ComplexArray, leading: int) -> bool:
-    """Whether the first periods differ as their outputs times a factor, beyond noise: an input of another size."""
+    """Whether the first periods of an output differ as it times a factor, beyond noise: an input of another size.
+
+    Outputs are looked at each by itself: a transient of one hides no change of another one's size.
+    """
     apart = residual[:, :leading].mean(axis=1) - residual[:, leading:].mean(axis=1)
     power = (np.abs(outputs) ** 2).sum(axis=(0, 1, 3))
     along = np.abs((apart * outputs.conj()).sum(axis=(0, 1, 3))) ** 2 / np.maximum(power, np.finfo(float).tiny)
-    return bool(along.sum() > _SIZED * (np.abs(apart) ** 2).sum() and _alike(residual, outputs) > _CHANGING)
+    change, noise = _change(residual, outputs)
+    sized = along > _SIZED * (np.abs(apart) ** 2).sum(axis=(0, 1, 3))
+    return bool((sized & (change > np.maximum(_SIGMAS * noise, _CHANGING))).any())
 
 
 def _variance(moved: _Deviations) -> float:

@@ -37,6 +37,7 @@ def import_log(
     detection_lines: IntArray | None = None,
     played: PlayedExcitation | None = None,
     find: bool = False,
+    listed: bool = False,
 ) -> Record:
     """Imports one realization of one experiment in one configuration.
 
@@ -52,6 +53,7 @@ def import_log(
         detection_lines (n_detection,): Lines of the band that were left out on purpose, or None.
         played: What the references are matched to; needed where the mapping has references.
         find: Whether the excited lines are only candidates, of which the data show those that are meant.
+        listed: Whether they were listed one by one.
 
     Raises:
         SettingsError: If the mapping contradicts itself or names an unknown unit.
@@ -59,7 +61,8 @@ def import_log(
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
-    stated = Stated(mapping.sampling_period_s, samples_per_period, periods, mapping.drop_periods, excited_lines, find)
+    step_s, dropped = mapping.sampling_period_s, mapping.drop_periods
+    stated = Stated(step_s, samples_per_period, periods, dropped, excited_lines, find, listed)
     log, problems, notes = _read(mapping)
     problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
     if mapping.resample == "period" and not problems:

@@ -88,7 +88,9 @@ def _telling(mean: FloatArray, noise: FloatArray, candidates: IntArray) -> IntAr
     if stands.sum() < FEWEST:
         return np.asarray(candidates[stands])
     size = np.log10(power[stands])
-    return np.asarray(candidates[stands][size > _split(size)])
+    strong = size > _split(size)
+    # A few that are stronger, as one line of a slow motion, are no kind of their own.
+    return np.asarray(candidates[stands][strong] if strong.sum() >= FEWEST else candidates[stands])
 
 
 def _split(size: FloatArray) -> float:
@@ -105,7 +107,11 @@ def _split(size: FloatArray) -> float:
     best = int(np.argmin(within))
     scatter = np.sqrt(max(within[best], 0.0) / len(ordered))
     if high[best] - low[best] <= max(_APART * scatter, _LEAST_APART):
-        return -np.inf
+        # A few strong lines hardly lower the scatter: what tells them is that nothing lies between.
+        gap = np.diff(ordered) * (2 * count >= len(ordered))
+        best = int(np.argmax(gap))
+        if gap[best] <= _LEAST_APART:
+            return -np.inf
     return float((ordered[best] + ordered[best + 1]) / 2)
 
 

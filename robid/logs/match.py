@@ -7,13 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 
 ALIKE = 0.9
 """Correlation from which a stretch of a log counts as a played period."""
 
 _MISSING = 1e-3
 """Correlation that a period may lack beyond noise: half the share of its energy that is missing."""
+
+_BESIDE = 16
+"""Part of a period about its first sample in which a better one is looked for."""
 
 _SILENT = 1e-6
 """Energy of a period, relative to the strongest one, below which nothing was played."""
@@ -80,14 +83,16 @@ def find_periods(logged: FloatArray, period: FloatArray) -> Match:
     if mean[best] < ALIKE:
         return Match(best, 0, float(mean[best]), np.zeros(period.shape[1]))
     # A period of which a few samples are missing, where play began or ended, is none.
-    start, count = _longest(mean, n_sample, max(ALIKE, 1 - 2 * (1 - float(mean[best])) - _MISSING))
+    counts, start = _longest(mean, n_sample, max(ALIKE, 1 - 2 * (1 - float(mean[best])) - _MISSING))
+    start = _aligned(mean, counts, start, n_sample)
+    count = int(counts[start])
     blocks = logged[start : start + count * n_sample].reshape(count, n_sample, -1).mean(axis=0)
     gain = np.sum(blocks * period, axis=0) / np.sum(period**2, axis=0)
     return Match(start, count, float(mean[best]), np.asarray(gain))
 
 
-def _longest(mean: FloatArray, n_sample: int, limit: float) -> tuple[int, int]:
-    """First sample and number of the most periods in succession; of as many, those that are most alike.
+def _longest(mean: FloatArray, n_sample: int, limit: float) -> tuple[IntArray, int]:
+    """Periods in succession from each sample on, and the first one of the most; of as many, those most alike.
 
     Lost samples move what follows, so that other periods may begin at other samples.
     """
@@ -99,8 +104,24 @@ def _longest(mean: FloatArray, n_sample: int, limit: float) -> tuple[int, int]:
         total[here] += np.where(count[here] > 0, total[following], 0.0)
         count[here] *= 1 + count[following]
     longest = np.flatnonzero(count == count.max())
-    start = int(longest[np.argmax(total[longest])])
-    return start, int(count[start])
+    return count, int(longest[np.argmax(total[longest])])
+
+
+def _aligned(mean: FloatArray, counts: IntArray, start: int, n_sample: int) -> int:
+    """First sample of the same periods where they are most alike.
+
+    A slow signal is nearly so a sample beside them, where a log that begins a little late seems to hold one more.
+    """
+    near = n_sample // _BESIDE
+    begins = start + n_sample * np.arange(counts[start])
+    inner = begins[(begins >= near) & (begins + near < len(mean))]
+    if not len(inner):
+        return start
+    beside = np.arange(-near, near + 1)
+    moved = start + int(beside[np.argmax(mean[inner[:, None] + beside].mean(axis=0))])
+    if moved < 0 or not counts[moved]:
+        moved += n_sample
+    return moved if moved < len(counts) and counts[moved] >= max(counts[start] - 1, 1) else start
 
 
 def correlation(logged: FloatArray, period: FloatArray) -> FloatArray:

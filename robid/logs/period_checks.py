@@ -15,6 +15,9 @@ from robid.logs.timing import RESAMPLED_RATE, Clock, clock_problems
 _WHOLE = 5e-7
 """Largest relative distance of a period from whole samples that settings accept, a margin kept."""
 
+_LISTED = 40
+"""Lines up to which all are listed in a remedy."""
+
 _SURE = 0.05
 """Standard deviation of a measured period up to which it says what to resample to [samples]."""
 
@@ -147,18 +150,27 @@ def _period_settings(steady: FloatArray, stated: Stated, real: int, step_s: floa
     if abs(lasts / stated.period_s - 1) < _WHOLE:
         pass
     elif _fit_of(blocks, lines) > kept:
-        found["excitation.low_hz"] = _number(round((float(lines[0]) - 0.5) / lasts, 6))
-        found["excitation.high_hz"] = _number(round((float(lines[-1]) + 0.5) / lasts, 6))
+        if not stated.listed:
+            found["excitation.low_hz"] = _number(round((float(lines[0]) - 0.5) / lasts, 6))
+            found["excitation.high_hz"] = _number(round((float(lines[-1]) + 0.5) / lasts, 6))
     elif kept > 0:
         inside = np.intersect1d(measure_share(blocks, grid)[1], grid)
-        if 0 < len(inside) < len(lines):
+        if stated.listed:
+            found["excitation.lines"] = f"[{', '.join(map(str, inside))}]" if len(inside) <= _LISTED else "found"
+        elif 0 < len(inside) < len(lines) and not stated.find:
             found["excitation.count"] = str(len(inside))
-        if np.all(lines % 2) and np.any(inside % 2 == 0):
+        if np.all(lines % 2) and np.any(inside % 2 == 0) and not stated.listed:
             found["excitation.grid"] = "full"
+    return {**found, **_counts(len(steady), stated, real)}
+
+
+def _counts(n_steady: int, stated: Stated, real: int) -> dict[str, str]:
+    """Settings of how many periods are dropped and used, where the real period asks for others."""
+    found = {}
     # What is dropped stays about the time that it was.
     dropped = round(stated.dropped * stated.samples / real) if stated.dropped else 0
     dropped = max(dropped, 1) if stated.dropped else 0
-    total = (len(steady) + stated.dropped * stated.samples) // real
+    total = (n_steady + stated.dropped * stated.samples) // real
     if stated.dropped and dropped != stated.dropped:
         found["drop_periods"] = str(dropped)
     if dropped + stated.periods > total and total > dropped:

@@ -132,7 +132,8 @@ def _unmatched(
             return problems
     stop = match.start + match.count * n_sample
     what = (
-        f"The excitation is there from sample {match.start} to {stop}, {match.count} whole periods, fewer than the"
+        f"The excitation is there from sample {match.start} to {stop}, {match.count} whole"
+        f" period{'' if match.count == 1 else 's'}, fewer than the"
         f" {stated.dropped + stated.periods} that were said ({stated.dropped} dropped and {stated.periods} used)."
     )
     fewer = match.count - stated.dropped

@@ -18,6 +18,7 @@ class Stated:
         dropped: Periods that are dropped before.
         lines (n_freq,): Lines that are excited.
         find: Whether they are only those among which the excited ones are looked for.
+        listed: Whether the lines were listed one by one, so that neither a count nor a band says them.
     """
 
     sampling_period_s: float
@@ -26,6 +27,7 @@ class Stated:
     dropped: int
     lines: IntArray
     find: bool = False
+    listed: bool = False
 
     @property
     def period_s(self) -> float:

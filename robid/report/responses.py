@@ -88,7 +88,7 @@ def response_summary(frf: Frf) -> dict[str, float]:
     quality = judge(frf)
     found = {
         "dropped_lines": float(_count(frf)),
-        "saturated_share": float("nan") if frf.saturated_share is None else worst_saturation(frf),
+        "saturated_share": float("nan") if frf.saturated_inputs is None else worst_saturation(frf),
         "median_relative_std": middle(quality.relative_std),
         "median_signal_to_noise_db": middle(quality.signal_to_noise_db),
         "median_coherence": middle(quality.coherence),

@@ -166,6 +166,11 @@ class Campaign(Section):
         return isinstance(self.excitation, ArbitraryOptions)
 
     @property
+    def lists_lines(self) -> bool:
+        """Whether its excited lines are listed one by one."""
+        return isinstance(self.excitation, ChosenLineOptions) and isinstance(self.excitation.lines, tuple)
+
+    @property
     def finds_lines(self) -> bool:
         """Whether its logs show which lines are excited."""
         return isinstance(self.excitation, ChosenLineOptions) and self.excitation.lines == "found"

@@ -13,6 +13,7 @@ from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.settings.external_study import OliveiraStudy
 from robid.settings.lpv_study import TurkStudy
+from robid.settings.trust_study import TrustStudy
 from robid.validation.step_options import StepOptions
 
 PaperFile: TypeAlias = Annotated[
@@ -71,6 +72,14 @@ class WernholtStudy(Section):
         default=True, description="Whether every start is also fitted with `strategy: plain`, as in the paper."
     )
     starts_per_task: int = Field(default=25, description="Starts that are fitted in one go.", ge=1)
+    individuals: tuple[Name, ...] = Field(
+        default=(),
+        description="Names of further simulated campaigns, one for each individual of the robot, on which estimates"
+        " from all configurations are held against the truth.",
+    )
+    individual_starts: int = Field(
+        default=3, description="Starts of each of these fits, the robot file's values the first one.", ge=1
+    )
     element: tuple[int, int] = Field(
         default=(1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
     )
@@ -284,7 +293,7 @@ class JanotStudy(Section):
 
 
 Study: TypeAlias = Annotated[
-    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy | OliveiraStudy | TurkStudy,
+    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy | OliveiraStudy | TurkStudy | TrustStudy,
     Field(discriminator="kind"),
 ]
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.description import Friction, HarmonicBalance, Inertial, Joint, Robot, Spring
+from robid.robot.doubts import Doubts
 from robid.simulate.options import Imperfections, Truth
 
 _MASS_DRAWS = 1  # keeps the draws of masses apart from those of springs
@@ -77,6 +78,7 @@ def bare(robot: Robot) -> Robot:
             joint,
             lower=-np.inf,
             upper=np.inf,
+            doubts=Doubts(),
             motor=replace(
                 joint.motor,
                 inertia_relative_std=0.0,
@@ -85,7 +87,7 @@ def bare(robot: Robot) -> Robot:
         )
         for joint in robot.joints
     )
-    return replace(robot, name="", assumed=(), notes=(), joints=joints)
+    return replace(robot, name="", assumed=(), notes=(), joints=joints, doubts=Doubts())
 
 
 def recorded_torque_factor(robot: Robot, truth: Truth) -> FloatArray:

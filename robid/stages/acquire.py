@@ -102,6 +102,7 @@ def _periodic(
         if acquire.references
         else None,
         find=campaign.finds_lines,
+        listed=campaign.lists_lines,
     )
 
 

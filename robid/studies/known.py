@@ -15,6 +15,7 @@ from robid.studies.janot2009 import JANOT2009
 from robid.studies.mistakes import MISTAKES
 from robid.studies.oliveira2019 import OLIVEIRA2019
 from robid.studies.study import Study
+from robid.studies.trust import TRUST
 from robid.studies.turk2018 import TURK2018
 from robid.studies.wernholt2008 import WERNHOLT2008
 from robid.studies.zimmermann2023 import ZIMMERMANN2023
@@ -27,6 +28,7 @@ STUDIES: Mapping[str, Study] = {
     "janot2009": JANOT2009,
     "oliveira2019": OLIVEIRA2019,
     "turk2018": TURK2018,
+    "trust": TRUST,
 }
 
 

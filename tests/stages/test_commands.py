@@ -14,6 +14,7 @@ from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.validation import VALIDATION
 from robid.families.elastic.files import (
     model_of,
+    new_resonances_from_artifact,
     resonances_from_artifact,
     solution_from_artifact,
     validation_from_artifact,
@@ -207,6 +208,10 @@ def graded_model_from(artifact):
     return solution_from_artifact(artifact), grade_from_artifact(artifact), resonances_from_artifact(artifact)
 
 
+def whole_validation_from(artifact):
+    return validation_from_artifact(artifact), new_resonances_from_artifact(artifact)
+
+
 def with_provenance(write):
     def write_with(content, provenance):
         parts = content if isinstance(content, tuple) else (content,)
@@ -221,7 +226,7 @@ def with_provenance(write):
         ("designs/best.h5", DESIGN, design_from_artifact, design_to_artifact),
         ("estimation/excitation.h5", EXCITATION, excitation_from_artifact, excitation_to_artifact),
         ("fits/elastic/model.h5", MODEL, graded_model_from, with_provenance(model_of)),
-        ("fits/elastic/validation.h5", VALIDATION, validation_from_artifact, with_provenance(validation_of)),
+        ("fits/elastic/validation.h5", VALIDATION, whole_validation_from, with_provenance(validation_of)),
     ],
 )
 def test_what_is_read_and_written_again_is_the_same(done, path, kind, read, write):

@@ -308,6 +308,7 @@ def test_a_cubic_gear_is_fitted_to_two_amplitudes(shop, places):
     shop.change("friction_relative: 0.1", "friction_relative: 0")
     shop.change("count: 14, rms: 6,", "count: 14, rms: 25,")
     shop.change("configurations: {from: best}", f"configurations: {places}")
+    shop.change("count: 2}", "count: 2, between_relative_std: 0}")
     campaign = f"configurations: {places}, realizations: 2, periods: 2, source: {{simulate: *simulate}}"
     low = f"  low: {{{campaign}, excitation: {{<<: *excitation, rms: 8}}, estimate: {{compensation: none}}}}"
     shop.change("designs:\n", f"{low}\ndesigns:\n")

@@ -48,6 +48,7 @@ CASES = [
         {"designs/best.h5"} | ESTIMATION | FIT,
         "inertia_relative_std",
     ),
+    ("arm.yaml", "joints:\n", "doubts: {com_m: 0.02}\njoints:\n", FIT, "robot.doubts.com_m"),
     ("arm.yaml", "coulomb_nm: 0.2,", "coulomb_nm: 0.21,", RECORDS | FRFS | FIT, "friction.coulomb_nm"),
     ("arm.yaml", "damping_nms_rad: 80", "damping_nms_rad: 81", ALL, "robot.springs[0].damping_nms_rad"),
     ("arm.yaml", "integral_time_s: 0.1", "integral_time_s: 0.2", ESTIMATION | VALIDATION | FIT, "integral_time_s"),

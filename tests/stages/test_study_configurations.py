@@ -28,12 +28,13 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
     campaigns = ("estimation_1", "validation_1", "estimation_2", "validation_2")
     assert names(tasks / "responses") == {f"{name}_{number}" for name in campaigns for number in range(1, 11)}
     assert names(tasks / "models") == {f"{name}_{number}" for name in MODELS for number in (1, 2)}
+    assert names(tasks / "sets") == {"rand_a_1_2", "rand_a_2_2"}
     assert names(tasks / "steps") == {"steps_1", "steps_2"}
     assert not list(tasks.glob("*.h5"))
     assert summary == json.loads((study.runs / "summary.json").read_text())
-    assert summary["tasks.count"] == 40 + 14 + 2
+    assert summary["tasks.count"] == 40 + 14 + 2 + 2
     for name in MODELS:
-        for key in ("average_std", "average_cost", "worst_cost", "average_excess"):
+        for key in ("average_std", "average_fit_std", "scatter", "average_cost", "worst_cost", "average_excess"):
             assert summary[f"{name}.{key}"] > 0
         assert summary[f"{name}.worst_cost"] >= summary[f"{name}.average_cost"]
     assert summary["m49.average_std"] < min(summary[f"{name}.average_std"] for name in ("opt2", "guess", "mirr"))

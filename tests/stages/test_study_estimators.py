@@ -10,7 +10,7 @@ TASKS = {f"{name}_{number}" for name in ("lls15u", "lls1u", "lls15u_2dec", "lls1
 
 
 def names(folder):
-    return {path.name.split(".")[0] for path in (folder / "tasks").glob("*.h5")}
+    return {path.name.split(".")[0] for path in (folder / "tasks" / "starts").glob("*.h5")}
 
 
 @pytest.fixture
@@ -27,7 +27,12 @@ def test_models_are_scored_and_a_lost_task_is_done_again(study):
     summary = answer.json["summary"]
     assert summary == json.loads((study.runs / "summary.json").read_text())
     assert names(study.runs) == TASKS
-    assert (summary["fits"], summary["tasks.count"]) == (12, 10)
+    assert (summary["fits"], summary["tasks.count"]) == (12, 12)
+    individuals = (study.runs / "tasks" / "individuals").glob("*.h5")
+    assert {path.name.split(".")[0] for path in individuals} == {"lls15u_other_1", "lls15u_other_2"}
+    assert 0 < summary["lls15u.individual_error"] < 0.1
+    assert summary["lls15u.individual_std"] > 0
+    assert 0 <= summary["lls15u.individual_covered"] <= 1
     assert summary["lls15u.best_cost"] == 1
     assert summary["lls15u.reasonable"] == 1
     assert summary["lls15u.springs_within_2"] == 1
@@ -37,9 +42,9 @@ def test_models_are_scored_and_a_lost_task_is_done_again(study):
     assert summary["fits12_s"] > 0
     assert {"lls15u.reasonable_2dec", "lls1u.reasonable_plain", "conclusion_7"} <= summary.keys()
     page = (study.runs / "report.html").read_text()
-    for text in ("12 %", "Fig. 3", "Fig. 9", "Using phase information", "Table 1", "k_1"):
+    for text in ("12 %", "Fig. 3", "Fig. 9", "Using phase information", "Table 1", "k_1", "Several individuals"):
         assert text in page
-    kept = {path: path.stat().st_mtime_ns for path in (study.runs / "tasks").iterdir()}
+    kept = {path: path.stat().st_mtime_ns for path in (study.runs / "tasks" / "starts").iterdir()}
     lost = next(iter(kept))
     lost.unlink()
     again = study.robid("study", "estimators.yaml")

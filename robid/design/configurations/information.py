@@ -11,6 +11,7 @@ from robid.design.configurations.fitted import FittedInformation, merged
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.plan import ConfigurationPlan, checked_plan, choose_counts
 from robid.design.configurations.regularity import check_different, check_finite, checked_scale, is_regular
+from robid.design.configurations.relaxed import Relaxed
 from robid.design.configurations.visits import Visits, make_visits
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
@@ -23,7 +24,8 @@ class ConfigurationDesign:
     """The chosen configurations with what they promise.
 
     Attributes:
-        weights (n_conf,): Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost.
+        weights (n_conf,): Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost. Where
+            parameters differ between configurations and none is repeated, no share is larger than that of one visit.
         gap: Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
             `(max tr(M^-1 H_i) - n) / n`.
         criterion: `d`, `a` or `e`.
@@ -180,17 +182,18 @@ def design_configurations(
         for seen in plan.seen(every):
             checked_scale(seen, parameter_names, "the candidates, by the weights of the fit,", _FIX)
     relaxed = plan.relaxed()
-    counts = choose_counts(plan, relaxed)
+    shared = _shares(plan, relaxed)
+    counts = choose_counts(plan, shared)
     chosen = np.flatnonzero(counts)
     _check_chosen(plan, counts, parameter_names)
     found, own = plan.worth(counts), plan.shared_out(counts)
     deviation = np.diagonal(np.linalg.inv(plan.totals(counts)), axis1=1, axis2=2).mean(axis=0)
     beforehand = is_regular(known / np.outer(scale, scale))
     return ConfigurationDesign(
-        weights=relaxed.weights,
-        gap=relaxed.gap,
+        weights=shared.weights,
+        gap=shared.gap,
         criterion=options.criterion,
-        slopes=relaxed.slopes,
+        slopes=shared.slopes,
         chosen=chosen,
         counts=counts,
         efficiency=found / plan.bound(relaxed),
@@ -235,6 +238,13 @@ def _plan(
             break
         best, lowest, tight = plan, plan.bound(relaxed), budget * relaxed.weights / price
     return best
+
+
+def _shares(plan: ConfigurationPlan, relaxed: Relaxed) -> Relaxed:
+    """Optimal weights of which further visits to one place have no part, since they would tell less than the first."""
+    options = plan.options
+    once = options.experiments is None and np.ptp(plan.cost) == 0 and 1 < options.count < plan.cost.size
+    return plan.relaxed(limit=1 / options.count) if once and plan.visits.between.any() else relaxed
 
 
 def _gain(plan: ConfigurationPlan, counts: IntArray) -> FloatArray:

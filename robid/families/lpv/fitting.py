@@ -20,6 +20,7 @@ from robid.fit.lpv.fitting import fit_lpv
 from robid.fit.lpv.responses import LocalResponses
 from robid.fit.lpv.solution import Ports
 from robid.frf.frf import Frf
+from robid.frf.quality import saturated_signals
 from robid.settings.load import LoadedExperiment
 from robid.signals.quantities import Channel
 from robid.validation.doubt import Doubt
@@ -56,12 +57,8 @@ def fit(data: Data, work: Work) -> Artifact:
             identifiable_relative_std=settings.identifiable_relative_std,
         )
     work.progress.advance()
-    told = [*doubts_of_scheduling(frf, data.loaded, settings), *_saturated(frf)]
+    told = [*doubts_of_scheduling(frf, data.loaded, settings), *doubts_of_signals(frf, settings)]
     return model_of(solution, assess_lpv(solution, told))
-
-
-def _saturated(frf: Frf) -> tuple[Doubt, ...]:
-    return () if frf.saturated_share is None else saturation_doubts(frf.input_names, frf.saturated_share.max(axis=1))
 
 
 @contextmanager
@@ -203,6 +200,12 @@ def doubts_of_scheduling(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -
     """Yields doubts about where the responses were measured."""
     yield from _moving(frf, loaded, settings)
     yield from _restless(frf, loaded, settings)
+
+
+def doubts_of_signals(frf: Frf, settings: LpvFit) -> tuple[Doubt, ...]:
+    """Returns doubts about the signals of a fit's own inputs and outputs."""
+    outputs, inputs = (at.tolist() for at in _channels(frf, settings))
+    return saturation_doubts(saturated_signals(frf, inputs, outputs))
 
 
 def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:

@@ -99,33 +99,35 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
     error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
     assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)
     scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
-    moved = np.einsum("cfop,cfpiq->cfoiq", problem.frf.covariance, scaled, optimize=True)
-    moved = np.einsum("cfij,cfojq->cfoiq", problem.frf.input_factor, moved, optimize=True)
-    left, right = scaled.reshape(n_conf, -1, n_param), moved.reshape(n_conf, -1, n_param)
-    meat = np.real(_adjoint(left) @ right + _adjoint(assumed) @ assumed)
-    return np.asarray(2 * (meat + _between_lines(scaled, moved, problem.frf.line_correlation)))
+    rows = np.einsum("cfop,cfpiq->cfoiq", _root(problem.frf.covariance), scaled, optimize=True)
+    rows = np.einsum("cfij,cfojq->cfoiq", _root(problem.frf.input_factor), rows, optimize=True)
+    if problem.frf.line_correlation is not None:
+        rows = np.einsum("cfg,cgoiq->cfoiq", _root(_whole(problem.frf.line_correlation)), rows, optimize=True)
+    rows = rows.reshape(n_conf, -1, n_param)
+    return np.asarray(2 * np.real(_adjoint(rows) @ rows + _adjoint(assumed) @ assumed))
 
 
 def _adjoint(rows: ComplexArray) -> ComplexArray:
     return np.swapaxes(rows.conj(), 1, 2)
 
 
-def _between_lines(scaled: ComplexArray, moved: ComplexArray, correlation: FloatArray | None) -> FloatArray:
-    """What errors that neighbouring lines share add to the sandwich's inside (n_conf, n_param, n_param).
+def _root(covariance: ComplexArray) -> ComplexArray:
+    """Matrices R (..., n, n) whose `R^H R` is a covariance; what truncation made negative counts as nothing."""
+    size = np.sqrt(np.real(np.diagonal(covariance, axis1=-2, axis2=-1)))
+    divisor = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / (divisor[..., :, None] * divisor[..., None, :]))
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]) @ vectors.conj().swapaxes(-1, -2)
+    return np.asarray(root * size[..., None, :])
 
-    Args:
-        scaled (n_conf, n_freq, n_out, n_in, n_param): What the errors move.
-        moved: The same times the covariance of the errors.
-        correlation (n_conf, n_freq, n_next): Of each line's error with the next lines', or None.
-    """
-    n_conf, n_param = len(scaled), scaled.shape[-1]
-    total = np.zeros((n_conf, n_param, n_param))
-    for ahead in range(1, 1 + (0 if correlation is None else min(correlation.shape[2], scaled.shape[1] - 1))):
-        share = np.asarray(correlation)[:, :-ahead, ahead - 1, None, None, None]
-        for here, there in ((slice(None, -ahead), slice(ahead, None)), (slice(ahead, None), slice(None, -ahead))):
-            left = (share * scaled[:, here]).reshape(n_conf, -1, n_param)
-            total += np.real(_adjoint(left) @ moved[:, there].reshape(n_conf, -1, n_param))
-    return np.asarray(0.5 * (total + np.swapaxes(total, 1, 2)))
+
+def _whole(correlation: FloatArray) -> ComplexArray:
+    """Correlation (n_conf, n_freq, n_freq) of all lines' errors, from that with the next ones."""
+    n_conf, n_freq, n_next = correlation.shape
+    whole = np.zeros((n_conf, n_freq, n_freq)) + 0.5 * np.eye(n_freq)
+    for ahead in range(1, min(n_next, n_freq - 1) + 1):
+        here = np.arange(n_freq - ahead)
+        whole[:, here, here + ahead] = correlation[:, : n_freq - ahead, ahead - 1]
+    return (whole + whole.swapaxes(1, 2)).astype(complex)
 
 
 def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:

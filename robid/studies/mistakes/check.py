@@ -12,7 +12,7 @@ from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.study import Mistake, MistakesStudy
 from robid.settings.yaml import FieldPath
-from robid.studies.mistakes.mistaken import changed_simulation
+from robid.studies.changed import changed_simulation
 from robid.validation.doubt import CAUSES
 
 

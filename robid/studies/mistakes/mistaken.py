@@ -4,47 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.settings.experiment import Campaign, Source
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection
 from robid.settings.study import Mistake
-from robid.settings.truth import SimulateSettings
 from robid.signals.record import Record
-
-
-def changed_simulation(
-    campaign: Campaign, physics: Mapping[str, Any], seed: int | None = None, noise: int = 0
-) -> SimulateSettings:
-    """Returns how a campaign is simulated where a mistake changes it.
-
-    Args:
-        campaign: The campaign, simulated.
-        physics: What the mistake changes, see `Mistake.physics`.
-        seed: Seed of the true robot; the campaign's when None.
-        noise: Seed of the noise, where `seed` is given.
-
-    Raises:
-        ValidationError: If there is no such option, or its value is not allowed.
-    """
-    if campaign.source is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    plain = campaign.source.model_dump(mode="json")["simulate"]
-    for key in ("imperfections", "truth"):
-        changed = physics.get(key) or {}
-        plain[key] = {**plain[key], **changed} if isinstance(changed, dict) else plain[key]
-    if seed is not None:
-        plain["truth"]["seed"], plain["seed"] = seed, noise
-    options = Source.model_validate({"simulate": plain}).simulate
-    if options is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    return options
 
 
 def mistaken_record(record: Record, mistake: Mistake, configurations: FloatArray, index: int, campaign: str) -> Record:

@@ -28,7 +28,8 @@ from robid.settings.robot_parts import delay_s
 from robid.settings.study import Mistake
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
-from robid.studies.mistakes.mistaken import changed_simulation, mistaken_record, mistaken_robot
+from robid.studies.changed import changed_simulation
+from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot
 from robid.studies.mistakes.study import Case, campaigns_of, cases, read_with, study_of, subjects
 from robid.studies.simulated import Estimator, make_estimator, simulation_settings
 from robid.studies.study import Earlier

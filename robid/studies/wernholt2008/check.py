@@ -20,6 +20,11 @@ def check_wernholt2008(experiment: Experiment, _robot: RobotFile | None) -> Iter
     message = campaign_problem(experiment, study.campaign)
     if message:
         yield ("study", "campaign"), message
+    for index, name in enumerate(study.individuals):
+        if message := campaign_problem(experiment, name):
+            yield ("study", "individuals", index), message
+        elif name in study.individuals[:index]:
+            yield ("study", "individuals", index), f"`{name}` is there twice"
     if study.reference not in study.estimators:
         yield ("study", "reference"), f"there is no `{study.reference}`; {suggest(study.reference, study.estimators)}"
     elif study.estimators[study.reference].configurations != "all":

@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import BoolArray, IntArray
-from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, duration, percent, significant
 from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
 from robid.studies.paper import paper_figures
+from robid.studies.study import Earlier
 from robid.studies.wernholt2008.conclusions import Claim, claims
 from robid.studies.wernholt2008.curves import parameter_sections, response_sections, start_cost_section
 from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, gather, summarise
+from robid.studies.wernholt2008.individuals import Individuals, gather_individuals
 from robid.studies.wernholt2008.study import robot_and_delay, study_of
 from robid.validation.starts import spread
 
@@ -25,17 +26,19 @@ _STATISTICS = ("min", "median", "max", "mean", "std", "std_th")
 _REPRESENTATIVE = 4
 
 
-def conclude(run: Run, results: list[Artifact]) -> Conclusion:
+def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the paper's conclusions."""
     study, paper = study_of(run.loaded), paper_figures(study_of(run.loaded).paper, run.loaded)
-    found = gather(run, results)
-    summary = summarise(found)
+    found = gather(run, list(results[0]))
+    individuals = gather_individuals(study, list(results[1]))
+    summary = summarise(found) | individual_figures(individuals)
     robot, _ = robot_and_delay(run.loaded)
     transmission = {spring.name for spring in robot.springs if spring.place == "transmission"}
     of_gears = np.array([name.rpartition(".")[0] in transmission for name in found.problem.parameters.names])
-    held = claims(found, study.estimators, of_gears)
+    held = claims(found, study.estimators, of_gears, individuals)
     borne_out = sum(claim.reproduced is True for claim in held)
     summary |= {f"conclusion_{index}": float(claim.reproduced is True) for index, claim in enumerate(held, 1)}
+    summary |= {f"conclusion_{index}.refuted": float(claim.refuted) for index, claim in enumerate(held, 1)}
     own = summary[f"{study.reference}.reasonable"]
     theirs = paper.get("reasonable", {}).get(study.reference)
     beside = "" if theirs is None else f" (paper: {percent(theirs)})"
@@ -49,6 +52,7 @@ def conclude(run: Run, results: list[Artifact]) -> Conclusion:
         sections=(
             _success_section(found, summary, paper),
             _claims_section(held),
+            *_individual_sections(individuals),
             *(start_cost_section(found, group) for group in ("", "plain") if group in found.groups),
             *parameter_sections(found, of_gears),
             _statistics_section(found, paper),
@@ -141,13 +145,46 @@ def _optimal_table(found: Found, summary: Mapping[str, float]) -> Table:
 
 def _claims_section(held: tuple[Claim, ...]) -> Section:
     words = {True: "yes", False: "no", None: MISSING}
-    rows = tuple((claim.text, words[claim.reproduced], claim.figures) for claim in held)
+    rows = tuple((claim.text, "refuted" if claim.refuted else words[claim.reproduced], claim.figures) for claim in held)
     lead = (
         "Shares are those of plain descents where the study has them. A share counts as larger by more than two"
         " standard errors; a kind of parameter as easier when predicted deviation and true error are both smaller."
+        " Where several individuals are measured, the third to the fifth conclusion are held against their true values:"
+        " one is borne out, or refuted, by what lies beyond the 95 % interval over the individuals."
     )
     table = Table(("The paper concludes", "Reproduced", "Here"), rows, prose=True)
     return Section("The paper's seven conclusions", lead, (table,))
+
+
+def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]:
+    """Errors and stated deviations over the individuals, estimator by estimator."""
+    if individuals is None:
+        return ()
+    figures = individual_figures(individuals)
+    rows = tuple(
+        (name, *(percent(figures[f"{name}.individual_{key}"]) for key in ("error", "std", "covered")))
+        for name in individuals.error
+    )
+    lead = (
+        "Springs and dampers of several individuals, fitted from all configurations, against their true values: size of"
+        " the error and deviation that the fit states, medians over parameters and individuals, and the share of errors"
+        " within 1.96 of these deviations."
+    )
+    table = Table(("Estimator", "Error", "Stated deviation", "Within 1.96"), rows)
+    return (Section("Several individuals", lead, (table,)),)
+
+
+def individual_figures(individuals: Individuals | None) -> dict[str, float]:
+    """Figures over the individuals by name."""
+    if individuals is None:
+        return {}
+    found: dict[str, float] = {}
+    for name, error in individuals.error.items():
+        std = individuals.std[name]
+        found[f"{name}.individual_error"] = float(np.median(individuals.size(name)))
+        found[f"{name}.individual_std"] = float(np.median(std))
+        found[f"{name}.individual_covered"] = float((np.abs(error) <= 1.96 * std).mean())
+    return found
 
 
 def representative(found: Found, kind: str) -> IntArray:

@@ -27,6 +27,7 @@ from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
 from robid.settings.study import WernholtStudy
 from robid.studies.paper import paper_figures
+from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 
 _NOTHING_KNOWN = 1e9
@@ -69,15 +70,16 @@ def study_of(loaded: LoadedExperiment) -> WernholtStudy:
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
     paper_figures(study_of(loaded).paper, loaded)
-    return (f"{study_of(loaded).campaign}/frf.h5",)
+    return tuple(f"{name}/frf.h5" for name in (study_of(loaded).campaign, *study_of(loaded).individuals))
 
 
 def measured(run: Run) -> Frf:
     """Returns the measured responses."""
-    return _read(run.path(needs(run.loaded)[0]))
+    return read_frf(run.path(needs(run.loaded)[0]))
 
 
-def _read(path: Path) -> Frf:
+def read_frf(path: Path) -> Frf:
+    """Reads responses."""
     return frf_from_artifact(read_artifact(path, FRF))
 
 
@@ -90,10 +92,11 @@ def robot_and_delay(loaded: LoadedExperiment) -> tuple[Robot, float]:
 def score_options(study: WernholtStudy) -> tuple[ElasticOptions, ElasticOptions]:
     """Returns the options of the costs that judge: logarithmic, user-defined and optimal weights, data alone."""
     shared = replace(study.fit, prior_decades=_NOTHING_KNOWN)
-    return _with_estimator(shared, "lls", "user"), _with_estimator(shared, "lls", "optimal")
+    return with_estimator(shared, "lls", "user"), with_estimator(shared, "lls", "optimal")
 
 
-def _with_estimator(options: ElasticOptions, estimator: EstimatorKind, weights: WeightsKind) -> ElasticOptions:
+def with_estimator(options: ElasticOptions, estimator: EstimatorKind, weights: WeightsKind) -> ElasticOptions:
+    """Returns the options with another estimator and kind of weights."""
     return replace(options, estimator=estimator, weights=replace(options.weights, kind=weights))
 
 
@@ -125,7 +128,7 @@ def sets(study: WernholtStudy) -> list[StartSet]:
     for group, names, options in groups:
         for name in names:
             choice = study.estimators[name]
-            own = _with_estimator(options, choice.estimator, choice.weights)
+            own = with_estimator(options, choice.estimator, choice.weights)
             found.append(StartSet(group, name, choice.configurations == "best", own))
     return found
 
@@ -140,7 +143,7 @@ def best_configuration(robot: Robot, frf: Frf, options: ElasticOptions, delay: f
     return int(np.argmin(volumes))
 
 
-def tasks(run: Run) -> list[Task]:
+def tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns the tasks: the starts of every set in chunks."""
     study = study_of(run.loaded)
     robot, delay = robot_and_delay(run.loaded)
@@ -148,7 +151,7 @@ def tasks(run: Run) -> list[Task]:
     decides = {"frf": read_header(path, FRF).content_sha256, **model_settings(run.loaded, study.campaign)}
     best = ALL
     if any(one.alone for one in sets(study)):
-        best = best_configuration(robot, _read(path), _with_estimator(study.fit, "lls", "user"), delay)
+        best = best_configuration(robot, read_frf(path), with_estimator(study.fit, "lls", "user"), delay)
     found = []
     for one in sets(study):
         alone = best if one.alone else ALL
@@ -163,7 +166,7 @@ def tasks(run: Run) -> list[Task]:
 
 def fit_chunk(chunk: Chunk) -> Content:
     """Fits from the starts of a chunk and scores the models."""
-    frf = _read(chunk.frf)
+    frf = read_frf(chunk.frf)
     used = frf if chunk.configuration == ALL else frf.select([chunk.configuration])
     clock, processor = time.perf_counter(), time.process_time()
     problem = set_up(chunk.robot, used, chunk.options, chunk.delay_s)[0]

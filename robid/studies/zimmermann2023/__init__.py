@@ -1,6 +1,6 @@
 """The study of configurations of Zimmermann et al. (2023).
 
-Read `check`, `study`, `models`, `steps`, `figures`, `report`.
+Read `check`, `study`, `models`, `steps`, `sets`, `scatter`, `rivals`, `figures`, `report`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from robid.studies.zimmermann2023.check import check_zimmermann2023
 
 
 def _procedure() -> Procedure:
-    from robid.studies.zimmermann2023 import models, report, steps, study
+    from robid.studies.zimmermann2023 import models, report, sets, steps, study
 
     return Procedure(
         study.needs,
@@ -18,6 +18,7 @@ def _procedure() -> Procedure:
             Step("responses", study.response_tasks, study.measure),
             Step("models", models.model_tasks, models.fit_model),
             Step("steps", steps.step_tasks, steps.step),
+            Step("sets", sets.set_tasks, sets.fit_set),
         ),
         report.conclude,
     )

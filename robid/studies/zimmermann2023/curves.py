@@ -91,7 +91,7 @@ def effort_section(effort: EffortCurves) -> Section:
     """Deviations over the number of experiments."""
     figures = deviation_figures(effort.experiments, effort.average, effort.worst)
     lead = (
-        f"{effort.sentence} Optimal: the relaxed design, rounded. Guess: its configurations in turn, by their own"
+        f"{effort.sentence} Optimal: as many visits as tell most. Guess: its configurations in turn, by their own"
         " measurements. Random: candidates, median of 200 draws, and the worst tenth of them."
     )
     return Section("How long must I measure?", lead, (Beside(figures, 2),))

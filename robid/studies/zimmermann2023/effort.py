@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import FloatArray
-from robid.design.configurations.exchange import efficient_rounding
+from robid.arrays import FloatArray, IntArray
+from robid.design.configurations.exchange import Exchange
 from robid.design.configurations.information import ConfigurationDesign
+from robid.design.configurations.visits import Visits, make_visits
 
 _VISITS = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 21, 28, 35, 42, 49])
 _DRAWS = 200
 _SEED = 1
 _SINGULAR = 1e12
-_NO_WEIGHT = 1e-6
+_FLOOR = 1e-9
 
 
 @dataclass(frozen=True)
@@ -36,26 +37,32 @@ class EffortCurves:
     figures: dict[str, float]
 
 
-def effort_curves(design: ConfigurationDesign, guess: FloatArray, per_visit: int) -> EffortCurves:
+def effort_curves(
+    design: ConfigurationDesign, guess: FloatArray, names: tuple[str, ...], per_visit: int
+) -> EffortCurves:
     """Predicts deviations over the number of experiments.
 
     Args:
         design: The design with its candidates' information per visit.
         guess (n_guess, n_param, n_param): Information of the configurations that an engineer chose, per visit.
+        names: Names of the guess' parameters; what the design allows them to differ by holds here too.
         per_visit: Experiments of a visit.
     """
     found: dict[str, list[FloatArray]] = {"optimal": [], "guess": [], "random": [], "worst of random": []}
     generator = np.random.default_rng(_SEED)
+    candidates = design.visits
+    between = dict(zip(design.parameter_names, candidates.between.tolist(), strict=True))
+    guessed = make_visits(guess[None, :, None], np.array([between.get(name, 0.0) for name in names]))
     for visits in _VISITS.tolist():
-        found["optimal"].append(deviations(_optimal(design, visits)))
-        found["guess"].append(deviations(_in_turn(guess, visits)))
-        drawn = deviations(np.array([_random(design.information, visits, generator) for _ in range(_DRAWS)]))
+        found["optimal"].append(deviations(_optimal(candidates, visits)))
+        found["guess"].append(deviations(_in_turn(guessed, visits)))
+        drawn = deviations(np.array([_random(candidates, visits, generator) for _ in range(_DRAWS)]))
         found["random"].append(np.median(drawn, axis=0))
         found["worst of random"].append(np.quantile(drawn, 0.9, axis=0))
     experiments = _VISITS * float(per_visit)
     average = {name: np.array(rows)[:, 0] for name, rows in found.items()}
     worst = {name: np.array(rows)[:, 1] for name, rows in found.items()}
-    goal = float(deviations(guess.sum(axis=0))[0])
+    goal = float(deviations(_in_turn(guessed, len(guess)))[0])
     needed = {name: crossing(experiments, average[name], goal) for name in ("optimal", "random")}
     own = float(len(guess) * per_visit)
     sentence = (
@@ -101,22 +108,24 @@ def _count(needed: float) -> str:
     return f"{needed:.0f}" if np.isfinite(needed) else "more than were looked at"
 
 
-def _optimal(design: ConfigurationDesign, visits: int) -> FloatArray:
-    """The relaxed design, rounded to this many visits."""
-    support = np.flatnonzero(design.weights > _NO_WEIGHT)
-    if visits < support.size:
-        # Rounding needs a visit of each; fewer go to the largest weights.
-        counts = np.zeros(len(design.weights), int)
-        counts[support[np.argsort(-design.weights[support], kind="stable")[:visits]]] = 1
-    else:
-        counts = efficient_rounding(np.where(design.weights > _NO_WEIGHT, design.weights, 0.0), visits)
-    return np.asarray(np.einsum("c,cij->ij", counts.astype(float), design.information))
+def _optimal(candidates: Visits, visits: int) -> FloatArray:
+    """As many visits as tell most, shared out by exchange; few do not determine everything."""
+    count, size = candidates.alone.shape[1], candidates.alone.shape[-1]
+    base = _FLOOR * candidates.once.sum(axis=1)
+    problem = Exchange("d", candidates, base, visits, visits, True, np.ones(count), float(visits), size)
+    return _told(candidates, problem.improved(problem.greedy(np.zeros(count, int))))
 
 
-def _in_turn(matrices: FloatArray, visits: int) -> FloatArray:
-    counts = np.full(len(matrices), visits // len(matrices)) + (np.arange(len(matrices)) < visits % len(matrices))
-    return np.asarray(np.einsum("c,cij->ij", counts.astype(float), matrices))
+def _in_turn(guess: Visits, visits: int) -> FloatArray:
+    count = guess.alone.shape[1]
+    return _told(guess, np.full(count, visits // count) + (np.arange(count) < visits % count))
 
 
-def _random(matrices: FloatArray, visits: int, generator: np.random.Generator) -> FloatArray:
-    return np.asarray(matrices[generator.choice(len(matrices), visits, replace=visits > len(matrices))].sum(axis=0))
+def _random(candidates: Visits, visits: int, generator: np.random.Generator) -> FloatArray:
+    count = candidates.alone.shape[1]
+    drawn = generator.choice(count, visits, replace=visits > count)
+    return _told(candidates, np.bincount(drawn, minlength=count))
+
+
+def _told(candidates: Visits, counts: IntArray) -> FloatArray:
+    return np.asarray(candidates.total(counts)[0, 0])

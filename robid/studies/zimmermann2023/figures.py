@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact
@@ -18,15 +17,16 @@ from robid.pipeline import Run
 from robid.settings.study import ZimmermannStudy
 from robid.studies.study import Earlier
 from robid.studies.zimmermann2023.effort import EffortCurves, effort_curves
+from robid.studies.zimmermann2023.scatter import scatter, scatter_error
+from robid.studies.zimmermann2023.sets import owners_of_sets
 from robid.studies.zimmermann2023.steps import read_steps
-from robid.studies.zimmermann2023.study import study_of
+from robid.studies.zimmermann2023.study import pairs, study_of
 from robid.validation.steps import StepResponses, step_figures
 
 MISSED = 0.03
 """Relative error from which a first resonance counts as missed."""
 _BENT = 0.01
 """Spread of a spring's slope over the configurations from which gravity counts as bending it."""
-_TIE_LEVEL = 0.95
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,10 @@ class Model:
         name: Its name.
         used: Indices of its configurations, of the first individual.
         wanted: Springs that deviations are given of.
-        std (n_seed, n_wanted): Relative deviation by the total covariance.
+        std (n_seed, n_wanted): Relative deviation by the total covariance: the floor that noise sets.
         fit_std (n_seed, n_wanted): Relative deviation that the fit states.
+        error (n_seed, n_set, n_wanted): Logarithm of estimate over true linear stiffness, from its configurations and,
+            where these were drawn, from further sets that share none.
         stiffness (n_seed, n_spring): Springs [N m/rad].
         cost (n_seed, n_conf): Weighted log-amplitude error per element.
         expected (n_seed, n_conf): What noise alone gives.
@@ -51,6 +53,7 @@ class Model:
     wanted: tuple[str, ...]
     std: FloatArray
     fit_std: FloatArray
+    error: FloatArray
     stiffness: FloatArray
     cost: FloatArray
     expected: FloatArray
@@ -61,6 +64,11 @@ class Model:
     def average_std(self) -> FloatArray:
         """Mean relative deviation of the springs (n_seed,)."""
         return np.asarray(self.std.mean(axis=1))
+
+    @property
+    def average_fit_std(self) -> FloatArray:
+        """Mean over the springs of the relative deviation that the fit states (n_seed,)."""
+        return np.asarray(self.fit_std.mean(axis=1))
 
     @property
     def average_cost(self) -> FloatArray:
@@ -116,7 +124,8 @@ def gather(run: Run, earlier: Earlier) -> Found:
     study, names = study_of(run.loaded), list(study_of(run.loaded).models)
     results = [_values(result) for result in earlier[1]]
     by_model = {name: results[index :: len(names)] for index, name in enumerate(names)}
-    models = {name: _model(name, rows) for name, rows in by_model.items()}
+    further = _further_errors(run, study, earlier)
+    models = {name: _model(name, rows, further.get(name, [])) for name, rows in by_model.items()}
     reference = by_model[study.reference]
     design = design_from_artifact(read_artifact(run.path(f"designs/{study.design}.h5"), DESIGN))
     campaign = run.loaded.experiment.campaigns[study.estimation[0]]
@@ -129,7 +138,7 @@ def gather(run: Run, earlier: Earlier) -> Found:
         truth=np.array([row["true_stiffness"] for row in reference]),
         there=np.isfinite([row["measured_hz"] for row in reference]),
         design=design,
-        effort=effort_curves(design, guess, experiments),
+        effort=effort_curves(design, guess, models[study.guess].wanted, experiments),
         steps=tuple(read_steps(result) for result in earlier[2]),
         first={name: rows[0] for name, rows in by_model.items()},
     )
@@ -139,8 +148,29 @@ def _values(result: Artifact) -> dict[str, Any]:
     return {name: dataset.values for name, dataset in result.datasets.items()}
 
 
-def _model(name: str, rows: list[dict[str, Any]]) -> Model:
+def _further_errors(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[str, list[list[FloatArray]]]:
+    """Errors (n_wanted,) of each further set of drawn models, by model and individual."""
+    results = [_values(result) for result in earlier[3]]
+    found: dict[str, list[list[FloatArray]]] = {}
+    for pair in pairs(run, earlier):
+        owners = owners_of_sets(study, len(pair.configurations))
+        own, results = results[: len(owners)], results[len(owners) :]
+        for name in dict.fromkeys(owners):
+            each = [_errors(row) for owner, row in zip(owners, own, strict=True) if owner == name]
+            found.setdefault(name, []).append(each)
+    return found
+
+
+def _errors(row: dict[str, Any]) -> FloatArray:
+    """Logarithm of each estimated over its true linear stiffness (n_wanted,)."""
+    estimated = {name for name in row["names"].tolist() if name.endswith(".stiffness")}
+    chosen = [f"{spring}.stiffness" in estimated for spring in row["springs"].tolist()]
+    return np.asarray(np.log(row["stiffness"] / row["true_stiffness"])[chosen])
+
+
+def _model(name: str, rows: list[dict[str, Any]], further: list[list[FloatArray]]) -> Model:
     wanted = tuple(rows[0]["wanted"].tolist())
+    more = further or [[] for _ in rows]
     places = [rows[0]["names"].tolist().index(spring) for spring in wanted]
     return Model(
         name=name,
@@ -148,47 +178,13 @@ def _model(name: str, rows: list[dict[str, Any]]) -> Model:
         wanted=wanted,
         std=np.array([row["std"] for row in rows]),
         fit_std=np.array([row["fit_std"][places] for row in rows]),
+        error=np.array([[_errors(row), *sets] for row, sets in zip(rows, more, strict=True)]),
         stiffness=np.array([row["stiffness"] for row in rows]),
         cost=np.array([row["cost"] for row in rows]),
         expected=np.array([row["expected"] for row in rows]),
         resonance_error=np.array([row["model_hz"] / row["measured_hz"] - 1 for row in rows]),
         slope=np.array([row["slope"] for row in rows]) if "slope" in rows[0] else None,
     )
-
-
-def differs(one: FloatArray, other: FloatArray) -> bool:
-    """Tells whether two figures differ by more than chance over the individuals, which both were measured on.
-
-    Args:
-        one (n_seed,): Figures of one model, above 0.
-        other (n_seed,): Those of another.
-
-    Returns:
-        Whether 0 lies outside the 95 % interval of the mean logarithm of their ratio; never with one individual.
-    """
-    ratio = np.log(one / other)
-    if ratio.size < 2:
-        return False
-    reach = student.ppf(0.5 + 0.5 * _TIE_LEVEL, ratio.size - 1) * ratio.std(ddof=1) / np.sqrt(ratio.size)
-    return bool(abs(ratio.mean()) > reach)
-
-
-def rivals(found: Found) -> tuple[list[str], list[str]]:
-    """Returns models with as few configurations whose average deviations are surely below the optimal one's, and ties.
-
-    A tie is a difference within the scatter over the individuals.
-    """
-    own = found.models[found.study.optimal].average_std
-    lower, tied = [], []
-    for name in found.small:
-        other = found.models[name].average_std
-        if name == found.study.optimal:
-            continue
-        if not differs(other, own):
-            tied.append(name)
-        elif np.median(other / own) < 1:
-            lower.append(name)
-    return lower, tied
 
 
 def summarise(found: Found) -> dict[str, float]:
@@ -199,13 +195,18 @@ def summarise(found: Found) -> dict[str, float]:
         for key, values in (
             ("average_std", one.average_std),
             ("worst_std", one.std.max(axis=1)),
-            ("average_fit_std", one.fit_std.mean(axis=1)),
+            ("average_fit_std", one.average_fit_std),
             ("average_cost", one.average_cost),
             ("worst_cost", one.cost.max(axis=1)),
             ("average_excess", one.average_excess),
         ):
             summary[f"{name}.{key}"] = float(np.median(values))
             summary[f"{name}.{key}_low"], summary[f"{name}.{key}_high"] = float(values.min()), float(values.max())
+        if len(one.error) > 1:
+            summary[f"{name}.scatter"] = scatter(one.error)
+            summary[f"{name}.offset"] = float(np.abs(one.error.mean(axis=(0, 1))).mean())
+        if len(one.error) > 2:
+            summary[f"{name}.scatter_error"] = scatter_error(one.error)
         summary[f"{name}.missed"] = float(np.median((one.missed & found.there).sum(axis=(1, 2))))
     optimal, reference = models[study.optimal], models[study.reference]
     summary[f"{study.optimal}.gap"] = found.design.gap

@@ -34,6 +34,7 @@ from robid.settings.robot_parts import delay_s
 from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
+from robid.studies.over_individuals import stated_std
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
@@ -53,7 +54,7 @@ class Fitting:
         robots: The robot file's, with the payload of the estimation and with that of the validation.
         truth: The true robot.
         estimation: Where the responses to fit lie, of all configurations.
-        validation: Where those that validate lie.
+        validation: Where those that validate lie; none of a model that is not judged.
         used: Indices of the configurations that the model is fitted to.
         options: Options of the fit.
         delay_s: Nominal delay [s].
@@ -78,10 +79,11 @@ def model_sets(study: ZimmermannStudy, torque: dict[str, FloatArray], n_conf: in
         torque (n_conf,): Gravity torque on the transmission of each joint that a model asks for, by name [N m].
         n_conf: Number of configurations.
     """
-    return {name: _chosen(choice, torque, n_conf) for name, choice in study.models.items()}
+    return {name: model_set(choice, torque, n_conf) for name, choice in study.models.items()}
 
 
-def _chosen(choice: ModelChoice, torque: dict[str, FloatArray], n_conf: int) -> tuple[int, ...]:
+def model_set(choice: ModelChoice, torque: dict[str, FloatArray], n_conf: int) -> tuple[int, ...]:
+    """Returns the configurations of one model, see `model_sets`."""
     pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
     if choice.count is None:
         return tuple(sorted(pool.tolist()))
@@ -108,38 +110,51 @@ def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns one task for each individual and model."""
     study = study_of(run.loaded)
     return [
-        task for number, pair in enumerate(pairs(run, earlier), 1) for task in _pair_tasks(run, study, number, pair)
+        model_task(run, study, pair, name, used, f"{name}_{number}")
+        for number, pair in enumerate(pairs(run, earlier), 1)
+        for name, used in model_sets(study, _torques(run, study, pair), len(pair.configurations)).items()
     ]
 
 
-def _pair_tasks(run: Run, study: ZimmermannStudy, number: int, pair: Pair) -> list[Task]:
-    own, other = (run.loaded.experiment.campaigns[name] for name in (pair.estimation, pair.validation))
+def _torques(run: Run, study: ZimmermannStudy, pair: Pair) -> dict[str, FloatArray]:
+    robot = run.loaded.robot.to_robot(run.loaded.experiment.campaigns[pair.estimation].payload_kg)
+    asked = {choice.low_torque for choice in study.models.values()} - {None}
+    return {str(name): transmission_torque(robot, str(name), pair.configurations) for name in asked}
+
+
+def model_task(
+    run: Run,
+    study: ZimmermannStudy,
+    pair: Pair,
+    name: str,
+    used: tuple[int, ...],
+    key: str,
+    *,
+    judged: bool = True,
+) -> Task:
+    """One model of one individual; what is not judged has no validation."""
+    own, other = (run.loaded.experiment.campaigns[each] for each in (pair.estimation, pair.validation))
     robots = run.loaded.robot.to_robot(own.payload_kg), run.loaded.robot.to_robot(other.payload_kg)
     simulated = simulate_options(own)
     truth = with_imperfections(
         true_robot_of(run.loaded.robot, own.payload_kg, simulated.truth), simulated.imperfections
     )
-    asked = {choice.low_torque for choice in study.models.values()} - {None}
-    torque = {str(name): transmission_torque(robots[0], str(name), pair.configurations) for name in asked}
     settings = model_settings(run.loaded, pair.estimation), model_settings(run.loaded, pair.validation)
-    found = []
-    for name, used in model_sets(study, torque, len(pair.configurations)).items():
-        options = options_of(study, study.models[name])
-        decides = {
-            "estimation": [pair.estimation_paths[index].name for index in used],
-            "validation": [path.name for path in pair.validation_paths],
-            "options": plain_settings(options),
-            "settings": settings,
-            "axes": study.axes,
-            "source": plain_settings(own.source),
-        }
-        if "cubic" in options.free:
-            decides["slopes"] = [path.name for path in pair.estimation_paths]
-        paths = pair.estimation_paths, pair.validation_paths
-        delay = delay_s(run.loaded, own)
-        fitting = Fitting(robots, truth, *paths, used, options, delay, study.axes)
-        found.append(Task(f"{name}_{number}", decides, fitting))
-    return found
+    options = options_of(study, study.models[name])
+    validation = pair.validation_paths if judged else ()
+    decides = {
+        "estimation": [pair.estimation_paths[index].name for index in used],
+        "validation": [path.name for path in validation],
+        "options": plain_settings(options),
+        "settings": settings,
+        "axes": study.axes,
+        "source": plain_settings(own.source),
+    }
+    if "cubic" in options.free:
+        decides["slopes"] = [path.name for path in pair.estimation_paths]
+    paths = pair.estimation_paths, validation
+    delay = delay_s(run.loaded, own)
+    return Task(key, decides, Fitting(robots, truth, *paths, used, options, delay, study.axes))
 
 
 def read_responses(paths: Sequence[Path]) -> Frf:
@@ -151,25 +166,28 @@ def fit_model(one: Fitting) -> Content:
     """Fits a model and holds it against the validation's responses."""
     frf = read_responses([one.estimation[index] for index in one.used])
     solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
-    datasets = {**_parameters(one, solution), **_deviations(one, frf, solution), **_judgement(one, solution)}
+    datasets = {**fitted_parameters(one, solution), **_deviations(one, frf, solution), **_judgement(one, solution)}
     datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
     if "cubic" in one.options.free:
         datasets["slope"] = _slopes(one, solution)
     return Content(datasets, {"status": solution.estimate.status, "misfit": solution.misfit})
 
 
-def _parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
+def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
+    """Returns what a fit found, beside the truth."""
     parameter, spring = ("parameter",), ("spring",)
     springs = fitted_robot(one.robots[0], solution.estimate).springs
+    by_name = {each.name: each for each in one.truth.springs}
+    true = [by_name[each.name] for each in springs]
     return {
         "names": Dataset(np.array(solution.estimate.names), "1", parameter),
         "nominal": Dataset(solution.estimate.nominal, "SI", parameter, "Values of the robot file"),
         "estimate": Dataset(solution.estimate.value, "SI", parameter, "Estimated values"),
-        "fit_std": Dataset(solution.estimate.relative_std, "1", parameter, "Relative deviation that the fit states"),
+        "fit_std": Dataset(stated_std(solution.estimate), "1", parameter, "Relative deviation that the fit states"),
         "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
         "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
-        "true_stiffness": Dataset(np.array([each.stiffness for each in one.truth.springs]), "N m/rad", spring),
-        "true_cubic": Dataset(np.array([each.cubic for each in one.truth.springs]), "N m/rad^3", spring),
+        "true_stiffness": Dataset(np.array([each.stiffness for each in true]), "N m/rad", spring),
+        "true_cubic": Dataset(np.array([each.cubic for each in true]), "N m/rad^3", spring),
     }
 
 

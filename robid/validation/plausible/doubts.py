@@ -54,7 +54,7 @@ def evidence_doubts(
     turned = [
         doubt for doubt in signs.doubts if doubt.cause != "angle_sign" or doubt.message.partition(":")[0] not in told
     ]
-    doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence), *_saturated(evidence))
+    doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence), *saturation_doubts(evidence.saturated))
     return tuple(sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength))), angles.notes
 
 
@@ -97,7 +97,3 @@ def _noise_doubts(evidence: Evidence) -> list[Doubt]:
             told = f"{name}: half of its lines have a signal-to-noise ratio below {level:.2g} dB"
             doubts.append(Doubt("excitation", told, decisive=ratio < _LOST, strength=CLEAR / max(ratio, 1e-3)))
     return doubts
-
-
-def _saturated(evidence: Evidence) -> tuple[Doubt, ...]:
-    return () if evidence.saturated_share is None else saturation_doubts(evidence.names, evidence.saturated_share)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
+from robid.frf.quality import saturated_signals
 from robid.robot.description import Robot
 from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE
 
@@ -38,8 +39,8 @@ class Evidence:
         driving (n_conf, n_freq, n_motor): Driving points there [rad/(s^2 N m)].
         sampling_period_s: Sampling period of the experiment [s].
         hold_period_s: Period for which the torque is held; None where it is not [s].
-        saturated_share (n_conf, n_motor): Share of the time in which the torque, or an output, saturates; None in old
-            files.
+        saturated: Share of the time (n_conf,) in which each input and output saturates, by what it is; empty where it
+            is unknown.
     """
 
     names: tuple[str, ...]
@@ -56,7 +57,7 @@ class Evidence:
     driving: ComplexArray
     sampling_period_s: float
     hold_period_s: float | None
-    saturated_share: FloatArray | None
+    saturated: Mapping[str, FloatArray]
 
     def joints(self, robot: Robot) -> IntArray:
         """Indices of the motors among a robot's joints."""
@@ -95,7 +96,7 @@ def gather_evidence(frf: Frf) -> Evidence:
         driving=np.diagonal(response, axis1=-2, axis2=-1),
         sampling_period_s=frf.sampling_period_s,
         hold_period_s=frf.hold_period_s,
-        saturated_share=None if frf.saturated_share is None else frf.saturated_share.max(axis=1)[:, inputs],
+        saturated=saturated_signals(frf),
     )
 
 
@@ -122,7 +123,11 @@ def join_evidence(parts: Sequence[Evidence]) -> Evidence:
         driving=np.concatenate([part.driving for part in parts]),
         sampling_period_s=first.sampling_period_s,
         hold_period_s=first.hold_period_s,
-        saturated_share=joined("saturated_share"),
+        saturated={
+            signal: np.concatenate([part.saturated[signal] for part in parts])
+            for signal in first.saturated
+            if all(signal in part.saturated for part in parts)
+        },
     )
 
 

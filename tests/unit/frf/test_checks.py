@@ -138,16 +138,35 @@ def test_a_response_is_off_by_about_what_saturation_says():
         configurations=np.zeros((1, 1)),
         excited_lines=np.arange(1, 100),
     )
-    share = saturated_shares(record)
+    (share,), outputs = saturated_shares(record)
     np.testing.assert_allclose(share, np.mean(np.abs(clipped) == 1.5), rtol=0.03)
+    np.testing.assert_array_equal(outputs, 0.0)
     off = abs(np.mean(signal**2) / np.mean(signal * clipped) - 1)
-    np.testing.assert_allclose(saturation_error(float(share.max())), off, rtol=0.03)
+    np.testing.assert_allclose(saturation_error(share), off, rtol=0.03)
     sound = replace(record, inputs=signal, outputs=np.concatenate([clipped, clipped], axis=-1))
-    np.testing.assert_allclose(saturated_shares(sound)[:, 0], [0, share.max()], rtol=0.03)
+    inputs, outputs = saturated_shares(sound)
+    np.testing.assert_array_equal(inputs, 0.0)
+    np.testing.assert_allclose(outputs, [0, share], rtol=0.03)
 
 
 def test_a_signal_of_two_values_is_not_saturated(good):
     assert check_record(replace(good, inputs=np.sign(good.inputs))) == []
+
+
+def test_a_force_that_rests_between_blows_is_not_saturated_and_a_clipped_blow_is(good):
+    phase = np.arange(N_SAMPLE) % 50
+    blows = np.where(phase < 8, np.sin(np.pi * phase / 8), 0.0)[:, None] * np.linspace(1.0, 1.1, N_SAMPLE)[:, None]
+    force = np.broadcast_to(blows, good.inputs.shape).copy()
+    assert check_record(replace(good, inputs=force)) == []
+    found = check_record(replace(good, inputs=np.minimum(force, 0.6)))
+    assert [one.kind for one in found] == ["saturation", "saturation"]
+    assert "saturates for 1" in found[0].what
+
+
+@pytest.mark.parametrize("share", [0.2, 0.7])
+def test_pulses_of_two_values_are_not_saturated(good, share):
+    pulses = (np.arange(N_SAMPLE) % 50 < 50 * share)[:, None] * np.ones(good.inputs.shape)
+    assert check_record(replace(good, inputs=pulses)) == []
 
 
 @pytest.mark.parametrize("levels", [40, 400])

@@ -123,9 +123,10 @@ def test_degrees_of_freedom_are_those_of_the_scatter(realizations, periods, pool
         freedom = frf.total_degrees_of_freedom if realizations > 1 else frf.noise_degrees_of_freedom
         draws.append(frf.covariance[0, 2, 0, 0].real)
     relative = np.var(draws) / np.mean(draws) ** 2
-    # The noise grows over the pooled lines with the fourth power of frequency, which lowers their effective number.
+    # Over realizations, noise grows over the pooled lines with the fourth power of frequency, which lowers their
+    # number; periods tell it of lines beside each one.
     weight = OMEGA[2 - pooled // 2 : 3 + pooled // 2] ** 4
-    effective = weight.sum() ** 2 / (weight**2).sum() / weight.size
+    effective = weight.sum() ** 2 / (weight**2).sum() / weight.size if realizations > 1 else 1.0
     np.testing.assert_allclose(1 / relative, freedom * effective, rtol=0.3)
 
 

@@ -36,6 +36,19 @@ def test_distortion_that_repeats_is_not_meant():
     np.testing.assert_array_equal(find_lines([signal], BAND), lines)
 
 
+@pytest.mark.parametrize("lines", [np.array([12, 30, 31, 77]), np.array([12, 30, 31, 77, 201, 220, 230, 300])])
+def test_a_few_lines_stand_out_of_distortion_at_all_others(lines):
+    generator = np.random.default_rng(5)
+    distortion = {line: 0.03 * generator.rayleigh() for line in range(2, 400)}
+    np.testing.assert_array_equal(find_lines([periods(distortion | flat(lines), noise=1e-3)], BAND), lines)
+
+
+def test_one_strong_line_is_no_kind_of_its_own():
+    lines = np.array([4, 20, 40, 60, 80, 100])
+    found = find_lines([periods({4: 30.0} | flat(lines[1:]), noise=1e-3)], BAND)
+    np.testing.assert_array_equal(found, lines)
+
+
 def test_lines_of_one_kind_are_all_meant():
     generator = np.random.default_rng(6)
     noise_like = {line: generator.rayleigh() for line in range(2, 400)}

@@ -86,6 +86,16 @@ def test_the_correlation_is_that_of_each_stretch():
     np.testing.assert_allclose(correlation(np.add(logged, [3.0, -50.0]), period), wanted, atol=1e-9)
 
 
+@pytest.mark.parametrize("late", [1, 2, 3])
+@pytest.mark.parametrize("rest", [0, 170])
+def test_a_log_that_begins_a_little_late_does_not_move_the_periods_of_a_slow_excitation(late, rest):
+    period = designed(lines=np.arange(1, 4))[0, 1]
+    # With `late` samples of the next one, or of rest, another period seems to begin with the log.
+    log = np.concatenate([np.tile(period, (5, 1))[late:], np.zeros((rest, 2)) if rest else period[:late]])
+    match = find_periods(log, period)
+    assert (match.start, match.count) == (N_SAMPLE - late, 4)
+
+
 def test_an_offset_does_not_matter():
     period = designed()[0, 1]
     match = find_periods(log_of(period)["r"] + [40.0, -7.0], period)
@@ -164,7 +174,7 @@ def test_another_size_is_measured_where_periods_lack_too(tmp_path):
 
 def test_a_log_with_no_more_periods_than_are_dropped_is_recorded_longer(tmp_path):
     message = refused(tmp_path, log_of(designed()[1, 0], periods=1, lead=490, after=490))
-    assert "1 whole periods, fewer than the 3" in message
+    assert "1 whole period, fewer than the 3" in message
     assert "or record longer." in message
 
 

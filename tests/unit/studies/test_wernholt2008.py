@@ -11,6 +11,7 @@ from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.wernholt2008.conclusions import claims
 from robid.studies.wernholt2008.figures import Found, Judge, Models, model_figures, summarise
+from robid.studies.wernholt2008.individuals import Individuals
 from robid.studies.wernholt2008.study import ALL, best_configuration, score_options, sets
 from robid.validation.elastic.extrema import own_resonance_errors
 
@@ -159,3 +160,56 @@ def test_the_best_configuration_has_the_most_information():
     assert best_configuration(robot, replace(frf, total_covariance=covariance), OPTIONS, 0.0) == 1
     covariance = frf.total_covariance * np.array([1.0, 100.0])[:, None, None, None]
     assert best_configuration(robot, replace(frf, total_covariance=covariance), OPTIONS, 0.0) == 0
+
+
+@pytest.fixture
+def individuals(found):
+    """Six robots: each estimator's errors in units of its own, springs of bearings as easy as those of gears."""
+
+    def make(**size):
+        names = found().problem.parameters.names
+        generator = np.random.default_rng(1)
+        error = generator.standard_normal((6, 1)) * 0.001 + generator.choice([-1.0, 1.0], (6, len(names)))
+        return Individuals(
+            names=names,
+            error={name: value * error for name, value in size.items()},
+            std={name: np.full(error.shape, value) for name, value in size.items()},
+            misfit={name: np.full(6, 40.0) for name in size},
+        )
+
+    return make
+
+
+def held(found, shown):
+    gears = np.array(["gear" in name for name in found.problem.parameters.names])
+    return claims(found, CHOICES, gears, shown)
+
+
+def test_phase_and_rough_weights_are_judged_by_errors_of_several_robots(found, individuals):
+    phase, rough = held(found(llsm15u=90, lls15o=90), individuals(lls15u=0.01, llsm15u=0.02, lls15o=0.015))[2:4]
+    assert (phase.reproduced, phase.refuted) == (True, False)
+    assert (rough.reproduced, rough.refuted) == (True, False)
+    assert "median error of 1.0 % of lls15u, 2.0 % of llsm15u, at 40" in phase.figures
+    phase, rough = held(found(llsm15u=10, lls15o=10), individuals(lls15u=0.01, llsm15u=0.005, lls15o=0.01))[2:4]
+    assert (phase.reproduced, phase.refuted) == (False, True)
+    assert (rough.reproduced, rough.refuted) == (False, False)
+
+
+def test_kinds_of_springs_are_judged_by_stated_deviations_and_errors_of_several_robots(found, individuals):
+    shown = individuals(lls15u=0.01, llsm15u=0.01, lls15o=0.01)
+    gears = np.array(["gear" in name for name in shown.names])
+    vary = 1 + 0.01 * np.arange(6)[:, None]
+
+    def easier(stated, wrong):
+        std, error = shown.std["lls15u"] * vary, shown.error["lls15u"] * vary
+        other = replace(
+            shown,
+            std={**shown.std, "lls15u": np.where(gears, std / stated, std)},
+            error={**shown.error, "lls15u": np.where(gears, error / wrong, error)},
+        )
+        claim = held(found(), other)[4]
+        return claim.reproduced, claim.refuted
+
+    assert easier(2, 2) == (True, False)
+    assert easier(2, 0.5) == (False, True)
+    assert easier(0.5, 2) == (False, True)

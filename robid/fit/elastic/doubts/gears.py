@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _PERCENT = 100.0
 _MEAN_SIZE = np.sqrt(2 / np.pi)  # of a normal variable, over its deviation
 _NO_LOAD_RAD = 1e-9
+_SLIPS = {"early": 0.5, "late": 2.0}  # over the swing: where bristles slip is not known, and early ones mostly lose
 
 
 @dataclass(frozen=True)
@@ -29,38 +30,41 @@ class Hysteresis:
     A bristle that slips at a deflection `h` obeys `dz/dt = dx/dt - |dx/dt| z / h`. Under a normal motion whose speed
     has the deviation `v` it does as a spring in series with a damper: its torque goes with `g jw / (jw + w_h)` times
     the deflection, with the corner `w_h = sqrt(2 / pi) v / h` and a gain `g` below one. It stiffens what moves little
-    or fast, and loses most at the corner, half as much. It is taken to slip where the gear swings, root mean square
-    over the configurations, as predicted from the measured torques: there it does most harm.
+    or fast, and loses most at the corner, half as much. It does most harm where it slips at about the swing, the
+    deflection's root mean square over the configurations, as predicted from the measured torques.
 
     Attributes:
         spring: Index of the gear.
+        slip: Where it slips, over the swing.
 
     Source:
         Dahl (1968); statistical linearisation as in Roberts and Spanos (1990), ch. 8; METHODS sec. 1 (Linearisation).
     """
 
     spring: int
+    slip: float
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
         omega = 2 * np.pi * scene.problem.frf.frequency_hz
-        share = bristle_share(omega, scene.swing[:, :, self.spring])
+        share = bristle_share(omega, scene.swing[:, :, self.spring], self.slip)
         return np.asarray(2 * share[:, :, None, None] * scene.stiffness_slopes[..., self.spring] / _PERCENT)
 
 
-def bristle_share(omega: FloatArray, swing: FloatArray) -> ComplexArray:
+def bristle_share(omega: FloatArray, swing: FloatArray, relative_slip: float) -> ComplexArray:
     """What bristles add to a spring, over their stiffness times their mean gain, as `Hysteresis` says.
 
     Args:
         omega (n_freq,): Angular frequencies [rad/s].
         swing (n_conf, n_freq): Mean square deflection at each line; where all are zero, motion is taken to be alike.
+        relative_slip: Deflection at which they slip over the root mean square one.
 
     Returns:
         Shares (n_conf, n_freq).
     """
     if not swing.any():
-        return np.broadcast_to(1j * omega / (1j * omega + np.exp(np.log(omega).mean())), swing.shape)
-    slip = np.sqrt(swing.sum(axis=1).mean())
+        return np.broadcast_to(1j * omega / (1j * omega + np.exp(np.log(omega).mean()) / relative_slip), swing.shape)
+    slip = relative_slip * np.sqrt(swing.sum(axis=1).mean())
     power = omega**2 * swing
     speed = np.sqrt(power.sum(axis=1, keepdims=True))
     corner = _MEAN_SIZE * speed / slip
@@ -95,8 +99,7 @@ def gear_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
         if spring.place != "transmission":
             continue
         if doubts.loss_factor > 0:
-            std, names = _PERCENT * doubts.loss_factor, (f"{spring.name}.hysteresis", f"losses of {spring.name}")
-            yield DoubtColumn(*names, "gear_nonlinearity", "%", std, std, Hysteresis(index), 0.0, _PERCENT)
+            yield from _hysteresis(spring.name, index, _PERCENT * doubts.loss_factor)
         cubic = f"{spring.name}.cubic"
         if doubts.load_stiffness > 0 and not is_estimated(options, "cubic", cubic):
             std, names = (
@@ -107,3 +110,10 @@ def gear_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
                 ),
             )
             yield DoubtColumn(*names, "gear_nonlinearity", "%", std, 0.0, LoadStiffness(index), -_PERCENT, _PERCENT)
+
+
+def _hysteresis(gear: str, index: int, std: float) -> Iterator[DoubtColumn]:
+    """Yields bristles that slip before and after the swing: what lies between is a mixture of both."""
+    for when, slip in _SLIPS.items():
+        names = f"{gear}.hysteresis_{when}", f"hysteresis of {gear} that slips {when}"
+        yield DoubtColumn(*names, "gear_nonlinearity", "%", std, std, Hysteresis(index, slip), 0.0, _PERCENT)

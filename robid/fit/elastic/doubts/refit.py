@@ -74,17 +74,47 @@ def settle_springs(
     """
     missing = np.array([isinstance(doubt.direction, Compliance) for doubt in doubts], bool)
     beside = columns[..., ~missing], np.array([doubt.common_std for doubt in doubts])[~missing]
-    left = [doubt.direction.spring for doubt in doubts if isinstance(doubt.direction, Compliance)]
-    now = SettledSprings(problem, internal, robot, options)
+    listed = [doubt.direction.spring for doubt in doubts if isinstance(doubt.direction, Compliance)]
+    now = before = SettledSprings(problem, internal, robot, options)
+    left = listed
     cost, expected = _cost_beside(now, *beside), expected_cost(problem)
     while left and len(now.springs) < _MOST and cost > expected:
-        trials = [(trial, _cost_beside(trial, *beside)) for trial in _best_trials(now, left)]
+        trials = _costs(_best_trials(now, left), beside, expected)
         called = [each for each in trials if each[1] < (1 - _TELLING) * cost and _agree(now, each[0])]
         if not called:
             break
         now, cost = min(called, key=lambda each: each[1])
         left = [spring for spring in left if spring.name not in now.springs]
-    return _rested(now) if now.springs else now
+    return _rested(_pruned(before, now, listed, beside)) if now.springs else now
+
+
+def _costs(
+    trials: Sequence[SettledSprings], beside: tuple[ComplexArray, FloatArray], expected: float
+) -> list[tuple[SettledSprings, float]]:
+    """Trials with the cost that other doubts leave, up to the first that leaves no more than is expected."""
+    found: list[tuple[SettledSprings, float]] = []
+    for trial in trials:
+        found.append((trial, _cost_beside(trial, *beside)))
+        if found[-1][1] <= expected:
+            break
+    return found
+
+
+def _pruned(
+    before: SettledSprings,
+    found: SettledSprings,
+    listed: Sequence[Spring],
+    beside: tuple[ComplexArray, FloatArray],
+) -> SettledSprings:
+    """The fit without those springs of pairs that no longer matter since others are in place."""
+    cost = _cost_beside(found, *beside)
+    for name in found.springs:
+        rest = [spring for spring in listed if spring.name in found.springs and spring.name != name]
+        fewer = _put_in_place(before, rest, found) if rest else None
+        left = np.inf if fewer is None else _cost_beside(fewer, *beside)
+        if fewer is not None and (1 - _TELLING) * left <= cost:
+            found, cost = fewer, left
+    return found
 
 
 def expected_cost(problem: Problem) -> float:
@@ -118,18 +148,22 @@ def _best_trials(now: SettledSprings, springs: Sequence[Spring]) -> list[Settled
     begun = [trial for each in candidates if (trial := _put_in_place(now, each)) is not None]
     begun.sort(key=lambda trial: trial.problem.cost(trial.internal))
     ends = [_descended(trial, _STEPS) for trial in begun[:_KEPT]]
+    ends.sort(key=lambda trial: trial.problem.cost(trial.internal))
     return [end for end in ends if _stiffest(end, end.springs[len(now.springs) :]) < _RIGID]
 
 
-def _put_in_place(now: SettledSprings, springs: Sequence[Spring]) -> SettledSprings | None:
-    """The fit some steps on with further springs; None where the robot does not rest with them."""
+def _put_in_place(
+    now: SettledSprings, springs: Sequence[Spring], near: SettledSprings | None = None
+) -> SettledSprings | None:
+    """The fit some steps on with further springs, from near another one; None where the robot does not rest so."""
     robot = replace(now.robot, springs=(*now.robot.springs, *springs))
     options = extend_options(now.options, springs)
     try:
         problem = extend_problem(now.problem, now.internal, robot, options)
     except DataError:
         return None
-    starts = list(_starts(now, problem, springs))
+    begin = near or now
+    starts = list(_starts(problem, carry_over(problem, begin.problem, begin.internal), robot, springs))
     still, count = freeze_friction(problem, starts[0]), starts[0].size - problem.parameters.n_friction
     ends = [optimise(still, start[:count], max_iterations=_FIRST_STEPS) for start in starts]
     best = min(ends, key=lambda end: end.cost).parameters
@@ -137,16 +171,16 @@ def _put_in_place(now: SettledSprings, springs: Sequence[Spring]) -> SettledSpri
     return SettledSprings(problem, np.concatenate([best, starts[0][count:]]), robot, options, names)
 
 
-def _starts(now: SettledSprings, problem: Problem, springs: Sequence[Spring]) -> Iterator[FloatArray]:
-    """Where springs start: stiff beside the fitted values, those near the file's, or the gear that stood for both."""
-    start, names = carry_over(problem, now.problem, now.internal), np.array(problem.parameters.names)
+def _starts(problem: Problem, start: FloatArray, robot: Robot, springs: Sequence[Spring]) -> Iterator[FloatArray]:
+    """Where springs start: stiff beside the values so far, those near the file's, or the gear that stood for both."""
+    names = np.array(problem.parameters.names)
     own = np.isin(names, [f"{spring.name}.{kind}" for spring in springs for kind in ("stiffness", "damping")])
-    yield start + np.log(_SHARED) * own
+    yield start + np.log(_SHARED) * own * (start == 0)
     nearer = np.where(problem.parameters.logarithmic, np.clip(start, -_RAN_AWAY, _RAN_AWAY), start)
     if (nearer != start).any():
         yield nearer
     joints = {spring.joint for spring in springs}
-    gears = [each.name for each in now.robot.springs if each.joint in joints and each.place == "transmission"]
+    gears = [each.name for each in robot.springs if each.joint in joints and each.place == "transmission"]
     yield start + np.log(_SHARED) * np.isin(names, [f"{gear}.stiffness" for gear in gears])
 
 

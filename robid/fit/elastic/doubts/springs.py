@@ -20,6 +20,7 @@ _STEP = 1e-3  # percent of the gear's compliance
 _RIGID = 1e11  # times the gear's stiffness
 _ALONG = 0.9  # cosine above which two axes are one
 _TIME_S = 5e-4  # damping over stiffness
+_SAME_M = 1e-3  # between axes that are one
 _UNKNOWN_NM_RAD = 1e6  # where no gear is stated
 
 
@@ -54,12 +55,14 @@ def spring_doubts(robot: Robot) -> Iterator[DoubtColumn]:
 def missing_springs(robot: Robot) -> Iterator[Spring]:
     """Yields bearings and base springs that a robot file lacks, each as stiff as the gear of its joint.
 
-    A base that tilts does what bearings of a first joint that turns do, and one that twists what its gear does: only
-    under a joint that slides it is something of its own.
+    A base that turns about an axis through the origin of a first joint that turns too does what bearings and gear of
+    that joint do, and is none of its own.
     """
     stiffness = gear_stiffness(robot)
-    for letter, axis in zip("xyz", np.eye(3), strict=True) if robot.prismatic[0] else ():
-        if not is_there(robot, "base", 0, axis):
+    first = robot.joints[0]
+    for letter, axis in zip("xyz", np.eye(3), strict=True):
+        beside = np.linalg.norm(np.cross(axis, first.position_m)) > _SAME_M
+        if not is_there(robot, "base", 0, axis) and (beside or first.type == "prismatic"):
             yield _spring(f"base_{letter}", 0, "base", axis, stiffness[0])
     for index, joint in enumerate(robot.joints):
         for letter, axis in zip("xy", np.eye(3), strict=False):

@@ -51,6 +51,9 @@ def test_a_choice_promises_what_places_allow_and_its_bound_holds_for_every_other
     assert worth(own) >= 0.99 * max(every)
     assert design.efficiency <= design.choice_efficiency <= worth(own) / max(every) + 1e-9
     assert design.gap <= 1e-8
+    assert design.weights.max() <= 1 / 4 + 1e-9
+    shared = worth(sum(4 * each * total(matrices, as_counts([index], 9)) for index, each in enumerate(design.weights)))
+    assert design.choice_efficiency == pytest.approx(worth(own) / shared, rel=1e-6)
     np.testing.assert_allclose(design.between_relative_std, BETWEEN)
     one_more = [worth(own + total(matrices, as_counts([index], 9))) for index in range(9)]
     more = np.flatnonzero(design.counts == 0)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.families.lpv.fitting import doubts_of_scheduling, responses_of
+from robid.families.lpv.fitting import doubts_of_scheduling, doubts_of_signals, responses_of
+from robid.signals.quantities import Channel
 
 LOADED = SimpleNamespace(robot=SimpleNamespace(joints=[SimpleNamespace(name="turn"), SimpleNamespace(name="lift")]))
 
@@ -67,3 +68,27 @@ def test_an_output_that_schedules_must_stand_still_beside_its_range(moved, found
     assert [doubt.decisive for doubt in doubts] == found
     assert all(f"tool moved by {moved / 2:.0%} (rms) of its range" in doubt.message for doubt in doubts)
     assert not list(doubts_of_scheduling(own, LOADED, settings(scheduling=("lift",))))
+
+
+@pytest.mark.parametrize(("share", "decisive"), [(0.02, False), (0.2, True)])
+def test_saturated_signals_of_a_fit_are_doubted_and_those_it_does_not_read_are_not(share, decisive):
+    own = frf()
+    own.input_channels = tuple(Channel(name, "torque", "N m", "motor") for name in own.input_names)
+    own.measured_channels = (
+        Channel("turn", "speed", "rad/s", "motor"),
+        Channel("tool", "acceleration", "m/s^2", "tool"),
+    )
+    own.saturated_inputs, own.saturated_outputs = np.zeros((3, 2)), np.zeros((3, 2))
+    own.saturated_inputs[1, 0] = own.saturated_outputs[2, 1] = share
+    found = doubts_of_signals(own, settings())
+    assert [doubt.message.partition(" saturates for")[0] for doubt in found] == [
+        "turn: torque",
+        "tool: acceleration",
+    ]
+    assert all((doubt.cause, doubt.decisive) == ("saturation", decisive) for doubt in found)
+    assert all(f"{100 * share:.2g} % of the time" in doubt.message for doubt in found)
+    (doubt,) = doubts_of_signals(own, settings(inputs=("lift",)))
+    assert doubt.message.startswith("tool")
+    assert doubts_of_signals(own, settings(inputs=("lift",), outputs=("turn",))) == ()
+    own.saturated_inputs = own.saturated_outputs = None
+    assert doubts_of_signals(own, settings()) == ()

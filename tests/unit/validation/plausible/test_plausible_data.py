@@ -363,12 +363,17 @@ def test_means_are_those_of_the_record():
 @pytest.mark.parametrize(("share", "decisive"), [(0.01, False), (0.12, True)])
 def test_saturated_signals_are_doubted_by_how_far_they_may_be_off(share, decisive):
     frf = exact()
-    shares = np.zeros((len(CONFIGURATIONS), 2, 2))
-    shares[2, :, 1] = share
-    (doubt,) = data_doubts(two_joints(), replace(frf, saturated_share=shares))
+    shares = np.zeros((len(CONFIGURATIONS), 2))
+    shares[2, 1] = share
+    clipped = replace(frf, saturated_inputs=shares, saturated_outputs=0 * shares)
+    (doubt,) = data_doubts(two_joints(), clipped)
     assert (doubt.cause, doubt.decisive) == ("saturation", decisive)
-    assert f"{frf.input_names[1]}: its signals saturate for" in doubt.message
+    assert doubt.message.startswith(f"{frf.input_names[1]}: torque saturates for")
     assert doubt.strength > 1
-    parts = [gather_evidence(replace(frf, saturated_share=shares).select([index])) for index in range(4)]
+    parts = [gather_evidence(clipped.select([index])) for index in range(4)]
     assert evidence_doubts(two_joints(), join_evidence(parts))[0] == (doubt,)
-    assert data_doubts(two_joints(), replace(frf, saturated_share=0 * shares)) == ()
+    assert data_doubts(two_joints(), replace(clipped, saturated_inputs=0 * shares)) == ()
+    # One clipped sensor is named alone, although the responses from all motors are off.
+    (doubt,) = data_doubts(two_joints(), replace(clipped, saturated_inputs=0 * shares, saturated_outputs=shares))
+    assert doubt.message.startswith(f"{frf.output_names[1]}: ")
+    assert "torque" not in doubt.message

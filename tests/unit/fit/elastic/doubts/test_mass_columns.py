@@ -111,6 +111,28 @@ def test_columns_have_the_sign_and_scale_of_the_problem_s_own(options):
     np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-6 * np.abs(wanted).max())
 
 
+def test_gears_that_stiffen_are_bent_further_by_what_is_heavier():
+    robot, places = two_joint_robot(), PLACES["two_joints"]
+    springs = [replace(s, cubic=2e3 * s.stiffness) if s.place == "transmission" else s for s in robot.springs]
+    robot = replace(robot, springs=tuple(springs))
+    torques = 0.02 * np.exp(1j * np.arange(2 * FREQUENCY_HZ.size * 4)).reshape(2, FREQUENCY_HZ.size, 2, 2)
+    frf = replace(measured(robot, places), input_amplitude=torques)
+    options = ElasticOptions(free=("stiffness", "damping", "cubic"))
+    problem, _ = set_up(robot, frf, options, DELAY_S)
+    here = np.zeros(len(problem.parameters.names))
+    doubts = [doubt for doubt in list_doubts(robot, options) if doubt.name == "payload.mass"]
+    found = doubt_columns(problem, here, robot, options, doubts)[..., 0]
+    ahead, behind = (
+        set_up(changes(robot)["payload.mass"](kg), frf, options, DELAY_S)[0].model_response(here)
+        for kg in (1e-3, -1e-3)
+    )
+    close = np.log(ahead / behind) / 2e-3
+    np.testing.assert_allclose(found, close, rtol=0, atol=1e-4 * np.abs(close).max())
+    linear = replace(robot, springs=tuple(replace(s, cubic=0.0) for s in robot.springs))
+    plain = columns_of(linear, frf, ElasticOptions(free=("stiffness", "damping")))["payload.mass"]
+    assert np.abs(found - plain).max() > 0.01 * np.abs(plain).max()
+
+
 def test_torque_constants_scale_the_response_to_their_motor_s_torque():
     robot = two_joint_robot()
     found = columns_of(robot, measured(robot, PLACES["two_joints"]), ElasticOptions())

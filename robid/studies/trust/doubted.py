@@ -1,0 +1,175 @@
+"""Robots that differ from their file by what the file is doubted for: amounts drawn from the priors of its doubts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
+from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, TorqueScale
+from robid.fit.elastic.doubts.gears import LoadStiffness
+from robid.fit.elastic.doubts.listing import list_doubts
+from robid.fit.elastic.doubts.springs import Compliance
+from robid.fit.elastic.options import ElasticOptions
+from robid.robot.description import Joint, Robot
+from robid.robot.linearize import axial_inertia, linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters, response
+
+_PERCENT = 100.0
+_Value = TypeVar("_Value")
+_TURN_10_HZ = 20 * np.pi
+_DRAWS = 3  # keeps these draws apart from those of springs, masses and defects
+
+
+@dataclass(frozen=True)
+class Doubted:
+    """What a robot file is doubted for, and how far one robot is off.
+
+    Attributes:
+        doubts: The doubts.
+        amounts (n_doubt, n_conf): How far the robot is off in each place.
+    """
+
+    doubts: tuple[DoubtColumn, ...]
+    amounts: FloatArray
+
+
+def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int) -> Doubted:
+    """Draws how far a robot is off in each place: what all places share, and what each adds.
+
+    Amounts that have a sign keep it.
+
+    Args:
+        robot: The robot as its file describes it.
+        options: Options of the fit, which estimates some of what may be off.
+        n_place: Number of places.
+        seed: Seed of the draw.
+    """
+    generator = np.random.default_rng([seed, _DRAWS])
+    doubts = list_doubts(robot, options)
+    amounts = np.empty((len(doubts), n_place))
+    for row, doubt in zip(amounts, doubts, strict=True):
+        common, each = generator.standard_normal(), generator.standard_normal(n_place)
+        row[:] = doubt.common_std * common + doubt.place_std * each
+        row[:] = np.abs(row) if doubt.least == 0 else np.clip(row, doubt.least, doubt.most)
+    return Doubted(doubts, amounts)
+
+
+def as_file(robot: Robot, options: ElasticOptions, n_place: int) -> Doubted:
+    """Returns what a robot is doubted for that is right in everything."""
+    doubts = list_doubts(robot, options)
+    return Doubted(doubts, np.zeros((len(doubts), n_place)))
+
+
+def doubted_responses(
+    robot: Robot,
+    off: Doubted,
+    configurations: FloatArray,
+    frequency_hz: FloatArray,
+    sampling: tuple[float, float],
+) -> ComplexArray:
+    """Computes the exact responses of a robot that is off, as they are recorded.
+
+    Hysteresis, which no linear robot has, is left out.
+
+    Args:
+        robot: The robot, its springs and dampers the true ones.
+        off: How far it is off.
+        configurations (n_conf, n_joint): Its places [rad, or m].
+        frequency_hz (n_freq,): Frequencies [Hz].
+        sampling: Period for which torques are held, and delay to the applied torque [s].
+
+    Returns:
+        Responses (n_conf, n_freq, n_motor, n_motor) from recorded torques to motor accelerations.
+    """
+    shares = load_shares(robot, configurations)
+    found = []
+    for place, configuration in enumerate(configurations):
+        amounts = {doubt.name: amount for doubt, amount in zip(off.doubts, off.amounts[:, place].tolist(), strict=True)}
+        own = off_robot(robot, off.doubts, amounts, shares[place])
+        model = build_model(own)
+        linear = linearize(model, solve_statics(model, configuration[None]))
+        parameters = nominal_parameters(own, linear, sampling[1])
+        exact = response(linear, parameters, frequency_hz, sampling[0]).sampled[0]
+        found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz))
+    return np.array(found)
+
+
+def off_robot(
+    robot: Robot,
+    doubts: Sequence[DoubtColumn],
+    amounts: Mapping[str, float],
+    shares: FloatArray,
+) -> Robot:
+    """Returns the robot with everything that is off and belongs to its mechanics.
+
+    Args:
+        robot: The robot.
+        doubts: What it is doubted for.
+        amounts: How far it is off, by the doubts' names.
+        shares (n_spring,): Load of each gear here, from -1 to 1 over the places.
+    """
+    inertia = axial_inertia(build_model(robot))
+    further = []
+    for doubt in doubts:
+        share, direction = amounts[doubt.name] / _PERCENT, doubt.direction
+        if share == 0:
+            continue
+        if isinstance(direction, RobotMove):
+            robot = direction.moved(robot, amounts[doubt.name])
+        elif isinstance(direction, LoadStiffness):
+            spring = robot.springs[direction.spring]
+            softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
+            robot = replace(robot, springs=_with(robot.springs, direction.spring, softer))
+        elif isinstance(direction, Compliance):
+            spring = direction.spring
+            further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
+        elif isinstance(direction, ArmFriction | RotorShare):
+            joint = robot.joints[direction.joint]
+            off = _with_off_drive(joint, direction, share, float(inertia[direction.joint]))
+            robot = replace(robot, joints=_with(robot.joints, direction.joint, off))
+    return replace(robot, springs=(*robot.springs, *further))
+
+
+def _with_off_drive(joint: Joint, direction: ArmFriction | RotorShare, share: float, inertia: float) -> Joint:
+    if isinstance(direction, ArmFriction):
+        return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
+    return replace(joint, motor=replace(joint.motor, inertia_kgm2=joint.motor.inertia_kgm2 * (1 + share)))
+
+
+def _with(values: tuple[_Value, ...], index: int, value: _Value) -> tuple[_Value, ...]:
+    return (*values[:index], value, *values[index + 1 :])
+
+
+def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
+    """Returns each spring's load in each place (n_conf, n_spring) from its mean, over the largest such distance."""
+    load = np.abs(solve_statics(build_model(robot), configurations).deflection)
+    spread = load - load.mean(axis=0)
+    return np.asarray(spread / np.maximum(np.abs(spread).max(axis=0), np.finfo(float).tiny))
+
+
+def _recorded(
+    robot: Robot,
+    doubts: Sequence[DoubtColumn],
+    amounts: Mapping[str, float],
+    exact: ComplexArray,
+    frequency_hz: FloatArray,
+) -> ComplexArray:
+    """What motors' friction and torque constants make of a response (n_freq, n_motor, n_motor)."""
+    square = (2 * np.pi * frequency_hz) ** 2
+    feedback = np.zeros(exact.shape, complex)
+    constant = np.ones(exact.shape[2])
+    for doubt in doubts:
+        direction, share = doubt.direction, amounts[doubt.name] / _PERCENT
+        if isinstance(direction, MotorFriction):
+            size = share * robot.joints[direction.joint].motor.inertia_kgm2 * _TURN_10_HZ**2
+            feedback[:, direction.joint, direction.joint] += direction.phase * size / square
+        elif isinstance(direction, TorqueScale):
+            constant[direction.joint] = 1 + share
+    rubbing = np.linalg.solve(np.eye(exact.shape[1]) - exact @ feedback, exact)
+    return np.asarray(rubbing / constant)

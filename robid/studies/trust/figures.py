@@ -1,0 +1,223 @@
+"""The figures of the study of trust, from the intervals of all its robots, and which of them are reached."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray
+from robid.fit.elastic.solution import ElasticSolution
+from robid.studies.trust.coverage import Held, Intervals, effective, physical, worst_half_widths
+
+_HALF_WIDTHS = 3.0
+_TRUST = 2
+_Row = TypeVar("_Row")
+
+ASKED: Mapping[str, tuple[float, float]] = {
+    "effective.coverage_95": (0.92, 1.0),
+    "light.effective.coverage_95": (0.90, 1.0),
+    "listed.physical.coverage_95": (0.90, 1.0),
+    "listed.physical.worst": (0.75, 1.0),
+    "unlisted.trusted_wrong": (0.0, 0.05),
+    "width_ratio": (0.0, 2.0),
+    "linear.coverage_95": (0.92, 0.98),
+    "linear.file.coverage_95": (0.92, 1.0),
+    "causes.first": (0.8, 1.0),
+    "causes.first_three": (0.9, 1.0),
+}
+"""What is asked: least and most."""
+
+
+@dataclass(frozen=True)
+class Springs:
+    """The springs of one fit.
+
+    Attributes:
+        names: Names of the fit's springs.
+        counted (n_spring,): Whether the data were to determine them, decided before the fit.
+        truth (n_spring,): True values; NaN where none is known.
+        physical: Intervals of the springs themselves (1, n_spring), around their middles.
+        effective: Intervals of the values that predict (1, n_spring); NaN without any.
+    """
+
+    names: tuple[str, ...]
+    counted: BoolArray
+    truth: FloatArray
+    physical: Intervals
+    effective: Intervals
+
+
+@dataclass(frozen=True)
+class RobotRow:
+    """What the study found of one robot.
+
+    Attributes:
+        random: Springs of the fit in random places; None where it was refused.
+        fresh: Those of the reference; None without one.
+        designed: Those in designed places; None without them.
+        grade: The grade that it got; None where it was not graded.
+    """
+
+    random: Springs | None
+    fresh: Springs | None = None
+    designed: Springs | None = None
+    grade: int | None = None
+
+
+def springs_of(solution: ElasticSolution, truth: Mapping[str, float]) -> Springs:
+    """Returns the springs of a fit with the true values by name."""
+    estimate = solution.estimate
+    rows = [row for row, kind in enumerate(estimate.kinds) if kind == "stiffness"]
+    names = tuple(estimate.names[row] for row in rows)
+    lower, upper = estimate.lower[rows][None], estimate.upper[rows][None]
+    middle = np.sqrt(np.maximum(lower, 0.0)) * np.sqrt(np.maximum(upper, 0.0))
+    values = effective_values(solution)
+    chosen = [each[rows][None] for each in values] if values else [np.full((1, len(rows)), np.nan)] * 3
+    return Springs(
+        names=names,
+        counted=estimate.identifiable[rows],
+        truth=np.array([truth.get(name, np.nan) for name in names]),
+        physical=Intervals(middle, lower, upper),
+        effective=Intervals(*chosen),
+    )
+
+
+def effective_values(solution: ElasticSolution) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Returns value, lower and upper end of what predicts; None where a fit has no such interval."""
+    for owner, prefix in ((solution.estimate, "effective_"), (solution.effective, "")):
+        found = [getattr(owner, f"{prefix}{end}", None) for end in ("value", "lower", "upper")]
+        if all(each is not None for each in found):
+            return np.asarray(found[0]), np.asarray(found[1]), np.asarray(found[2])
+    return None
+
+
+def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[str, float]:
+    """Returns the figures of a set of robots; NaN where something is not known.
+
+    Args:
+        name: Name of the set.
+        rows: Its robots.
+        listed: Whether its defects are on the list of doubts.
+    """
+    fitted = [row.random for row in rows if row.random is not None]
+    own = physical_held(fitted)
+    places = {use: effective_held([(getattr(row, use), row.fresh) for row in rows]) for use in ("random", "designed")}
+    found = {
+        "effective.coverage_95": places["random"].coverage,
+        "effective.coverage_std": places["random"].coverage_std,
+        "effective.worst": places["random"].worst,
+        "effective.width_ratio": places["random"].width_ratio,
+        "effective.half_width": _median(places["random"]),
+        "effective.designed": places["designed"].coverage,
+        "physical.coverage_95": own.coverage,
+        "physical.coverage_std": own.coverage_std,
+        "physical.worst": own.worst,
+        "physical.width_ratio": own.width_ratio,
+        "physical.half_width": _median(own),
+        "trusted": _share([row.grade == _TRUST for row in rows if row.grade is not None]),
+        "trusted_wrong": trusted_wrong(rows),
+        "robots": float(len(rows)),
+        "refused": _share([row.random is None for row in rows]),
+        "springs_counted": float(np.mean([each.counted.mean() for each in fitted])) if fitted else np.nan,
+    }
+    ratios = [found["effective.width_ratio"], found["physical.width_ratio"] if listed else np.nan]
+    found["width_ratio"] = largest(ratios)
+    return {f"{name}.{key}": value for key, value in found.items()}
+
+
+def physical_held(fits: Sequence[Springs]) -> Held:
+    """Holds the intervals of some fits against the springs themselves."""
+    return physical(_joined([fit.physical for fit in fits]), _rows(fits, "truth"), _rows(fits, "counted").astype(bool))
+
+
+def effective_held(pairs: Sequence[tuple[Springs | None, Springs | None]]) -> Held:
+    """Holds the intervals of fits against those of the same robots in fresh places, where both are known."""
+    known = [(one, other) for one, other in pairs if one is not None and other is not None]
+    counted = _rows([one for one, _ in known], "counted").astype(bool)
+    found, reference = (_joined([pair[side].effective for pair in known]) for side in (0, 1))
+    return effective(found, reference, counted)
+
+
+def spring_rows(rows: Sequence[RobotRow]) -> list[tuple[str, float, float, float, float, float]]:
+    """Returns each spring's name, how often it counts, its effective and physical coverage, half width and error.
+
+    Half width and error are physical, medians over the robots; NaN where it never counts.
+    """
+    fits = [row.random for row in rows if row.random is not None]
+    if not fits:
+        return []
+    own, pairs = physical_held(fits), effective_held([(row.random, row.fresh) for row in rows])
+    found = []
+    for column, name in enumerate(fits[0].names):
+        counted = own.counted[:, column]
+        shared = float(pairs.each_spring[column]) if pairs.inside.size else np.nan
+        width, error = (_middle(each[counted, column]) for each in (own.half_width, np.abs(own.error)))
+        found.append((name, float(counted.mean()), shared, float(own.each_spring[column]), width, error))
+    return found
+
+
+def trusted_wrong(rows: Sequence[RobotRow]) -> float:
+    """Share of the robots that are graded trust though a spring is off by more than three half widths."""
+    wrong = []
+    for row in rows:
+        if row.grade is None:
+            continue
+        off = np.nan
+        if row.random is not None:
+            off = float(worst_half_widths(row.random.physical, row.random.truth[None], row.random.counted[None])[0])
+        wrong.append(row.grade == _TRUST and off > _HALF_WIDTHS)
+    return _share(wrong)
+
+
+def cause_figures(kinds: Mapping[str, tuple[tuple[str, ...], Sequence[tuple[str, ...]]]]) -> dict[str, float]:
+    """Returns how often what is wrong is named.
+
+    Args:
+        kinds: By name, what counts as right, and the causes that each robot's fit was told, the first to blame first.
+    """
+    found, first, three = {}, [], []
+    for name, (right, told) in kinds.items():
+        ranks = [tuple(dict.fromkeys(each)) for each in told]
+        hits = [bool(rank) and rank[0] in right for rank in ranks]
+        first += hits
+        three += [bool(set(rank[:3]) & set(right)) for rank in ranks]
+        found[f"causes.{name}.first"] = _share(hits)
+    return {"causes.first": _share(first), "causes.first_three": _share(three), **found}
+
+
+def is_reached(value: float, limits: tuple[float, float]) -> bool:
+    """Whether a figure is within what is asked."""
+    return limits[0] <= value <= limits[1]
+
+
+def largest(values: Sequence[float]) -> float:
+    """The largest of those that are known; NaN where none is."""
+    known = [value for value in values if np.isfinite(value)]
+    return max(known, default=np.nan)
+
+
+def _rows(fits: Sequence[Springs], key: str) -> FloatArray:
+    return np.array([getattr(fit, key) for fit in fits], dtype=float).reshape(
+        len(fits), len(fits[0].names) if fits else 0
+    )
+
+
+def _joined(parts: Sequence[Intervals]) -> Intervals:
+    if not parts:
+        return Intervals(*(np.zeros((0, 0)) for _ in range(3)))
+    return Intervals(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("value", "lower", "upper")))
+
+
+def _median(held: Held) -> float:
+    return _middle(held.half_width[held.counted])
+
+
+def _middle(values: FloatArray) -> float:
+    return float(np.median(values)) if values.size else np.nan
+
+
+def _share(said: Sequence[bool]) -> float:
+    return float(np.mean(said)) if said else np.nan

@@ -1,0 +1,221 @@
+"""What the study of trust found: coverage of effective and physical springs, and which causes are named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
+
+from robid.artifacts.artifact import Artifact
+from robid.pipeline import Run
+from robid.report.content import Verdict
+from robid.report.numbers import MISSING, percent, significant
+from robid.report.section import Section, Table
+from robid.settings.trust_study import TrustStudy
+from robid.studies.conclusion import Conclusion
+from robid.studies.study import Earlier
+from robid.studies.tasks import Results
+from robid.studies.trust.figures import (
+    ASKED,
+    RobotRow,
+    Springs,
+    cause_figures,
+    effective_held,
+    is_reached,
+    largest,
+    physical_held,
+    set_figures,
+    spring_rows,
+    springs_of,
+)
+from robid.studies.trust.individuals import FILE, LINEAR, Individual, individuals
+from robid.studies.trust.models import model_name, read_model
+from robid.studies.trust.study import DESIGNED, FRESH, RANDOM, study_of
+
+_TITLES = {
+    "effective.coverage_95": "Effective values covered",
+    "effective.designed": "The same in designed places",
+    "effective.worst": "Worst spring",
+    "effective.half_width": "Half width",
+    "effective.width_ratio": "Width ratio",
+    "physical.coverage_95": "Springs covered",
+    "physical.worst": "Worst spring",
+    "physical.half_width": "Half width",
+    "physical.width_ratio": "Width ratio",
+    "trusted": "Graded trust",
+    "trusted_wrong": "Trusted and wrong",
+}
+
+
+def conclude(run: Run, results: Earlier) -> Conclusion:
+    """Turns intervals, grades and causes into figures, tables and the verdict."""
+    study = study_of(run.loaded)
+    rows = {one.key: row for one, row in _rows(individuals(study), results)}
+    summary = summarise(study, rows, results)
+    asked = bars(study, summary)
+    reached = [is_reached(summary[name], limits) for name, limits in asked.items()]
+    judged = study.use == "judge" and study.chosen.robots is None
+    text = f"{sum(reached)} of {len(reached)} figures are within what is asked."
+    missed = [name for name, good in zip(asked, reached, strict=True) if not good]
+    if missed:
+        text = f"{text} Missed: {', '.join(missed)}."
+    warnings = () if judged else ("These robots are for choosing: their figures say nothing.",)
+    springs = [_spring_section(name, [rows[one.key] for one in _of(study, name)]) for name in study.sets]
+    tables = _asked_section(summary, asked), _set_section(study, summary), *_cause_section(study, summary)
+    return Conclusion(
+        Verdict(text, "ok" if all(reached) and judged else "warn"), summary, (*tables, *springs), warnings
+    )
+
+
+def summarise(study: TrustStudy, rows: Mapping[str, RobotRow], results: Earlier) -> dict[str, float]:
+    """Returns the figures of summary.json; what is not known is left out."""
+    robots = individuals(study)
+    found: dict[str, float] = {}
+    heavy = []
+    for name, defects in study.sets.items():
+        own = [rows[one.key] for one in _of(study, name)]
+        found |= set_figures(name, own, listed=defects.listed)
+        heavy += own if defects.robot == "heavy" else []
+    pooled = effective_held([(row.random, row.fresh) for row in heavy])
+    found |= {"effective.coverage_95": pooled.coverage, "effective.coverage_std": pooled.coverage_std}
+    found |= _linear_figures(robots, rows)
+    ratios = [found[f"{name}.width_ratio"] for name, defects in study.sets.items() if defects.robot == "heavy"]
+    found["width_ratio"] = largest([*ratios, found.get("linear.width_ratio", math.nan)])
+    found |= _named(study, robots, results)
+    found |= {f"cost.{name}_seconds": value for name, value in _seconds(results)}
+    return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def bars(study: TrustStudy, summary: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Returns what is asked of the figures that there are, by their names."""
+    found = {}
+    for name, defects in study.sets.items():
+        light = "light." if defects.robot == "light" else ""
+        found[f"{name}.effective.coverage_95"] = ASKED[f"{light}effective.coverage_95"]
+        if defects.robot == "light":
+            continue
+        if defects.listed:
+            found |= {f"{name}.physical.{key}": ASKED[f"listed.physical.{key}"] for key in ("coverage_95", "worst")}
+        else:
+            found[f"{name}.trusted_wrong"] = ASKED["unlisted.trusted_wrong"]
+    named = ("effective.coverage_95", "width_ratio", "linear.coverage_95", "linear.file.coverage_95")
+    found |= {name: ASKED[name] for name in (*named, "causes.first", "causes.first_three")}
+    return {name: limits for name, limits in found.items() if name in summary}
+
+
+def _of(study: TrustStudy, group: str) -> list[Individual]:
+    return [one for one in individuals(study) if one.group == group]
+
+
+def _rows(robots: Sequence[Individual], results: Earlier) -> Iterator[tuple[Individual, RobotRow]]:
+    models = {path.name.split(".")[0]: index for index, path in enumerate(results[1].paths)}
+    linear = {path.name.split(".")[0]: index for index, path in enumerate(results[2].paths)}
+    grades = {path.name.split(".")[0]: index for index, path in enumerate(results[3].paths)}
+    for one in robots:
+        if one.kind == "linear":
+            yield one, RobotRow(_springs(results[2][linear[one.key]]))
+        elif one.kind == "set":
+            found = {
+                use: _springs(results[1][models[model_name(one, use)]])
+                for use in (RANDOM, FRESH, DESIGNED)
+                if model_name(one, use) in models
+            }
+            grade = results[3][grades[one.key]].attributes.get("grade")
+            own = int(grade) if isinstance(grade, int | float) else None
+            yield one, RobotRow(found.get(RANDOM), found.get(FRESH), found.get(DESIGNED), own)
+
+
+def _springs(held: Artifact) -> Springs | None:
+    model = read_model(held)
+    return None if model is None else springs_of(*model)
+
+
+def _linear_figures(robots: Sequence[Individual], rows: Mapping[str, RobotRow]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for group, name in ((LINEAR, "linear"), (FILE, "linear.file")):
+        fits = [rows[one.key].random for one in robots if one.group == group]
+        held = physical_held([fit for fit in fits if fit is not None])
+        found |= {
+            f"{name}.coverage_95": held.coverage,
+            f"{name}.coverage_std": held.coverage_std,
+            f"{name}.width_ratio": held.width_ratio,
+            f"{name}.worst": held.worst,
+        }
+    return found
+
+
+def _named(study: TrustStudy, robots: Sequence[Individual], results: Earlier) -> dict[str, float]:
+    grades = {path.name.split(".")[0]: index for index, path in enumerate(results[3].paths)}
+    kinds = {}
+    for name, kind in study.causes.items():
+        own = [results[3][grades[one.key]] for one in robots if one.group == name]
+        kinds[name] = kind.named, [tuple(held.datasets["causes"].values.tolist()) for held in own]
+    return cause_figures(kinds)
+
+
+def _seconds(results: Earlier) -> Iterator[tuple[str, float]]:
+    for name, done in zip(("place", "fit", "linear_fit", "grade"), results, strict=True):
+        yield name, _mean_seconds(done)
+
+
+def _mean_seconds(done: Results) -> float:
+    if not len(done):
+        return math.nan
+    spans = []
+    for held in done:
+        begun, ended = (
+            datetime.fromisoformat(at) for at in (held.provenance.started_utc, held.provenance.finished_utc)
+        )
+        spans.append((ended - begun).total_seconds())
+    return sum(spans) / len(spans)
+
+
+def _asked_section(summary: Mapping[str, float], asked: Mapping[str, tuple[float, float]]) -> Section:
+    rows = []
+    for name, (least, most) in asked.items():
+        said = f"at most {significant(most)}" if least == 0 else f"at least {significant(least)}"
+        if least > 0 and most < 1:
+            said = f"{significant(least)} to {significant(most)}"
+        deviation = summary.get(name.replace("coverage_95", "coverage_std")) if "coverage_95" in name else None
+        good = "reached" if is_reached(summary[name], (least, most)) else "missed"
+        rows.append((name, significant(summary[name]), significant(deviation), said, good))
+    table = Table(("Figure", "Found", "Monte Carlo deviation", "Asked", ""), tuple(rows))
+    return Section("What is asked", "Fixed before any of these robots was looked at.", (table,))
+
+
+def _set_section(study: TrustStudy, summary: Mapping[str, float]) -> Section:
+    rows = tuple(
+        (name, *(_cell(key, summary.get(f"{name}.{key}")) for key in _TITLES), f"{summary[f'{name}.robots']:.0f}")
+        for name in study.sets
+    )
+    caption = (
+        "Springs that the data were to determine, decided before the fit. Effective: held against the same fit in fresh"
+        " places, within the root of both half widths squared. Width ratio: median half width over the 95 % quantile of"
+        " the absolute error, median over the springs."
+    )
+    return Section("Sets of robots", "", (Table(("Set", *_TITLES.values(), "Robots"), rows, caption=caption),))
+
+
+def _spring_section(name: str, rows: Sequence[RobotRow]) -> Section:
+    cells = tuple(
+        (spring.removesuffix(".stiffness"), *(_cell("", value if math.isfinite(value) else None) for value in values))
+        for spring, *values in spring_rows(rows)
+    )
+    heads = ("Spring", "Counted", "Effective covered", "Physical covered", "Half width", "Error")
+    return Section(f"Springs of set {name}", "Half width and error: physical, medians.", (Table(heads, cells),))
+
+
+def _cause_section(study: TrustStudy, summary: Mapping[str, float]) -> tuple[Section, ...]:
+    if not study.causes:
+        return ()
+    rows = tuple(
+        (name.replace("_", " "), ", ".join(kind.named), _cell("", summary.get(f"causes.{name}.first")))
+        for name, kind in study.causes.items()
+    )
+    return (Section("Causes", "", (Table(("Defect", "Right", "Named first"), rows),)),)
+
+
+def _cell(key: str, value: float | None) -> str:
+    if value is None:
+        return MISSING
+    return significant(value) if key.endswith("ratio") else percent(value)

@@ -1,0 +1,135 @@
+"""Estimates of several individuals of the robot against the truth, estimator by estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.artifact import Artifact, Dataset
+from robid.artifacts.frf import FRF
+from robid.artifacts.store import read_header
+from robid.families.elastic.settings import model_settings
+from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.options import ElasticOptions
+from robid.pipeline import Run
+from robid.robot.description import Robot
+from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import delay_s
+from robid.settings.study import WernholtStudy
+from robid.settings.truth import true_robot_of
+from robid.studies.over_individuals import stated_std
+from robid.studies.simulated import simulate_options
+from robid.studies.study import Earlier
+from robid.studies.tasks import Content, Task
+from robid.studies.wernholt2008.study import read_frf, study_of, with_estimator
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """One estimator on one individual.
+
+    Attributes:
+        robot: The robot file's.
+        truth: The true robot.
+        frf: Where its responses lie.
+        options: Options of the fit.
+        delay_s: Nominal delay [s].
+    """
+
+    robot: Robot
+    truth: Robot
+    frf: Path
+    options: ElasticOptions
+    delay_s: float
+
+
+@dataclass(frozen=True)
+class Individuals:
+    """What all estimators make of the individuals.
+
+    Attributes:
+        names: Names of the parameters.
+        error: Logarithm of estimate over truth (n_individual, n_param) by estimator.
+        std: Relative deviation that each fit states (n_individual, n_param) by estimator.
+        misfit: Cost over what noise and the assumed model error give (n_individual,) by estimator.
+    """
+
+    names: tuple[str, ...]
+    error: dict[str, FloatArray]
+    std: dict[str, FloatArray]
+    misfit: dict[str, FloatArray]
+
+    def size(self, estimator: str) -> FloatArray:
+        """Size of an estimator's errors (n_individual,), the median: a few parameters are hardly determined."""
+        return np.asarray(np.median(np.abs(self.error[estimator]), axis=1))
+
+
+def estimators_of(study: WernholtStudy) -> list[str]:
+    """Returns the estimators that use all configurations."""
+    return [name for name, one in study.estimators.items() if one.configurations == "all"]
+
+
+def individual_tasks(run: Run, _earlier: Earlier) -> list[Task]:
+    """Returns one task for each individual and estimator."""
+    study = study_of(run.loaded)
+    found = []
+    for campaign_name in study.individuals:
+        campaign = run.loaded.experiment.campaigns[campaign_name]
+        robot = run.loaded.robot.to_robot(campaign.payload_kg)
+        simulated = simulate_options(campaign)
+        truth = true_robot_of(run.loaded.robot, campaign.payload_kg, simulated.truth)
+        path, delay = run.path(f"{campaign_name}/frf.h5"), delay_s(run.loaded, campaign)
+        decides = {
+            "frf": read_header(path, FRF).content_sha256,
+            "source": plain_settings(campaign.source),
+            **model_settings(run.loaded, campaign_name),
+        }
+        for name in estimators_of(study):
+            choice = study.estimators[name]
+            options = replace(
+                with_estimator(study.fit, choice.estimator, choice.weights), starts=study.individual_starts
+            )
+            fitting = Fitting(robot, truth, path, options, delay)
+            found.append(Task(f"{name}_{campaign_name}", {**decides, "options": plain_settings(options)}, fitting))
+    return found
+
+
+def fit_individual(one: Fitting) -> Content:
+    """Fits one individual and holds its springs and dampers against the truth."""
+    solution = fit_elastic(one.robot, read_frf(one.frf), one.options, one.delay_s)
+    estimate = solution.estimate
+    true = {f"{spring.name}.stiffness": spring.stiffness for spring in one.truth.springs}
+    true |= {f"{spring.name}.damping": spring.damping for spring in one.truth.springs}
+    known = [index for index, name in enumerate(estimate.names) if name in true]
+    names = [estimate.names[index] for index in known]
+    error = np.log(estimate.value[known] / np.array([true[name] for name in names]))
+    parameter = ("parameter",)
+    datasets = {
+        "names": Dataset(np.array(names), "1", parameter),
+        "error": Dataset(error, "1", parameter, "Logarithm of the estimate over the truth"),
+        "std": Dataset(stated_std(estimate)[known], "1", parameter, "Relative deviation that the fit states"),
+        "misfit": Dataset(np.array(solution.misfit), "1", (), "Cost over what noise and the assumed model error give"),
+    }
+    return Content(datasets, {"status": estimate.status})
+
+
+def gather_individuals(study: WernholtStudy, results: Sequence[Artifact]) -> Individuals | None:
+    """Puts the individuals' results together; None where the study has none."""
+    if not results:
+        return None
+    estimators = estimators_of(study)
+
+    def every(key: str) -> dict[str, FloatArray]:
+        values = [result.datasets[key].values for result in results]
+        return {name: np.array(values[at :: len(estimators)]) for at, name in enumerate(estimators)}
+
+    return Individuals(
+        names=tuple(results[0].datasets["names"].values.tolist()),
+        error=every("error"),
+        std=every("std"),
+        misfit=every("misfit"),
+    )

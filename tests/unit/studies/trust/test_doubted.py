@@ -1,0 +1,76 @@
+"""Robots that are off by what they are doubted for: exact responses against the doubts' own derivatives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot
+from robid.fit.elastic.doubts.gears import Hysteresis
+from robid.fit.elastic.doubts.listing import list_doubts
+from robid.fit.elastic.doubts.scene import Scene
+from robid.fit.elastic.fitting import set_up
+from robid.fit.elastic.options import ElasticOptions
+from robid.studies.trust.doubted import Doubted, as_file, doubted_responses, draw_doubted
+
+OPTIONS = ElasticOptions(free=("stiffness", "damping"))
+PLACES = np.array([[0.3, -0.8], [0.9, 0.4], [-0.5, 1.2]])
+FREQUENCY_HZ = np.geomspace(2, 60, 12)
+SAMPLING = 1e-3, 2e-3
+
+
+def responses(off, robot=None):
+    return doubted_responses(robot or two_joint_robot(), off, PLACES, FREQUENCY_HZ, SAMPLING)
+
+
+def off_by(index, amount):
+    plain = as_file(two_joint_robot(), OPTIONS, len(PLACES))
+    amounts = plain.amounts.copy()
+    amounts[index] = amount
+    return replace(plain, amounts=amounts)
+
+
+def test_a_robot_that_is_as_its_file_has_its_response():
+    robot = two_joint_robot()
+    exact = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=SAMPLING[1]).response
+    np.testing.assert_allclose(responses(as_file(robot, OPTIONS, len(PLACES))), exact, rtol=1e-10)
+
+
+def test_small_amounts_do_what_the_doubts_derivatives_say():
+    robot = two_joint_robot()
+    frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=SAMPLING[1], declared_noise=1e-3)
+    problem = set_up(robot, frf, OPTIONS, SAMPLING[1])[0]
+    scene = Scene(problem, np.zeros(len(problem.parameters.names)), robot, OPTIONS)
+    doubts, nothing = list_doubts(robot, OPTIONS), responses(as_file(robot, OPTIONS, len(PLACES)))
+    tried = [index for index, doubt in enumerate(doubts) if not isinstance(doubt.direction, Hysteresis)]
+    assert {doubts[index].cause for index in tried} >= {"payload", "masses", "torque_constant", "missing_spring"}
+    for index in tried:
+        step = 1e-3 * doubts[index].common_std
+        found = np.log(responses(off_by(index, step)) / nothing) / step
+        wanted = doubts[index].direction.column(scene)
+        assert np.linalg.norm(found - wanted) < 0.02 * np.linalg.norm(wanted), doubts[index].name
+
+
+def test_amounts_are_drawn_from_their_priors():
+    robot = two_joint_robot()
+    drawn = [draw_doubted(robot, OPTIONS, 40, seed) for seed in range(150)]
+    doubts, amounts = drawn[0].doubts, np.array([one.amounts for one in drawn])
+    np.testing.assert_array_equal(amounts[3], draw_doubted(robot, OPTIONS, 40, 3).amounts)
+    for doubt, own in zip(doubts, amounts.transpose(1, 0, 2), strict=True):
+        if doubt.least == 0:
+            assert (own >= 0).all()
+            continue
+        total = np.hypot(doubt.common_std, doubt.place_std)
+        assert np.sqrt(np.mean(own**2)) == pytest.approx(total, rel=0.25), doubt.name
+        assert own.std(axis=1).mean() == pytest.approx(doubt.place_std, rel=0.1, abs=1e-12), doubt.name
+
+
+def test_every_place_has_its_own_torque_constants():
+    doubts = list_doubts(two_joint_robot(), OPTIONS)
+    index = [doubt.name for doubt in doubts].index("elbow.torque_constant")
+    plain = as_file(two_joint_robot(), OPTIONS, len(PLACES))
+    amounts = plain.amounts.copy()
+    amounts[index] = [0.0, 5.0, -20.0]
+    ratio = responses(Doubted(doubts, amounts)) / responses(plain)
+    np.testing.assert_allclose(ratio[..., 0], 1.0)
+    np.testing.assert_allclose(ratio[:, 0, 0, 1], 1 / np.array([1.0, 1.05, 0.8]))

@@ -1,0 +1,71 @@
+"""The robots of the study: seeds that no two share, sizes within their bounds, defects that stay the same."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robid.settings.trust_study import Defects, TrustStudy
+from robid.studies.known import load_with_study
+from robid.studies.trust.individuals import drawn_physics, individuals
+
+ROOT = Path(__file__).parents[4]
+BEARING = {"joint": "turn", "place": "bearing", "axis": [1, 0, 0], "stiffness_nm_rad": 1e5, "damping_nms_rad": 10}
+SPRINGS = [{**BEARING, "name": f"s{number}"} for number in range(4)]
+
+
+def study(**changed):
+    stated = {
+        "kind": "trust",
+        "fit": "elastic",
+        "sets": {"a": {"robots": 3, "referenced": 1, "imperfections": {"hysteresis_nm": 5}}, "b": {"robots": 2}},
+        "linear": {"drawn": 2, "file": 1},
+        "causes": {"payload": {"named": ["payload"], "imperfections": {"unmodelled_payload_kg": 3}}},
+        "cause_robots": 2,
+        "seeds": {"judge": {"first": 1001}, "choose": {"first": 301, "robots": 1}},
+    }
+    return TrustStudy.model_validate({**stated, **changed})
+
+
+def test_each_robot_has_a_seed_of_its_own():
+    found = individuals(study())
+    assert [one.seed for one in found] == list(range(1001, 1011))
+    assert [one.key for one in found][3:8] == ["b_1004", "b_1005", "payload_1006", "payload_1007", "linear_1008"]
+    assert [one.referenced for one in found if one.group == "a"] == [True, False, False]
+    first = individuals(study(use="choose"))
+    assert [one.key for one in first] == ["a_301", "b_302", "payload_303", "linear_304", "linear_file_305"]
+
+
+def test_stated_causes_have_stated_sizes():
+    payload = next(one for one in individuals(study()) if one.group == "payload")
+    assert payload.physics == {"imperfections": {"unmodelled_payload_kg": 3.0}}
+
+
+def test_sizes_are_drawn_within_their_factor_and_orders_are_not():
+    stated = {"hysteresis_nm": 50, "backlash_rad": 3e-5, "second_ripple_order": 2, "friction": "tanh", "ripple": True}
+    defects = Defects(imperfections=stated, springs=SPRINGS, springs_each=2, size_factor=1.5, robots=1)
+    drawn = [drawn_physics(defects, seed) for seed in range(200)]
+    assert drawn[0] == drawn_physics(defects, 0) != drawn[1]
+    for key in ("hysteresis_nm", "backlash_rad"):
+        logs = np.log([one["imperfections"][key] / stated[key] for one in drawn])
+        assert np.abs(logs).max() <= np.log(1.5)
+        assert logs.std() == pytest.approx(np.log(1.5) / np.sqrt(3), rel=0.15)
+    for one in drawn:
+        assert [one["imperfections"][key] for key in ("second_ripple_order", "friction", "ripple")] == [2, "tanh", True]
+        names = [spring["name"] for spring in one["truth"]["springs"]]
+        assert len(set(names)) == 2
+        for spring in one["truth"]["springs"]:
+            assert spring["stiffness_nm_rad"] / spring["damping_nms_rad"] == pytest.approx(1e4)
+    assert {spring["name"] for one in drawn for spring in one["truth"]["springs"]} == {"s0", "s1", "s2", "s3"}
+
+
+def test_the_study_of_the_rule_is_as_large_as_it_says():
+    stated = load_with_study(ROOT / "configs" / "studies" / "trust.yaml").experiment.study
+    found = individuals(stated)
+    sizes = {group: sum(one.group == group for one in found) for group in ("a", "b", "light", "linear", "linear_file")}
+    assert sizes == {"a": 24, "b": 24, "light": 16, "linear": 40, "linear_file": 10}
+    assert sum(one.kind == "cause" for one in found) == 15 * 5
+    assert min(one.seed for one in found) == 1001
+    assert {one.seed for one in individuals(stated.model_copy(update={"use": "choose"}))} <= set(range(301, 331))
+    referenced = [one for one in found if one.referenced and one.robot == "heavy"]
+    assert len(referenced) == 24

@@ -1,0 +1,51 @@
+"""What is asked of which figure, and that the rule in CONTRIBUTING.md says the same."""
+
+from pathlib import Path
+
+from robid.studies.known import load_with_study
+from robid.studies.trust.figures import ASKED
+from robid.studies.trust.report import bars
+
+ROOT = Path(__file__).parents[4]
+HEADING = "### The rule by which intervals are judged was fixed before the robots that judge"
+
+
+def test_every_set_has_the_bars_of_its_kind():
+    study = load_with_study(ROOT / "configs" / "studies" / "trust.yaml").experiment.study
+    keys = ("effective.coverage_95", "physical.coverage_95", "physical.worst", "trusted_wrong", "width_ratio")
+    known = {f"{name}.{key}" for name in ("a", "b", "light") for key in keys}
+    known |= {"effective.coverage_95", "width_ratio", "linear.coverage_95", "linear.file.coverage_95"}
+    known |= {"causes.first", "causes.first_three"}
+    asked = bars(study, dict.fromkeys(known, 0.0))
+    of_sets = {name for name in asked if name.split(".")[0] in study.sets}
+    assert of_sets == {
+        *("a.effective.coverage_95", "b.effective.coverage_95", "light.effective.coverage_95"),
+        *("a.physical.coverage_95", "a.physical.worst", "b.trusted_wrong"),
+    }
+    assert asked["light.effective.coverage_95"] == (0.90, 1.0)
+    assert asked["b.effective.coverage_95"] == (0.92, 1.0)
+    assert len(asked) == len(of_sets) + 6
+    assert bars(study, {"a.physical.worst": 0.9}) == {"a.physical.worst": (0.75, 1.0)}
+
+
+def test_the_rule_states_what_is_asked():
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    rule = text[text.index(HEADING) :]
+    rule = " ".join(rule[: rule.index("\n### ", 1)].split())
+    said = {
+        "effective.coverage_95": "`effective.coverage_95` 0.92 pooled and for A and B each",
+        "light.effective.coverage_95": "0.90 for light robots",
+        "listed.physical.coverage_95": "`a.physical.coverage_95` 0.90",
+        "listed.physical.worst": "(the lowest spring over the set's robots) 0.75",
+        "unlisted.trusted_wrong": "`b.trusted_wrong` at most 0.05",
+        "width_ratio": "`width_ratio` at most 2",
+        "linear.coverage_95": "`linear.coverage_95` 0.92 to 0.98",
+        "linear.file.coverage_95": "0.92 where robots are as in their file",
+        "causes.first": "`causes.first` 0.8",
+        "causes.first_three": "`causes.first_three` 0.9",
+    }
+    assert said.keys() == ASKED.keys()
+    for name, words in said.items():
+        assert words in rule, name
+        limit = ASKED[name][0] or ASKED[name][1]
+        assert f"{limit:g}" in words, name
