@@ -86,7 +86,8 @@ def _meant(robot: Robot, wrong: str, every: Sequence[DoubtColumn]) -> str:
     causes = list(dict.fromkeys(doubt.cause for doubt in every))
     springs = [further.spring.name for further in further_springs(robot)]
     known = [*ELASTIC, *causes, *(name for doubt in every for name in groups(doubt)), *springs]
-    close = difflib.get_close_matches(wrong, dict.fromkeys(known), n=3, cutoff=0.5)
+    turned = ".".join(reversed(wrong.split(".")))
+    close = [turned] if turned in known else difflib.get_close_matches(wrong, dict.fromkeys(known), n=3, cutoff=0.5)
     if close:
         return f"did you mean {' or '.join(f'`{name}`' for name in close)}?"
     shown = ", ".join(f"`{name}`" for name in (*ELASTIC, *causes, *springs[:1]))
