@@ -47,9 +47,10 @@ class ElasticOptions:
     free: tuple[ElasticKind | str, ...] = field(
         default=FREE,
         metadata={
-            "description": f"Kinds of parameters that are estimated (of {', '.join(f'`{kind}`' for kind in ELASTIC)}), and"
-            " what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`, `axis_2.com`, `gear_coupling`, `bearing_axis_2_x`. Where only"
-            " such doubts are named, the default kinds are estimated too."
+            "description": f"Kinds of parameters that are estimated ({', '.join(f'`{kind}`' for kind in ELASTIC)}),"
+            " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`, `axis_2.com`,"
+            " `gear_coupling`, `torque_constant`, `bearing_axis_2_x`. Where only such doubts are named, the default kinds"
+            " are estimated too."
         },
     )
     fixed: tuple[str, ...] = field(

@@ -109,7 +109,7 @@ def test_a_payload_that_is_off_returns_and_the_springs_with_it(true_arm):
     index = estimate.names.index("payload.mass")
     assert (estimate.nominal[index], estimate.units[index], estimate.kinds[index]) == (4.0, "kg", DOUBT)
     assert estimate.lower[index] < 4.4 < estimate.upper[index]
-    assert estimate.upper[index] - estimate.lower[index] < 0.1
+    assert estimate.upper[index] - estimate.lower[index] < 0.4
     assert estimate.prior_relative_std[index] == pytest.approx(PRIOR_FACTOR * 0.02)
     assert solution.costs.total < 0.2 * wrong.costs.total
     gear = estimate.names.index("gear_2.stiffness")
