@@ -48,9 +48,9 @@ class ElasticOptions:
         default=FREE,
         metadata={
             "description": f"Kinds of parameters that are estimated ({', '.join(f'`{kind}`' for kind in ELASTIC)}),"
-            " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`, `axis_2.com`,"
-            " `gear_coupling`, `torque_constant`, `bearing_axis_2_x`. Where only such doubts are named, the default kinds"
-            " are estimated too."
+            " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`,"
+            " `axis_2.com`, `gear_coupling`, `torque_constant`, `bearing_axis_2_x`. Where only such doubts are named,"
+            " the default kinds are estimated too."
         },
     )
     fixed: tuple[str, ...] = field(
