@@ -28,7 +28,7 @@ def test_a_payload_that_is_off_by_a_thirtieth_is_named_and_found(name):
     stated = load_robot(ROBOTS / f"{name}.yaml").to_robot()
     load = stated.payload
     heavier = Inertial(load.mass_kg * 31 / 30, load.com_m, load.inertia_kgm2 * 31 / 30)
-    places = np.random.default_rng(3).uniform(-0.8, 0.8, (4, 6)) + [0, -0.9, 0.9, 0, 0.6, 0]
+    places = np.random.default_rng(3).uniform(-0.8, 0.8, (4, 6)) + np.array([0, -0.9, 0.9, 0, 0.6, 0])
     frf = exact_frf(replace(stated, payload=heavier), places, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
     before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
     first = explain(stated, fitted_model(stated, before, frf, OPTIONS, DELAY_S), OPTIONS)[0]
