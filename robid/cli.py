@@ -16,6 +16,10 @@ from robid.stages.stage import Stage
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _INTERRUPTED = 130
+_TRY = (
+    "Refit from the minimum found with this in `free` too, and show both side by side; writes nothing unless"
+    " --output says where. Can be repeated."
+)
 _STRICT = "Exit with 5 unless the model can be trusted, even where it predicts well."
 
 app = typer.Typer(
@@ -88,6 +92,7 @@ def _add_stage(stage: Stage) -> None:
     owner_option = typer.Option(f"--{stage.owned_by}", help=described, hidden=is_whole)
 
     strict_option = typer.Option("--strict", help=_STRICT, hidden=stage.owned_by != "fit")
+    try_option = typer.Option("--try", metavar="NAME", help=_TRY, hidden=stage.name != "fit")
 
     def command(
         experiment: ExperimentFile,
@@ -99,14 +104,21 @@ def _add_stage(stage: Stage) -> None:
         output: Annotated[Path | None, typer.Option("--output", help="Write here instead.")] = None,
         force: Annotated[bool, typer.Option("--force", help="Replace an output that differs.")] = False,
         strict: Annotated[bool, strict_option] = False,
+        tried: Annotated[list[str] | None, try_option] = None,
         as_json: AsJson = False,
         backend: Backend = None,
         workers: Workers = None,
         debug: Debug = False,
     ) -> int:
         del debug
-        from robid.commands.stage import check_strict, run_stage
+        from robid.commands.stage import check_strict, check_try, run_stage
 
+        if tried:
+            from robid.commands.fit_try import try_freeing
+
+            check_try(stage, {"--input": inputs, "--strict": strict})
+            opened = _open(experiment, run_dir, backend, workers)
+            return try_freeing(opened, owner, tried, output, force=force, as_json=as_json)
         if strict:
             check_strict(stage)
         run = _open(experiment, run_dir, backend, workers)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from robid.artifacts.lock import locked
@@ -26,6 +27,20 @@ def check_strict(stage: Stage) -> None:
     if stage.owned_by != "fit":
         remedy = "leave it out; it belongs to `fit`, `validate` and `run`"
         raise SettingsError(f"`{stage.name}` gives no grade", where="--strict", remedy=remedy)
+
+
+def check_try(stage: Stage, others: Mapping[str, object]) -> None:
+    """Refuses `--try` where nothing is fitted, and beside options that it does not know.
+
+    Raises:
+        SettingsError: If it is so.
+    """
+    if stage.name != "fit":
+        raise SettingsError(f"`{stage.name}` fits nothing", where="--try", remedy="leave it out; it belongs to `fit`")
+    given = [name for name, value in others.items() if value]
+    if given:
+        message = f"`{given[0]}` says nothing of a fit that is only tried"
+        raise SettingsError(message, where="--try", remedy=f"leave out {given[0]}")
 
 
 def run_stage(

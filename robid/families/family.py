@@ -164,6 +164,9 @@ class Family:
         report: Lays out a fit for page, terminal and summary.
         compare: Numbers that compare fits of this family with each other, by dotted name.
         exports: Formats that a model can be written in, by name.
+        free_too: The experiment with more names in a fit's `free`, checked; takes the fit's name. None where nothing
+            can be freed.
+        refit: Fits again from the minimum of a model, with what the data's experiment now frees.
         needs_robot: Whether its fits ask for the inside of the robot, so that the experiment must name one.
     """
 
@@ -181,6 +184,8 @@ class Family:
     report: Callable[[Shown], FitReport]
     compare: Callable[[Sequence[Shown]], Mapping[str, float]]
     exports: Mapping[str, Export]
+    free_too: Callable[[LoadedExperiment, str, Sequence[str]], LoadedExperiment] | None = None
+    refit: Callable[[Data, Artifact, Work], Artifact] | None = None
     needs_robot: bool = True
 
 

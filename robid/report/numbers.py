@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+_AS_THEY_ARE = ("%", "mm")  # units that take no prefix
 _PREFIXED_UNITS = ("N", "s", "A", "V", "W", "Hz", "m", "rad")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MISSING = "\N{EN DASH}"
@@ -65,6 +66,8 @@ def scale_for(value: float, unit: str = "", half_width: float | None = None) -> 
     exponent = min(max(3 * (order // 3), -12), 12)
     if not unit:
         exponent = 0 if -3 <= order < 4 else exponent
+    if unit.startswith(_AS_THEY_ARE):
+        exponent = 0
     return Scale(exponent, _scaled_unit(exponent, unit), max(digits - 1 - (order - exponent), 0))
 
 

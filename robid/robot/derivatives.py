@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.robot.linearize import LinearModel
+from robid.robot.linearize import LinearModel, Shifts
 from robid.robot.response import ElasticParameters, Response, alias_factor, fast_limit, mass_matrix
 from robid.robot.rest import Moves, Springs, SpringSlopes, settle_springs, spring_slopes
 
@@ -38,7 +38,7 @@ def jacobian(
     slopes = loaded_slopes(model, parameters, result.springs, kinds)
     through_rest = _rest_columns(parameters, result, slopes, sampling_period_s)
     columns = [_columns(model, parameters, result, kind, sampling_period_s, through_rest.get(kind)) for kind in kinds]
-    return np.concatenate(columns, axis=-1)
+    return np.concatenate(columns, axis=-1) * result.gain[:, None]
 
 
 def _columns(
@@ -49,6 +49,9 @@ def _columns(
     sampling_period_s: float | None,
     through_rest: ComplexArray | None,
 ) -> ComplexArray:
+    if kind == "doubt" and model.shifts is not None:
+        scaled = (result.sampled / result.gain)[..., None] * model.shifts.torque.T
+        return scaled + _move_columns(parameters, result, model.shifts, sampling_period_s)
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
     rate = 1j * result.omega[:, None, None, None]
@@ -112,9 +115,9 @@ def _rest_columns(
 
 
 def _move_columns(
-    parameters: ElasticParameters, result: Response, moves: Moves, sampling_period_s: float | None
+    parameters: ElasticParameters, result: Response, moves: Moves | Shifts, sampling_period_s: float | None
 ) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest."""
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or amounts of doubts."""
     model, square = result.model, result.omega**2
     columns = _inertia_columns(model, parameters, result, moves.mass, sampling_period_s)
     left, right = np.swapaxes(result.outputs, -1, -2), result.inputs
@@ -164,8 +167,8 @@ def _delay_column(
 ) -> ComplexArray:
     rate = -1j * result.omega[:, None, None]
     if sampling_period_s is None:
-        return np.asarray(rate * result.sampled)[..., None]
+        return np.asarray(rate * result.sampled / result.gain)[..., None]
     fast = fast_limit(model, parameters)[:, None]
     aliases, slope = alias_factor(result.omega, parameters.delay[0], sampling_period_s)
-    own = result.sampled - aliases[:, None, None] * fast
+    own = result.sampled / result.gain - aliases[:, None, None] * fast
     return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypedDict
 
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.robot.description import Robot
-from robid.robot.linearize import Equilibrium, LinearModel, gravity_torque, linearize
+from robid.robot.linearize import Equilibrium, LinearModel, Shifts, gravity_torque, linearize
 from robid.robot.model import ElasticModel, build_model
 from robid.robot.rest import Moves
 
@@ -52,14 +54,25 @@ def expand(
         torques.append((ahead - behind) / (2 * _STEP_M))
     width = np.array([_STEP_RAD] * to_rest.shape[1] + [_STEP_M] * chosen.size) * 2
     moves = Moves(
-        mass=_differences([[_whole_mass(side) for side in pair] for pair in pairs], width),
-        gravity_stiffness=_differences([[side.gravity_stiffness for side in pair] for pair in pairs], width),
-        output=_differences([[side.output for side in pair] for pair in pairs], width),
-        tilt=_differences([[side.tilt for side in pair] for pair in pairs], width),
+        **_slopes(pairs, width),
         torque=np.reshape(np.array(torques), (chosen.size, *equilibrium.deflection.shape)).swapaxes(0, 1),
         located=chosen,
     )
     return replace(linear, rest=replace(linear.rest, moves=moves))
+
+
+def shifts_between(
+    pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray, amounts: FloatArray, torque: FloatArray
+) -> Shifts:
+    """Returns how a linearised robot moves with doubts, by central differences.
+
+    Args:
+        pairs: The robot with less and with more of each doubt.
+        width (n_doubt,): By how much each pair differs.
+        amounts (n_doubt,): Amounts in the middle.
+        torque (n_doubt, n_joint): As in `Shifts`.
+    """
+    return Shifts(amounts=amounts, torque=torque, **_slopes(pairs, width))
 
 
 def moved_spring(robot: Robot, element: int, by_m: float) -> Robot:
@@ -77,6 +90,22 @@ def with_springs_at(robot: Robot, points: dict[str, FloatArray]) -> Robot:
 
 def _sides(step: float) -> tuple[float, float]:
     return -step, step
+
+
+class _Slopes(TypedDict):
+    mass: FloatArray
+    gravity_stiffness: FloatArray
+    output: FloatArray
+    tilt: FloatArray
+
+
+def _slopes(pairs: Sequence[Sequence[LinearModel]], width: FloatArray) -> _Slopes:
+    return _Slopes(
+        mass=_differences([[_whole_mass(side) for side in pair] for pair in pairs], width),
+        gravity_stiffness=_differences([[side.gravity_stiffness for side in pair] for pair in pairs], width),
+        output=_differences([[side.output for side in pair] for pair in pairs], width),
+        tilt=_differences([[side.tilt for side in pair] for pair in pairs], width),
+    )
 
 
 def _whole_mass(linear: LinearModel) -> FloatArray:

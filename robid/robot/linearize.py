@@ -36,6 +36,27 @@ class Equilibrium:
 
 
 @dataclass(frozen=True)
+class Shifts:
+    """How the linearised matrices move with what a robot file may have wrong, to first order.
+
+    Attributes:
+        amounts (n_doubt,): With which the robot was linearised, zero where the file is right.
+        mass (n_conf, n_doubt, n, n): Derivative of the whole inertia matrix.
+        gravity_stiffness (n_conf, n_doubt, n, n): Of the symmetrised gradient of gravity.
+        output (n_conf, n_doubt, n_out, n): Of the outputs.
+        tilt (n_conf, n_doubt, n_out, n): Of gravity's part of the outputs.
+        torque (n_doubt, n_joint): Of the logarithm of the torque that a motor gives per torque recorded.
+    """
+
+    amounts: FloatArray
+    mass: FloatArray
+    gravity_stiffness: FloatArray
+    output: FloatArray
+    tilt: FloatArray
+    torque: FloatArray
+
+
+@dataclass(frozen=True)
 class LinearModel:
     """What a configuration's dynamic stiffness holds besides springs, dampers and rotors.
 
@@ -54,6 +75,7 @@ class LinearModel:
         rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
         axial (n_joint,): Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg].
         rest: Where the springs rest.
+        shifts: How all this moves with doubts that a fit estimates; None without any.
     """
 
     mass: FloatArray
@@ -65,6 +87,7 @@ class LinearModel:
     rotor: FloatArray
     axial: FloatArray
     rest: Rest
+    shifts: Shifts | None = None
 
     @property
     def n_motor(self) -> int:

@@ -101,6 +101,7 @@ PARAMETER_KINDS = {
         through_rest=True, symbol="k3",
     ),
     "location": ParameterKind("Locations of springs", "point", "m", "m", through_rest=True),
+    "doubt": ParameterKind("What the robot file may have wrong", "component", "1", "1"),
     "friction": ParameterKind("Torque nonlinearities (nuisance)", "torque", "1", "1"),
     "inertia": ParameterKind(
         "Inertias about the joint frames' origins", "component", "kg m^2", "kg m^2",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
-from robid.robot.linearize import LinearModel
-from robid.robot.rest import Springs, SpringValues, settle_springs
+from robid.robot.linearize import LinearModel, Shifts
+from robid.robot.rest import Moves, Springs, SpringValues, settle_springs
 
 _ALIASES = (-2, -1, 1, 2)
 
@@ -28,6 +28,7 @@ class ElasticParameters:
         delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
         cubic (n_spring,): Cubic coefficients, arm side [N m/rad^3, or N/m^3].
         location (3 n_spring,): Where springs of links, payload and base sit, see `Spring.point_m` [m].
+        doubt (n_doubt,): Amounts of what the robot file may have wrong, zero where it is right, in their own units.
     """
 
     stiffness: FloatArray
@@ -39,6 +40,7 @@ class ElasticParameters:
     delay: FloatArray
     cubic: FloatArray
     location: FloatArray
+    doubt: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def springs(self) -> SpringValues:
@@ -58,6 +60,7 @@ class Response:
         omega (n_freq,): Angular frequency [rad/s].
         model: The linearised robot where these parameters let it rest.
         springs: Its springs there.
+        gain (n_in,): Torque that each motor gives per torque recorded, where that is doubted; in `sampled` only.
     """
 
     sampled: ComplexArray
@@ -67,6 +70,7 @@ class Response:
     omega: FloatArray
     model: LinearModel
     springs: Springs
+    gain: FloatArray
 
 
 def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> ElasticParameters:
@@ -81,6 +85,7 @@ def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> Elas
         delay=np.array([delay_s]),
         cubic=np.array([spring.cubic for spring in robot.springs]),
         location=robot.spring_points_m,
+        doubt=np.zeros(0 if model.shifts is None else model.shifts.amounts.size),
     )
 
 
@@ -121,11 +126,13 @@ def response(
         sampled = (
             sampled + alias_factor(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
         )
-    return Response(sampled, inputs, outputs, hold, omega, model, springs)
+    gain = np.ones(n_motor) if model.shifts is None else np.exp(parameters.doubt @ model.shifts.torque)
+    return Response(sampled * gain, inputs, outputs, hold, omega, model, springs, gain)
 
 
 def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:
     """Returns the linear model where the parameters let it rest, to first order, and its springs there."""
+    model = _shifted(model, parameters)
     if not parameters.cubic.any() and model.rest.moves is None:
         rest = model.rest
         stiffness = rest.factor * parameters.stiffness
@@ -135,14 +142,27 @@ def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearMo
     if moves is None:
         return model, springs
     by = springs.displacement
-    moved = replace(
+    return _along(model, moves, by), springs
+
+
+def _shifted(model: LinearModel, parameters: ElasticParameters) -> LinearModel:
+    """The model with other amounts of its doubts."""
+    shifts = model.shifts
+    if shifts is None or np.array_equal(shifts.amounts, parameters.doubt):
+        return model
+    by = np.broadcast_to(parameters.doubt - shifts.amounts, (len(model.mass), shifts.amounts.size))
+    return replace(_along(model, shifts, by), shifts=replace(shifts, amounts=parameters.doubt))
+
+
+def _along(model: LinearModel, slopes: Moves | Shifts, by: FloatArray) -> LinearModel:
+    """The model some way (n_conf, n_slope) along its slopes."""
+    return replace(
         model,
-        mass=_moved(model.mass, moves.mass, by),
-        gravity_stiffness=_moved(model.gravity_stiffness, moves.gravity_stiffness, by),
-        output=_moved(model.output, moves.output, by),
-        tilt=_moved(model.tilt, moves.tilt, by),
+        mass=_moved(model.mass, slopes.mass, by),
+        gravity_stiffness=_moved(model.gravity_stiffness, slopes.gravity_stiffness, by),
+        output=_moved(model.output, slopes.output, by),
+        tilt=_moved(model.tilt, slopes.tilt, by),
     )
-    return moved, springs
 
 
 def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> FloatArray:

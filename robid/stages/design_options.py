@@ -30,7 +30,7 @@ def about_options(experiment: Experiment, design: Design) -> InformationOptions:
     from robid.families.elastic.settings import elastic_fit
 
     about, fit = design.about(), None if design.fit is None else elastic_fit(experiment, design.fit)
-    along = about.along(None if fit is None else fit.free)
+    along = about.along(None if fit is None else fit.kinds)
     held = () if fit is None or about.nuisance is not None else fit.fixed
     fixed = (*about.fixed, *(name for name in held if name.rpartition(".")[2] in along and name not in about.fixed))
     return replace(about, nuisance=along, fixed=fixed)

@@ -23,6 +23,7 @@ CAUSES = {
     "friction": "friction of another kind or size",
     "arm_friction": "viscous friction behind a transmission, which `arm_viscous` in `free` estimates",
     "gear_nonlinearity": "gears with hysteresis, backlash or stiffening that the model lacks",
+    "gear_coupling": "a gear that turns with other joints in another way than stated",
     "coupling": "commands of other channels, which move this one too",
     "saturation": "a limit of range, torque, speed or acceleration that was reached",
     "unsteady": "a drift, or repeats from before the robot had settled",

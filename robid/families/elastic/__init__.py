@@ -26,6 +26,18 @@ def _fit(data: Data, work: Work) -> Artifact:
     return fit(data, work)
 
 
+def _free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> LoadedExperiment:
+    from robid.families.elastic.freed import free_too
+
+    return free_too(loaded, name, more)
+
+
+def _refit(data: Data, model: Artifact, work: Work) -> Artifact:
+    from robid.families.elastic.fitting import refit
+
+    return refit(data, model, work)
+
+
 def _validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
     from robid.families.elastic.fitting import validate
 
@@ -77,4 +89,6 @@ ELASTIC = Family(
     report=_report,
     compare=_compare,
     exports=EXPORTS,
+    free_too=_free_too,
+    refit=_refit,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from robid.families.family import Data, Work
 from robid.families.rigid_source import RigidSource, rigid_source
 from robid.fit.elastic.bootstrap import bootstrap_tasks
 from robid.fit.elastic.considered import DoubtfulRobot
+from robid.fit.elastic.doubts.further import with_freed_springs
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.solution import ElasticSolution
 from robid.robot.description import Robot
@@ -33,6 +34,16 @@ from robid.validation.recovery import recovery_sentence
 
 def fit(data: Data, work: Work) -> Artifact:
     """Fits an elastic model and grades it by itself."""
+    return _fitted(data, work, None)
+
+
+def refit(data: Data, model: Artifact, work: Work) -> Artifact:
+    """Goes on from the minimum of a model, with what the data's experiment now frees."""
+    solution = solution_from_artifact(model)
+    return _fitted(data, work, dict(zip(solution.estimate.names, solution.internal.values.tolist(), strict=True)))
+
+
+def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifact:
     settings, campaign = elastic_fit(data.loaded.experiment, data.name), _campaign(data)
     repeated = bootstrap_tasks(settings.bootstrap)
     work.progress.expect(settings.starts + repeated, "tasks" if repeated else "starts")
@@ -42,7 +53,7 @@ def fit(data: Data, work: Work) -> Artifact:
 
     robot, delay = _robot(data, campaign), delay_s(data.loaded, campaign)
     doubtful = _doubtful(data, campaign)
-    solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful)
+    solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful, near)
     fitted = robot, solution, data.response, settings.options(), delay
     return model_of(solution, assess_fit(*fitted), tabulate_resonances(*fitted))
 
@@ -119,7 +130,8 @@ def _robot(data: Data, campaign: Campaign) -> Robot:
     """The robot that a fit starts from: the robot file's, its masses those of a rigid fit where it names one."""
     source = _source(data)
     file = data.loaded.robot
-    return file.to_robot(campaign.payload_kg) if source is None else source.robot(payload_kg(campaign, file))
+    robot = file.to_robot(campaign.payload_kg) if source is None else source.robot(payload_kg(campaign, file))
+    return with_freed_springs(robot, elastic_fit(data.loaded.experiment, data.name).options())
 
 
 def nominal_robot(data: Data) -> Robot:
@@ -138,7 +150,8 @@ def _doubtful(data: Data, campaign: Campaign) -> tuple[DoubtfulRobot, ...]:
     if source is None:
         return ()
     found = source.doubtful(payload_kg(campaign, data.loaded.robot))
-    return tuple(DoubtfulRobot(robot, deviations) for robot, deviations in found)
+    options = elastic_fit(data.loaded.experiment, data.name).options()
+    return tuple(DoubtfulRobot(with_freed_springs(robot, options), deviations) for robot, deviations in found)
 
 
 def _counted(number: int, noun: str) -> str:

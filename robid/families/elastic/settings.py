@@ -57,7 +57,12 @@ def elastic_fit(experiment: Experiment, name: str) -> ElasticFit:
 def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with an elastic fit for a robot: names, starts at zero, missing limits."""
     fit = elastic_fit(experiment, name)
-    known = kinds_by_name(robot, fit.free)
+    known = kinds_by_name(robot, fit.kinds)
+    if fit.freed and robot.is_complete:
+        from robid.families.elastic.freed import freed_names, freed_problems
+
+        yield from freed_problems(experiment, fit, robot)
+        known |= freed_names(experiment, fit, robot)
     for index, parameter in enumerate(fit.fixed):
         if parameter not in known:
             message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"
@@ -71,7 +76,7 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         if damping == 0 and parameter in known and parameter not in fit.fixed:
             message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
             yield ("free",), message
-    if "cubic" in fit.free and robot.is_complete:
+    if "cubic" in fit.kinds and robot.is_complete:
         yield from missing_limits(("free",), "the scale of `cubic` needs", robot, (TORQUE,))
 
 

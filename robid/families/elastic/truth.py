@@ -36,6 +36,21 @@ def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
         errors = _torque_errors(joint, stated, true.imperfections)
         values |= {f"{joint.name}.{key}": value for key, value in errors.items()}
     values["delay"] = true.delay_s
+    return values | _doubts(nominal, true.robot)
+
+
+def _doubts(nominal: Robot, robot: Robot) -> dict[str, float]:
+    """What the robot file has wrong of payload and links, as freed doubts count it."""
+    bodies = {joint.name: (joint.link, own.link) for joint, own in zip(nominal.joints, robot.joints, strict=True)}
+    values = {"payload.mass": robot.payload.mass_kg}
+    values |= {
+        f"{name}.mass": 100 * (own.mass_kg / stated.mass_kg - 1)
+        for name, (stated, own) in bodies.items()
+        if stated.mass_kg
+    }
+    for name, (stated, own) in {"payload": (nominal.payload, robot.payload), **bodies}.items():
+        shift = 1e3 * (own.com_m - stated.com_m)
+        values |= {f"{name}.com_{axis}": float(x) for axis, x in zip("xyz", shift.tolist(), strict=True)}
     return values
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from robid.fit.elastic.doubts.freed import DOUBT, movable_doubts, moved_robot
 from robid.fit.estimate import Estimate
 from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
 from robid.robot.parameters import PARAMETER_KINDS
@@ -24,9 +25,14 @@ def fitted_robot(robot: Robot, estimate: Estimate) -> Robot:
 
     Returns:
         The robot with springs, dampers, viscous friction, inertias, and, where the fit corrected them, the
-        coefficients of friction and ripple. A friction's lag and a torque's scale belong to the measurement.
+        coefficients of friction and ripple, and moved by the doubts that it estimated. A friction's lag and a torque's
+        scale belong to the measurement.
     """
-    return with_estimates(robot, estimate.found, estimate.stated)
+    doubts = (
+        [doubt for doubt in movable_doubts(robot) if doubt.name in estimate.found] if DOUBT in estimate.kinds else []
+    )
+    amounts = np.array([estimate.found[doubt.name] - doubt.stated for doubt in doubts])
+    return with_estimates(moved_robot(robot, doubts, amounts), estimate.found, estimate.stated)
 
 
 def with_estimates(robot: Robot, found: Mapping[str, float], nominal: Mapping[str, float]) -> Robot:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -51,6 +51,7 @@ def fit_elastic(
     delay_s: float,
     parallel_map: Map = serial_map,
     doubtful: Sequence[DoubtfulRobot] = (),
+    near: Mapping[str, float] | None = None,
 ) -> ElasticSolution:
     """Fits the elastic model to frequency responses of one or many configurations.
 
@@ -61,6 +62,7 @@ def fit_elastic(
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
         parallel_map: Ordered map that runs the starts.
         doubtful: Robots that show along independent directions how far the rigid parameters may be off.
+        near: Internal values, by name, of a minimum to go on from in place of the options' starts.
 
     Returns:
         The best minimum with its uncertainty; how it ended is in `status` and `advice`.
@@ -80,12 +82,10 @@ def fit_elastic(
     doubt = load_doubt(problem, start, expected.inverse, expected.weighted)
     predicted = np.sqrt(np.diag(structured_covariance(problem, expected) + doubt))
     check_influence(problem)
-    strategy = make_strategy(problem, robot, options)
-    starts = _with_delay(
-        problem.parameters, draw_starts(problem.parameters, options), undeclared_delay(driving_points(frf), delay_s)
-    )
-    # The robot file's values may be so near that stages only lead away from them.
-    tasks = [(strategy, start, index == 0) for index, start in enumerate(starts)]
+    if near is None:
+        tasks = _tasks(problem, robot, options, undeclared_delay(driving_points(frf), delay_s))
+    else:
+        tasks = _tasks_near(problem, robot, options, near)
     ends: list[Minimum] = parallel_map(_descend, tasks)
 
     def set_up_at(problem: Problem, minimum: Minimum) -> tuple[Problem, int]:
@@ -100,6 +100,30 @@ def fit_elastic(
         return solution
     advice = "; ".join(filter(None, (_NO_REST, solution.estimate.advice)))
     return replace(solution, estimate=replace(solution.estimate, advice=advice))
+
+
+_Task: TypeAlias = tuple[Strategy, FloatArray, bool]
+
+
+def _tasks(problem: Problem, robot: Robot, options: ElasticOptions, delay_s: float | None) -> list[_Task]:
+    strategy = make_strategy(problem, robot, options)
+    starts = _with_delay(problem.parameters, draw_starts(problem.parameters, options), delay_s)
+    # The robot file's values may be so near that stages only lead away from them.
+    return [(strategy, start, index == 0) for index, start in enumerate(starts)]
+
+
+def _tasks_near(problem: Problem, robot: Robot, options: ElasticOptions, near: Mapping[str, float]) -> list[_Task]:
+    """Straight down from a minimum, what it lacks at the robot file's values.
+
+    A spring that it lacks has changed the others too much: with one, the robot file's values are a start as well.
+    """
+    names = problem.parameters.names
+    start = np.array([near.get(name, 0.0) for name in names])
+    start = np.clip(start, problem.parameters.lower, problem.parameters.upper)
+    tasks = [(Strategy(problem, None, options), start, False)]
+    if any(name.endswith(".stiffness") and name not in near for name in names):
+        tasks.append((make_strategy(problem, robot, options), np.zeros(start.size), True))
+    return tasks
 
 
 @dataclass(frozen=True)
@@ -213,6 +237,6 @@ def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[Float
     return [np.zeros(len(parameters.names)), *np.clip(random, parameters.lower, parameters.upper)]
 
 
-def _descend(task: tuple[Strategy, FloatArray, bool]) -> Minimum:
+def _descend(task: _Task) -> Minimum:
     strategy, start, straight_too = task
     return strategy.descend(start, straight_too=straight_too)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,13 +14,19 @@ if TYPE_CHECKING:
     from robid.robot.response import ElasticParameters
 
 
-def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], nominal: ElasticParameters) -> None:
+def check_names(
+    options: ElasticOptions,
+    every: Mapping[str, list[str | None]],
+    nominal: ElasticParameters,
+    unknown: Sequence[tuple[str, str]] = (),
+) -> None:
     """Refuses options that name what is not there, tie or bound what cannot be, or estimate what starts at zero.
 
     Args:
         options: Options of the fit.
         every: Names of every free kind's elements.
         nominal: Nominal values.
+        unknown: What is freed and not known, each with what may be meant.
 
     Raises:
         SettingsError: With every problem.
@@ -28,8 +34,9 @@ def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], 
     kind_of = {name: kind for kind, names in every.items() for name in names if name is not None}
     free = {name: kind for name, kind in kind_of.items() if name not in options.fixed}
     known = ", ".join(sorted(kind_of))
-    unknown = [name for name in options.fixed if name not in kind_of]
-    problems = [f"`fixed` names `{name}`, which is not free (free: {known})" for name in unknown]
+    problems = [f"`free`: {free_problem(*each)}" for each in unknown]
+    missing = [name for name in options.fixed if name not in kind_of]
+    problems += [f"`fixed` names `{name}`, which is not free (free: {known})" for name in missing]
     problems += [f"`{section}`: {problem}" for section, problem in name_problems(options, free)]
     for kind in LOGARITHMIC:
         values = getattr(nominal, kind)
@@ -39,8 +46,13 @@ def check_names(options: ElasticOptions, every: Mapping[str, list[str | None]], 
             if value <= PARAMETER_KINDS[kind].lower and name in free
         ]
     if problems:
-        remedy = "correct `fixed`, `tied`, `bounds` or the robot file's values"
+        remedy = "correct `free`, `fixed`, `tied`, `bounds` or the robot file's values"
         raise SettingsError("; ".join(problems), where="fit", remedy=remedy)
+
+
+def free_problem(name: str, meant: str) -> str:
+    """Says that a name cannot be freed."""
+    return f"nothing of this robot is called `{name}`; {meant}"
 
 
 def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[tuple[str, str]]:

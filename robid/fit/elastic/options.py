@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from robid.frf.residual import RESIDUALS, EstimatorKind, Residual
-from robid.robot.parameters import FREE, ElasticKind
+from robid.robot.parameters import ELASTIC, FREE, ElasticKind
 
 WeightsKind = Literal["user", "optimal", "optimal_full", "inflated", "estimated"]
 Optimizer = Literal["levenberg", "scipy", "nlopt", "nlopt_global"]
@@ -44,8 +44,14 @@ class ElasticOptions:
         metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."},
     )
     weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
-    free: tuple[ElasticKind, ...] = field(
-        default=FREE, metadata={"description": "Kinds of parameters that are estimated."}
+    free: tuple[ElasticKind | str, ...] = field(
+        default=FREE,
+        metadata={
+            "description": f"Kinds of parameters that are estimated ({', '.join(f'`{kind}`' for kind in ELASTIC)}),"
+            " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`,"
+            " `axis_2.com`, `gear_coupling`, `torque_constant`, `bearing_axis_2_x`. Where only such doubts are named,"
+            " the default kinds are estimated too."
+        },
     )
     fixed: tuple[str, ...] = field(
         default=(), metadata={"description": "Names of single parameters that stay at the robot file's value."}
@@ -125,6 +131,17 @@ class ElasticOptions:
     )
     confidence: float = field(default=0.95, metadata={"description": "Level of the intervals.", "gt": 0, "lt": 1})
     seed: int = field(default=1, metadata={"description": "Seed of the starts.", "ge": 0})
+
+    @property
+    def kinds(self) -> tuple[ElasticKind, ...]:
+        """Kinds of parameters that are estimated."""
+        named = sorted((kind for kind in ELASTIC if kind in self.free), key=self.free.index)
+        return tuple(named) or (FREE if self.freed else ())
+
+    @property
+    def freed(self) -> tuple[str, ...]:
+        """Names of doubts that are estimated, or of groups of them."""
+        return tuple(dict.fromkeys(name for name in self.free if name not in ELASTIC))
 
     @property
     def residual(self) -> Residual:

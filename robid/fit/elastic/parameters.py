@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
+from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.freed import DOUBT, PRIOR_FACTOR, freed_doubts, unknown_names
 from robid.fit.elastic.names import check_names
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
@@ -25,6 +27,7 @@ from robid.robot.response import ElasticParameters, with_values
 
 _LOCATION_SCALE_M = 0.1
 _MOST_DECADES = 30.0
+_NOT_ALL = 0.95  # of a mass that a doubt may take away
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,7 @@ class ParameterMap:
         lower (n_param,): Lower bounds, minus infinity where there is none.
         upper (n_param,): Upper bounds.
         friction_offset (n_friction,): Friction scales as they were compensated.
+        stated (n_param,): What the robot file says of each doubt, to which its amount adds; zero for the others.
     """
 
     nominal: ElasticParameters
@@ -66,6 +70,7 @@ class ParameterMap:
     lower: FloatArray
     upper: FloatArray
     friction_offset: FloatArray = field(default_factory=lambda: np.zeros(0))
+    stated: FloatArray | None = None
 
     @property
     def n_friction(self) -> int:
@@ -90,7 +95,8 @@ class ParameterMap:
 
     def nominal_values(self) -> FloatArray:
         """Nominal value (n_param,) of each parameter in its own unit."""
-        return np.concatenate([self._nominal_elements()[self.leaders], self.friction_offset])
+        own = np.concatenate([self._nominal_elements()[self.leaders], self.friction_offset])
+        return own if self.stated is None else own + self.stated
 
     def values(self, internal: FloatArray) -> FloatArray:
         """Values (n_param,) in their own units; infinite where an interval's end is beyond all numbers."""
@@ -164,21 +170,25 @@ def map_parameters(
         SettingsError: If a name is unknown, a logarithmic parameter's nominal value is not positive, or a
             parameter starts at a bound or outside; all at once.
     """
-    kinds: tuple[str, ...] = tuple(dict.fromkeys(options.free))
-    every = {kind: element_names(robot, kind) for kind in kinds}
+    freed = freed_doubts(robot, options)
+    kinds: tuple[str, ...] = (*options.kinds, *([DOUBT] if freed else []))
+    every: dict[str, list[str | None]] = {kind: element_names(robot, kind) for kind in options.kinds}
+    every |= {DOUBT: [doubt.name for doubt in freed]} if freed else {}
     masks = tuple(np.array([n is not None and n not in options.fixed for n in every[kind]], bool) for kind in kinds)
     free = {name: kind for kind in kinds for name in every[kind] if name is not None and name not in options.fixed}
     elements = tuple(free)
-    check_names(options, every, nominal)
+    check_names(options, every, nominal, unknown_names(robot, options))
     names = [name for name in elements if name not in options.tied]
     member = [names.index(options.tied.get(name, name)) for name in elements]
     kind_of = [free[name] for name in names]
-    unit_of = {n: unit for kind in kinds for n, unit in zip(every[kind], element_units(robot, kind), strict=True)}
-    scales = _scales(robot, nominal)
+    units = {kind: element_units(robot, kind) for kind in options.kinds} | {DOUBT: [doubt.unit for doubt in freed]}
+    unit_of = {name: unit for kind in kinds for name, unit in zip(every[kind], units[kind], strict=True)}
+    scales = _scales(robot, nominal) | {DOUBT: np.array([doubt.common_std for doubt in freed])}
     n_friction = len(friction_names)
     decades = options.prior_decades
     # At its largest torque a cubic gear's slope is known as its linear one is.
     known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), "cubic": 10 ** min(decades, _MOST_DECADES) / 3}
+    known |= {DOUBT: PRIOR_FACTOR}
     known |= {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
     found = ParameterMap(
         nominal=nominal,
@@ -206,7 +216,20 @@ def map_parameters(
         upper=np.full(len(names) + n_friction, np.inf),
         friction_offset=np.zeros(n_friction) if friction_offset is None else friction_offset,
     )
-    return _bounded(found, options.bounds)
+    return _bounded(_sensible(found, freed), options.bounds)
+
+
+def _sensible(found: ParameterMap, freed: Sequence[DoubtColumn]) -> ParameterMap:
+    """Keeps doubts within what makes sense, and tells what the robot file says of them."""
+    if not freed:
+        return found
+    lower, upper, stated = found.lower.copy(), found.upper.copy(), np.zeros(len(found.names))
+    for doubt in freed:
+        if doubt.name in found.names:
+            index = found.names.index(doubt.name)
+            lower[index], upper[index] = (_NOT_ALL * end / doubt.common_std for end in (doubt.least, doubt.most))
+            stated[index] = doubt.stated
+    return replace(found, lower=lower, upper=upper, stated=stated)
 
 
 def _scales(robot: Robot, nominal: ElasticParameters) -> dict[str, FloatArray]:

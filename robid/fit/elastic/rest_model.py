@@ -8,13 +8,14 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
+from robid.fit.elastic.doubts.freed import freed_doubts, moved_robot, torque_slopes
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.swing_distribution import Swinging, line_frequencies, spring_compliance, swing_shape
 from robid.fit.elastic.weights import make_weights
 from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
-from robid.robot.expand import expand, with_springs_at
+from robid.robot.expand import expand, shifts_between, with_springs_at
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.parameters import element_names
@@ -22,12 +23,15 @@ from robid.robot.response import ElasticParameters, hold_factor, motion_matrices
 from robid.robot.rest import SpringValues, settle_springs, swing_of
 
 _PASSES = 3
+_DOUBT_STEP = 0.01  # of its deviation
 
 
 def rest_model(
     robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, values: ElasticParameters | None = None
 ) -> LinearModel:
     """Linearises a robot in a response's configurations.
+
+    What the options free of the robot file's doubts is as the values say, and the model moves with it to first order.
 
     Args:
         robot: The robot file.
@@ -39,6 +43,27 @@ def rest_model(
     Raises:
         DataError: If a configuration has no equilibrium, or the response lacks what cubic springs need.
     """
+    freed = freed_doubts(robot, options)
+    if not freed:
+        return _rested(robot, frf, options, delay_s, values)
+    amounts = np.zeros(len(freed)) if values is None else values.doubt
+    still = replace(options, statics="updates", free=())
+    pairs, steps = [], []
+    for index, doubt in enumerate(freed):
+        step = _DOUBT_STEP * doubt.common_std * np.eye(len(freed))[index]
+        sides = (moved_robot(robot, freed, amounts + side * step) for side in (-1, 1))
+        behind, ahead = (_rested(side, frf, still, delay_s, values) for side in sides)
+        pairs.append((behind, ahead))
+        steps.append(2 * _DOUBT_STEP * doubt.common_std)
+    torque = torque_slopes(freed, len(robot.joints))
+    model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values)
+    return replace(model, shifts=shifts_between(pairs, np.array(steps), amounts, torque))
+
+
+def _rested(
+    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, values: ElasticParameters | None
+) -> LinearModel:
+    """The same of a robot as it is, all doubts aside."""
     springs = _nominal_springs(robot) if values is None else values.springs
     points = springs.location.reshape(-1, 3)
     placed = with_springs_at(robot, {s.name: point for s, point in zip(robot.springs, points, strict=True)})
@@ -46,7 +71,7 @@ def rest_model(
     names = frf.output_names
     equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic)
     model = linearize(elastic, equilibrium, names)
-    if springs.cubic.any() or "cubic" in options.free:
+    if springs.cubic.any() or "cubic" in options.kinds:
         nominal = nominal_parameters(placed, model, delay_s) if values is None else values
         load = spring_load(robot, frf, nominal)
         for _ in range(_PASSES if springs.cubic.any() else 0):
@@ -55,7 +80,7 @@ def rest_model(
             equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic, swing.variance)
             model = linearize(elastic, equilibrium, names)
         model = _loaded(model, frf, load, nominal, options)
-    movable = element_names(robot, "location") if "location" in options.free else []
+    movable = element_names(robot, "location") if "location" in options.kinds else []
     located = np.array([index for index, name in enumerate(movable) if name is not None], int)
     if options.statics == "updates" and located.size == 0:
         return model

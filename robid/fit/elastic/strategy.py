@@ -90,7 +90,7 @@ class Strategy:
 
 def make_strategy(problem: Problem, robot: Robot, options: ElasticOptions) -> Strategy:
     """Sets up the strategy that the options name."""
-    kinds = tuple(kind for kind in options.free if kind in DIRECT)
+    kinds = tuple(kind for kind in options.kinds if kind in DIRECT)
     if options.strategy == "plain" or not set(kinds) & set(LOGARITHMIC):
         return Strategy(problem, None, options)
     coarse_options = replace(options, weights=_COARSE_WEIGHTS, estimator=options.residual.from_afar)

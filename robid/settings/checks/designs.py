@@ -87,7 +87,7 @@ def _fit(field: FieldPath, experiment: Experiment, design: Design) -> _Found:
 
 def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot: RobotFile) -> _Found:
     chosen_for = experiment.fits.get(design.fit or "")
-    freed = chosen_for.free if isinstance(chosen_for, ElasticOptions) else None
+    freed = chosen_for.kinds if isinstance(chosen_for, ElasticOptions) else None
     known = parameter_names(robot, (*design.free, *design.along(freed)))
     for index, name in enumerate(design.fixed):
         if name not in known:
@@ -106,7 +106,7 @@ def _earlier(field: FieldPath, experiment: Experiment, name: str, wanted: list[s
         yield field, _other_family(name, fit)
         return
     held = {*fit.fixed, *fit.tied}
-    estimated = [each for each in parameter_names(robot, fit.free) if each not in held]
+    estimated = [each for each in parameter_names(robot, fit.kinds) if each not in held]
     missing = [f"`{each}`" for each in wanted if each not in estimated]
     if missing:
         message = (

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.columns import doubt_columns
+from robid.fit.elastic.doubts.freed import free_with
+from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.estimate import Estimate
 from robid.robot.description import Robot
-from robid.validation.doubt import Doubt, two_digits
+from robid.validation.doubt import CAUSES, Doubt, two_digits
 from robid.validation.elastic.fitted import FittedModel
-from robid.validation.elastic.suspects import Suspect, suspects
+from robid.validation.elastic.remedies import remedy
 from robid.validation.elastic.trials import try_springs
 
 _CHANCE = 50.0  # times what a random column explains: neighbouring lines err alike
+_WIDER = 5.0  # than its prior is a doubt that would explain a misfit
 _TELLING = 0.1
+_MOST_OF_IT = 0.9  # of what all doubts of a cause explain
 _MOST_NAMED = 3
 _RUINED = 0.2  # relative error of a spring
 _MOSTLY = 0.5  # of the misfit
@@ -36,6 +43,8 @@ class Explanation:
         units: Units of the amounts.
         share: Share of the residual's cost that it explains, beyond what as many random columns would.
         moved (n_param,): How far the internal parameters would move.
+        stated: What the robot file says of each; zero where only amounts are.
+        free: Names that free it; none where no fit can estimate it.
     """
 
     cause: str
@@ -44,20 +53,40 @@ class Explanation:
     units: tuple[str, ...]
     share: float
     moved: FloatArray
+    stated: tuple[float, ...] = ()
+    free: tuple[str, ...] = ()
+
+    @property
+    def what(self) -> str:
+        """What would be free and how much of it, the first few."""
+        stated = self.stated or (0.0,) * len(self.names)
+        signed = "" if self.cause == "missing_spring" else "+"
+        named = zip(self.names, self.amounts.tolist(), self.units, stated, strict=True)
+        told = [_told(*each, signed) for each in named]
+        more = f" and {len(told) - _MOST_NAMED} more" if len(told) > _MOST_NAMED else ""
+        return ", ".join(told[:_MOST_NAMED]) + more
+
+
+def _told(name: str, amount: float, unit: str, stated: float, signed: str) -> str:
+    if stated:
+        return f"a {name} of {stated + float(two_digits(amount)):.6g} instead of {stated:.6g} {unit}"
+    return f"{name} {two_digits(amount, signed)} {unit}"
 
 
 @dataclass(frozen=True)
 class _Scores:
-    """Normal equations of the suspects, the fit's own parameters eliminated.
+    """Normal equations of the doubts, the fit's own parameters eliminated.
 
     Attributes:
-        slope (n_suspect,): Half the negative gradient of the cost by the amounts.
-        curvature (n_suspect, n_suspect): Half its Gauss-Newton Hessian.
-        follow (n_param, n_suspect): How far the parameters move by each amount.
+        doubts: The doubts.
+        slope (n_doubt,): Half the negative gradient of the cost by the amounts.
+        curvature (n_doubt, n_doubt): Half its Gauss-Newton Hessian, with what is known of them beforehand.
+        follow (n_param, n_doubt): How far the parameters move by each amount.
         cost: Cost of the residual.
         freedom: Real residuals behind it.
     """
 
+    doubts: tuple[DoubtColumn, ...]
     slope: FloatArray
     curvature: FloatArray
     follow: FloatArray
@@ -81,15 +110,15 @@ def misfit_doubts(
         where a spring was put in place, explains most of the residual and leaves another one far from its estimate.
     """
     found = [each for each in explain(robot, fitted, options) if each.share > _TELLING]
-    return tuple(_doubt(solution.estimate, each, leads=each is found[0]) for each in found)
+    return tuple(_doubt(solution.estimate, each, found if each is found[0] else (), options) for each in found)
 
 
 def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[Explanation]:
     """Ranks what a robot file may have wrong by how much of a fit's residual it explains.
 
-    Each suspect is a column beside the parameters' own, which are at liberty to follow. Per cause the one that
-    explains most is taken, then the next, as long as each explains more than chance. A missing spring changes the
-    response too much for that: each is put in its place and the fit goes on for some steps.
+    Each doubt is a column beside the parameters' own, which are at liberty to follow. Those of one cause are freed
+    together, as far as their priors let them, and the fewest are named that explain most of what all of them do. A
+    missing spring changes the response too much for that: each is put in its place and the fit goes on for some steps.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
@@ -99,12 +128,11 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     Source:
         Rao's score test; METHODS sec. 11.
     """
-    every = suspects(robot, fitted, options)
-    scores = _score(fitted, every)
+    scores = _score(robot, fitted, options)
     groups: dict[str, list[int]] = defaultdict(list)
-    for index, suspect in enumerate(every):
-        groups[suspect.doubt.cause].append(index)
-    found = [each for group in groups.values() if (each := _explanation(every, scores, group)) is not None]
+    for index, doubt in enumerate(scores.doubts):
+        groups[doubt.cause].append(index)
+    found = [each for group in groups.values() if (each := _explanation(scores, group)) is not None]
     found += _missing_spring(robot, fitted, options)
     return sorted(found, key=lambda each: -each.share)
 
@@ -114,33 +142,38 @@ def _missing_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions) 
     return [
         Explanation(
             "missing_spring",
-            (trial.spring.name,),
+            (trial.title,),
             np.array([1e-6 * trial.spring.stiffness]),
             ("MN/m" if robot.is_linear(trial.spring) else "MN m/rad",),
             trial.share,
             trial.moved,
+            free=(trial.spring.name,),
         )
         for trial in trials
     ]
 
 
-def _score(fitted: FittedModel, every: list[Suspect]) -> _Scores:
+def _score(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> _Scores:
     problem, internal = fitted.problem, fitted.internal
+    doubts = tuple(
+        doubt for doubt in list_doubts(robot, options) if doubt.cause != "missing_spring" and doubt.common_std > 0
+    )
     residual, derivative = problem.linear(internal)
-    columns = np.stack([suspect.column for suspect in every], axis=-1)
-    kind = problem.residual_kind
-    columns = kind.part(columns * kind.per_relative(problem.model_response(internal))[..., None])
-    own, added = _rows(fitted, derivative), _rows(fitted, columns)
+    own, added = _rows(fitted, derivative), _rows(fitted, doubt_columns(problem, internal, robot, options, doubts))
     left = _rows(fitted, residual[..., None])[:, 0]
     prior = 0.5 / problem.parameters.prior_std**2
+    cost, freedom = float(left @ left), float(problem.residual_kind.parts) * (problem.weight > 0).sum() - own.shape[1]
+    # What errs alike over lines says less than it counts: it must not outweigh what is known beforehand.
+    known = max(0.5, _CHANCE * cost / freedom) / (_WIDER * np.array([doubt.common_std for doubt in doubts])) ** 2
     mixed = own.T @ added
     follow = -np.linalg.lstsq(own.T @ own + np.diag(prior), mixed, rcond=1e-14)[0]
     return _Scores(
+        doubts=doubts,
         slope=added.T @ left + follow.T @ (own.T @ left - prior * internal),
-        curvature=added.T @ added + mixed.T @ follow,
+        curvature=added.T @ added + mixed.T @ follow + np.diag(known),
         follow=follow,
-        cost=float(left @ left),
-        freedom=float(kind.parts) * (problem.weight > 0).sum() - own.shape[1],
+        cost=cost,
+        freedom=freedom,
     )
 
 
@@ -150,55 +183,67 @@ def _rows(fitted: FittedModel, values: ComplexArray) -> FloatArray:
     return np.concatenate([flat.real, flat.imag])
 
 
-def _explanation(every: list[Suspect], scores: _Scores, group: list[int]) -> Explanation | None:
-    """Adds suspects of one cause while each explains more than its fair share of what is left."""
+def _explanation(scores: _Scores, group: list[int]) -> Explanation | None:
+    """The fewest doubts of a cause that explain most of what all do; None where chance explains as much."""
+    whole, _ = _gain(scores, group)
     chosen: list[int] = []
-    gained = 0.0
+    gained: float = 0.0
     amounts: FloatArray = np.zeros(0)
-    while len(chosen) < len(group):
-        trials = [(*_gain(scores, [*chosen, index], every), index) for index in group if index not in chosen]
-        gain, solved, index = max(trials, key=lambda trial: trial[0])
-        if gain - gained <= _CHANCE * (scores.cost - gain) / scores.freedom:
-            break
-        chosen, gained, amounts = [*chosen, index], gain, solved
-    if not chosen:
-        return None
+    while len(chosen) < len(group) and gained < _MOST_OF_IT * whole:
+        trials = [(*_gain(scores, [*chosen, index]), index) for index in group if index not in chosen]
+        gained, amounts, index = max(trials, key=lambda trial: trial[0])
+        chosen.append(index)
     fair = gained - len(chosen) * _CHANCE * (scores.cost - gained) / scores.freedom
+    if fair <= 0:
+        return None
+    named = [scores.doubts[index] for index in chosen]
     return Explanation(
-        every[chosen[0]].doubt.cause,
-        tuple(every[index].doubt.title for index in chosen),
+        named[0].cause,
+        tuple(doubt.title for doubt in named),
         amounts,
-        tuple(every[index].doubt.unit for index in chosen),
+        tuple(doubt.unit for doubt in named),
         fair / scores.cost,
         scores.follow[:, chosen] @ amounts,
+        tuple(doubt.stated for doubt in named),
+        remedy(named),
     )
 
 
-def _gain(scores: _Scores, chosen: list[int], every: list[Suspect]) -> tuple[float, FloatArray]:
-    """Cost that these suspects explain together, and their amounts; none where an amount makes no sense."""
-    curvature = scores.curvature[np.ix_(chosen, chosen)]
-    size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    scaled = curvature / np.outer(size, size) + 1e-9 * np.eye(len(chosen))
-    amounts = np.linalg.solve(scaled, scores.slope[chosen] / size) / size
-    least = np.array([every[index].doubt.least for index in chosen])
-    most = np.array([every[index].doubt.most for index in chosen])
-    sensible = (least <= amounts).all() and (amounts <= most).all()
-    explained = float(scores.slope[chosen] @ amounts) if sensible else 0.0
-    return explained, amounts
+def _gain(scores: _Scores, chosen: list[int]) -> tuple[float, FloatArray]:
+    """Cost that these doubts save together, and their amounts; zero for those whose amount would make no sense."""
+    amounts, kept = np.zeros(len(chosen)), np.arange(len(chosen))
+    rows = np.array(chosen)
+    least, most = (np.array([getattr(scores.doubts[row], end) for row in chosen]) for end in ("least", "most"))
+    while kept.size:
+        own = rows[kept]
+        curvature = scores.curvature[np.ix_(own, own)]
+        size = np.sqrt(np.diag(curvature))
+        scaled = curvature / np.outer(size, size) + 1e-9 * np.eye(own.size)
+        found = np.linalg.solve(scaled, scores.slope[own] / size) / size
+        sensible = (least[kept] <= found) & (found <= most[kept])
+        if sensible.all():
+            amounts[kept] = found
+            return float(scores.slope[own] @ found), amounts
+        kept = kept[sensible]
+    return 0.0, amounts
 
 
-def _doubt(estimate: Estimate, found: Explanation, *, leads: bool) -> Doubt:
-    named = zip(found.names[:_MOST_NAMED], found.amounts.tolist(), found.units, strict=False)
-    signed = "" if found.cause == "missing_spring" else "+"
-    what = ", ".join(f"{name} {two_digits(amount, signed)} {unit}" for name, amount, unit in named)
+def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation], options: ElasticOptions) -> Doubt:
+    """What an explanation speaks against; the first of those ranked tells of the next ones too."""
+    leads = bool(ranked)
     half = np.maximum(0.5 * (estimate.upper - estimate.lower), 1e-300)
     slopes = np.where(np.array(estimate.nominal) == 0, 1.0, np.abs(estimate.value))
     telling = np.array([kind in ("stiffness", "damping") for kind in estimate.kinds])
     widths = np.where(telling, np.abs(found.moved) * slopes / half, 0.0)
     ruined = _ruined(estimate, found, widths) if leads else None
     worst = int(np.argmax(widths)) if ruined is None else ruined
+    hints = [f"try `free: [{', '.join(free_with(options.free, found.free))}]`"] if found.free else []
+    hints += [f"next: {'; '.join(f'{CAUSES[each.cause]}, {each.share:.0%}' for each in ranked[1:])}"] * (
+        len(ranked) > 1
+    )
+    told = f" ({'; '.join(hints)})" if hints else ""
     message = (
-        f"{what} would explain {found.share:.0%} of the misfit and move {estimate.names[worst]} by "
+        f"{found.what} would explain {found.share:.0%} of the misfit{told} and move {estimate.names[worst]} by "
         f"{two_digits(float(widths[worst]))} half-widths of its interval"
     )
     if ruined is not None:

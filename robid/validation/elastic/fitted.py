@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.checks import check_inputs
+from robid.fit.elastic.doubts.freed import DOUBT
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import ParameterMap, map_parameters
 from robid.fit.elastic.problem import Problem, make_problem
@@ -105,7 +106,12 @@ def _internal(robot: Robot, solution: ElasticSolution, parameters: ParameterMap)
     names = solution.estimate.names
     fitted = dict(zip(names, solution.internal.values.tolist(), strict=True))
     estimate = dict(zip(names, solution.estimate.value.tolist(), strict=True))
+    stated = solution.estimate.stated
     internal = np.array([fitted.get(name, 0.0) for name in parameters.names])
+    for index, kind in enumerate(parameters.kind_of):
+        if kind == DOUBT:  # as many kilograms with another payload too
+            name = parameters.names[index]
+            internal[index] = (estimate[name] - stated[name]) / parameters.scale[index]
     for index, offset in enumerate(parameters.friction_offset, start=len(internal) - parameters.n_friction):
         internal[index] = estimate.get(parameters.names[index], offset) - offset
     values = dict(zip(parameters.names, parameters.values(internal).tolist(), strict=True))
@@ -115,7 +121,7 @@ def _internal(robot: Robot, solution: ElasticSolution, parameters: ParameterMap)
     differing = [
         name
         for name, kind in kinds.items()
-        if kind != "friction"
+        if kind not in ("friction", DOUBT)
         and not np.isclose(values.get(name, np.nan), estimate.get(name, np.nan), rtol=_SAME_VALUE, atol=1e-12)
     ]
     if differing:

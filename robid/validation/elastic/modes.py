@@ -84,6 +84,9 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
         "link_inertia": s**2 * inertias,
         "delay": np.zeros((1, s.size)),
     }
+    if model.shifts is not None:
+        by = model.shifts
+        change["doubt"] = s**2 * _seen(by.mass[configuration], x) + _seen(by.gravity_stiffness[configuration], x)
     moving, at = at_rest(model, values)
     for kind, slopes in loaded_slopes(moving, values, at, parameters.kinds).items():
         through = slopes.stiffness[configuration].T @ springs

@@ -10,21 +10,17 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.doubts.extension import carry_over, extend_options, extend_problem
-from robid.fit.elastic.doubts.springs import gear_stiffness, is_there
+from robid.fit.elastic.doubts.further import FurtherSpring, further_springs
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
 from robid.fit.levenberg import Minimum
-from robid.robot.description import Inertial, Joint, Robot, Spring, SpringPlace
+from robid.robot.description import Robot, Spring
 from robid.validation.elastic.fitted import FittedModel
 
-_STIFFER = 3.0  # than the gear nearby: where a trial starts
 _IN_SERIES = 2.0  # times a fitted gear, for gear and trial alike: together as soft as the gear was
-_RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
-_TIME_S = 5e-4  # damping over stiffness
 _FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
 _ALONG = 0.9  # cosine above which two axes are one
-_OUTBOARD = 0.6  # share of a link beyond a split
 
 
 @dataclass(frozen=True)
@@ -33,11 +29,13 @@ class SpringTrial:
 
     Attributes:
         spring: The spring, with the stiffness that it ended at.
+        title: What it is, for a sentence.
         share: Share of the residual's cost that it takes away.
         moved (n_param,): How far it moves the internal parameters.
     """
 
     spring: Spring
+    title: str
     share: float
     moved: FloatArray
 
@@ -51,7 +49,8 @@ def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> l
         options: Options of the fit.
     """
     begun = []
-    for spring in further_springs(robot):
+    for further in further_springs(robot):
+        spring = further.spring
         try:
             more = replace(robot, springs=(*robot.springs, spring))
             problem = extend_problem(fitted.problem, fitted.internal, more, extend_options(options, (spring,)))
@@ -59,9 +58,9 @@ def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> l
             continue
         starts = _starts(robot, problem, spring, fitted)
         first = min((_descend(problem, start, _FIRST_STEPS) for start in starts), key=lambda end: end.cost)
-        begun.append((first, problem, spring))
+        begun.append((first, problem, further))
     begun.sort(key=lambda each: each[0].cost)
-    ends = [(spring, problem, _descend(problem, end.parameters, _STEPS)) for end, problem, spring in begun[:_KEPT]]
+    ends = [(further, problem, _descend(problem, end.parameters, _STEPS)) for end, problem, further in begun[:_KEPT]]
     return sorted((_trial(*end, fitted) for end in ends), key=lambda trial: -trial.share)
 
 
@@ -102,54 +101,13 @@ def _gears_in_series(robot: Robot, spring: Spring) -> Iterator[str]:
             yield each.name
 
 
-def _trial(spring: Spring, problem: Problem, end: Minimum, fitted: FittedModel) -> SpringTrial:
-    after = dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
+def _trial(further: FurtherSpring, problem: Problem, end: Minimum, fitted: FittedModel) -> SpringTrial:
+    spring, after = further.spring, dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
     stiffness = spring.stiffness * float(np.exp(after[f"{spring.name}.stiffness"]))
     before = zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True)
     return SpringTrial(
         replace(spring, stiffness=stiffness),
+        further.title,
         1 - end.cost / fitted.problem.cost(fitted.internal),
         np.array([after[name] - value for name, value in before]),
     )
-
-
-def further_springs(robot: Robot) -> Iterator[Spring]:
-    """Springs that a robot file may lack: gears, beneath the base, across joints, within links, at the payload."""
-    stiffness = gear_stiffness(robot)
-    last = len(robot.joints) - 1
-    for index, joint in enumerate(robot.joints):
-        stiff = _STIFFER * stiffness[index]
-        if robot.rigid[index] and robot.rotor == "spong":
-            reflected = joint.motor.gear_ratio**2 * joint.motor.inertia_kgm2
-            gear = (2 * np.pi * _RIGID_HZ) ** 2 * reflected
-            yield _spring(f"gear of {joint.name}", index, "transmission", np.eye(3)[2], gear)
-        for letter, axis in zip("xyz", np.eye(3), strict=True):
-            if index == 0 and not is_there(robot, "base", 0, axis):
-                yield _spring(f"base about {letter}", 0, "base", axis, stiff)
-            if letter != "z" and not is_there(robot, "bearing", index, axis):
-                yield _spring(f"bearing of {joint.name} about {letter}", index, "bearing", axis, stiff)
-            if index < last and not is_there(robot, "split", index, None):
-                name = f"link of {joint.name} about its {letter} axis"
-                split = _spring(name, index, "split", axis, _STIFFER * stiffness[index + 1])
-                yield replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
-            if (
-                index == last
-                and letter != "z"
-                and robot.payload.mass_kg > 0
-                and not is_there(robot, "payload", last, axis)
-            ):
-                yield _spring(f"payload mount about {letter}", last, "payload", axis, stiff)
-
-
-def _middle(following: Joint, axis: FloatArray) -> FloatArray:
-    """Where a link is split: a link that twists along the next joint's axis does so about that very line."""
-    along = abs(float(axis @ following.rotation[:, 2])) > _ALONG
-    return following.position_m if along else np.zeros(3)
-
-
-def _part(link: Inertial) -> Inertial:
-    return Inertial(_OUTBOARD * link.mass_kg, link.com_m, _OUTBOARD * link.inertia_kgm2)
-
-
-def _spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:
-    return Spring(name, joint, place, axis, stiffness, _TIME_S * stiffness)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from robid.arrays import ComplexArray
-from robid.fit.elastic.doubts.scene import Scene
 from robid.robot.description import Robot
+
+if TYPE_CHECKING:
+    from robid.fit.elastic.doubts.scene import Scene
 
 
 class Direction(Protocol):
@@ -36,6 +38,7 @@ class DoubtColumn:
         direction: What it does to the response.
         least: Smallest amount that makes sense.
         most: Largest amount that makes sense.
+        stated: What the robot file says in the same unit, where that is said; zero where only amounts are.
     """
 
     name: str
@@ -47,6 +50,7 @@ class DoubtColumn:
     direction: Direction
     least: float = -np.inf
     most: float = np.inf
+    stated: float = 0.0
 
 
 @dataclass(frozen=True)

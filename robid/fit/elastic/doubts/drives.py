@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from robid.arrays import ComplexArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.parameters import element_names
+
+if TYPE_CHECKING:
+    from robid.fit.elastic.doubts.scene import Scene
 
 _OF_PLACE = 0.25  # of a torque constant's deviation: what temperature does between places
 _PERCENT = 100.0
@@ -38,8 +40,13 @@ class TorqueScale:
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
         found = np.zeros(scene.problem.frf.response.shape, complex)
-        found[..., self.joint] = -1 / _PERCENT
+        found[..., self.joint] = self.slope
         return found
+
+    @property
+    def slope(self) -> float:
+        """Derivative of the log response to its torque by the amount."""
+        return -1 / _PERCENT
 
 
 @dataclass(frozen=True)
@@ -154,7 +161,7 @@ def coupling_doubts(robot: Robot) -> Iterator[DoubtColumn]:
 
 def is_estimated(options: ElasticOptions, kind: str, name: str) -> bool:
     """Whether a fit estimates a parameter."""
-    return kind in options.free and name not in options.fixed
+    return kind in options.kinds and name not in options.fixed
 
 
 def _with_coupling(index: int, other: int, robot: Robot, percent: float) -> Robot:

@@ -19,7 +19,7 @@ from robid.robot.response import ElasticParameters, nominal_parameters
 
 def extend_options(options: ElasticOptions, springs: Sequence[Spring]) -> ElasticOptions:
     """Returns options with which stiffness and damping of further springs are free, their locations are not."""
-    free = tuple(dict.fromkeys([*options.free, "stiffness", "damping"]))
+    free = tuple(dict.fromkeys([*options.kinds, "stiffness", "damping", *options.freed]))
     located = names_of("location", springs, []) if "location" in free else []
     fixed = (*options.fixed, *(name for name in located if name is not None))
     return replace(options, free=free, fixed=fixed, statics="updates")

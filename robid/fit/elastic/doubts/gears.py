@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.drives import is_estimated
-from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
+
+if TYPE_CHECKING:
+    from robid.fit.elastic.doubts.scene import Scene
 
 _PERCENT = 100.0
 _MEAN_SIZE = np.sqrt(2 / np.pi)  # of a normal variable, over its deviation

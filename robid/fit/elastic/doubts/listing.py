@@ -11,6 +11,7 @@ from robid.arrays import ComplexArray
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.drives import coupling_doubts, friction_doubts, rotor_doubts, torque_doubts
+from robid.fit.elastic.doubts.freed import freed_doubts
 from robid.fit.elastic.doubts.gears import gear_doubts
 from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
 from robid.fit.elastic.doubts.scene import Scene
@@ -22,7 +23,7 @@ from robid.robot.description import Robot
 def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[DoubtColumn, ...]:
     """Lists the doubts of a robot file with the priors that it states.
 
-    What the fit estimates is none: rotor inertias, viscous friction of arms, cubic gears.
+    What the fit estimates is none: rotor inertias, viscous friction of arms, cubic gears, doubts that are freed.
 
     Args:
         robot: The robot that the fit starts from, with its campaign's payload.
@@ -31,7 +32,7 @@ def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulR
             of the file's doubts of links.
     """
     of_links = _rigid_doubts(rigid) if rigid else link_doubts(robot)
-    return (
+    listed = (
         *payload_doubts(robot),
         *of_links,
         *torque_doubts(robot),
@@ -41,6 +42,8 @@ def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulR
         *friction_doubts(robot, options),
         *spring_doubts(robot),
     )
+    freed = {doubt.name for doubt in freed_doubts(robot, options)}
+    return tuple(doubt for doubt in listed if doubt.name not in freed)
 
 
 @dataclass(frozen=True)

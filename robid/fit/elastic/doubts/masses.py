@@ -42,7 +42,8 @@ def payload_doubts(robot: Robot) -> Iterator[DoubtColumn]:
         std = doubts.payload_relative_std * load.mass_kg
         move = RobotMove(_with_payload_mass, _SHARE_STEP * load.mass_kg)
         names = "payload.mass", "payload mass"
-        yield DoubtColumn(*names, "payload", "kg", std, 0.0, move, least=-load.mass_kg, most=load.mass_kg)
+        limits = -load.mass_kg, load.mass_kg
+        yield DoubtColumn(*names, "payload", "kg", std, 0.0, move, *limits, stated=load.mass_kg)
     if doubts.payload_com_m > 0:
         for axis, letter in enumerate("xyz"):
             move = RobotMove(partial(_with_payload_at, np.eye(3)[axis]), _MM * _STEP_M)

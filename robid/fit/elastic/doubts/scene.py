@@ -105,7 +105,7 @@ class Scene:
 
     def _rested(self, robot: Robot, values: ElasticParameters) -> tuple[LinearModel, ElasticParameters]:
         """Another robot where gravity lets it rest, so that no derivative of its matrices by the rest is needed."""
-        frf, free = self.problem.frf, tuple(kind for kind in self.options.free if kind != "location")
+        frf, free = self.problem.frf, tuple(kind for kind in self.options.kinds if kind != "location")
         options = replace(self.options, statics="updates", free=free)
         model = rest_model(robot, frf, options, float(values.delay[0]), values)
         inertia = values.link_inertia + model.axial - self.problem.model.axial

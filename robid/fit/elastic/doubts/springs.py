@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.scene import Scene
 from robid.robot.description import Robot, Spring, SpringPlace
+
+if TYPE_CHECKING:
+    from robid.fit.elastic.doubts.scene import Scene
 
 _PERCENT = 100.0
 _STEP = 1e-3  # percent of the gear's compliance

@@ -123,7 +123,7 @@ def test_explanations_that_move_springs_little_or_explain_little_or_are_linear_f
 
     def decisive(cause="missing_spring", share=0.8, moved=0.3, leads=True):
         found = Explanation(cause, ("spring",), np.ones(1), ("MN m/rad",), share, moved * gear)
-        return _doubt(estimate, found, leads=leads).decisive
+        return _doubt(estimate, found, [found] if leads else [], OPTIONS).decisive
 
     assert decisive()
     assert decisive(moved=-0.2)  # 22 % off
@@ -132,9 +132,8 @@ def test_explanations_that_move_springs_little_or_explain_little_or_are_linear_f
     assert not decisive(cause="masses")
     assert not decisive(leads=False)
     unknown = replace(estimate, lower=0.5 * estimate.value, upper=1.5 * estimate.value)
-    assert not _doubt(
-        unknown, Explanation("missing_spring", ("spring",), np.ones(1), ("MN m/rad",), 0.8, 0.3 * gear), leads=True
-    ).decisive
+    found = Explanation("missing_spring", ("spring",), np.ones(1), ("MN m/rad",), 0.8, 0.3 * gear)
+    assert not _doubt(unknown, found, [found], OPTIONS).decisive
 
 
 def test_a_right_model_has_nothing_to_explain(true_arm):

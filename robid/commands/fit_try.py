@@ -1,0 +1,149 @@
+"""`robid fit --try`: what a fit becomes where more is freed, beside what it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from robid.artifacts.artifact import Artifact
+from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.model import estimate_from_artifact
+from robid.backends.map import make_map
+from robid.commands.inputs import choose_node, require_inputs
+from robid.commands.output import print_json
+from robid.commands.shared import make_shell
+from robid.errors import SettingsError
+from robid.families.family import Work
+from robid.families.parameters import parameter_rows
+from robid.pipeline import Run
+from robid.report.numbers import duration, percent, scale_for, significant
+from robid.report.parameters import ParameterRow, kind_title
+from robid.report.terminal import open_table
+from robid.robot.parameters import NUISANCE
+from robid.stages.export import export_plan
+from robid.stages.fit_try import Trial, tried_experiment, try_fit, write_tried
+from robid.stages.freshness import input_hashes
+from robid.stages.replacing import check_outputs
+from robid.stages.stage import Job
+from robid.validation.grade import WORDS
+
+_MOVED = 1.0  # half-widths
+
+
+def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None, *, force: bool, as_json: bool) -> int:
+    """Refits with more freed from the minimum found, and sets both side by side; returns the exit code."""
+    node = choose_node(run, "fit", fit)
+    tried = tried_experiment(run.loaded, node.owner, names)
+    inputs = require_inputs(run, dataclasses.replace(node, plan=export_plan(run.loaded, node.owner)), [])
+    plan = node.stage.plan(tried, node.owner)
+    if output is not None:
+        check_outputs(run.loaded, node.stage, plan, inputs, output)
+        if output.exists() and not force:
+            raise SettingsError("the file is there already", where=f"--output {output}", remedy="`--force` replaces it")
+    shell, begun = make_shell(run, as_json=as_json), time.monotonic()
+    label = f"{node.owner} with {', '.join(names)}"
+    with make_map(run.backend, run.workers) as parallel_map, shell.progress(label) as progress:
+        trial = try_fit(tried, node.owner, inputs, Work(parallel_map, progress))
+        if output is not None:
+            read = {name: path for name, path in inputs.items() if name != "model"}
+            hashes = input_hashes(plan, read)
+            job = Job(tried, node.owner, plan.settings, output, read, hashes, run.folder, parallel_map, 1, progress)
+            write_tried(trial, job)
+    if as_json:
+        print_json(
+            {"fit": node.owner, "tried": names, "output": None if output is None else str(output), **told(trial)}
+        )
+        return 0
+    shell.out.print(side_by_side(trial, node.owner, names))
+    written = "nothing is written" if output is None else f"written to {output}"
+    free = ", ".join(tried.plain["fits"][node.owner]["free"])
+    shell.say(f"{written}; `free: [{free}]` in fits.{node.owner} makes it so ({duration(time.monotonic() - begun)})")
+    return 0
+
+
+def told(trial: Trial) -> dict[str, Any]:
+    """What `--json` says of a trial."""
+    found = {}
+    for side, model in (("before", trial.before), ("after", trial.after)):
+        grade = grade_from_artifact(model)
+        rows = {row.name: {"value": row.estimate, "half_width": _half(row)} for row in _rows(model, trial, full=True)}
+        figures = {"cost": _cost(model), "misfit": _misfit(model), "grade": grade.value}
+        found[side] = {**figures, "grade_sentence": grade.sentence, "parameters": rows}
+    return found
+
+
+def side_by_side(trial: Trial, fit: str, names: list[str]) -> Table:
+    """Lays out value and half-width of each parameter, cost and grade, before and after; what moved stands out."""
+    table = open_table("parameter")
+    for header in (fit, f"with {', '.join(names)}"):
+        table.add_column(header, justify="right", no_wrap=True)
+        table.add_column("±", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("moved", justify="right", no_wrap=True)
+    before = {(row.kind, row.name): row for row in _rows(trial.before, trial)}
+    after = {(row.kind, row.name): row for row in _rows(trial.after, trial)}
+    every = [*before, *(key for key in after if key not in before)]
+    for kind in dict.fromkeys(kind for kind, _ in every):
+        table.add_row(Text(kind_title(kind, trial.torque_unit), style="bold"))
+        for key in every:
+            if key[0] == kind:
+                _add(table, key[1], before.get(key), after.get(key))
+    _add_figures(table, trial)
+    return table
+
+
+def _add(table: Table, name: str, before: ParameterRow | None, after: ParameterRow | None) -> None:
+    rows = [row for row in (after, before) if row is not None]
+    scale = scale_for(rows[0].estimate or rows[0].nominal, rows[0].unit, _half(rows[0]))
+    cells = []
+    for row in (before, after):
+        cells += ["", ""] if row is None else [scale.text(row.estimate), scale.text(_half(row))]
+    moved = "" if before is None or after is None else _moved(before, after)
+    style = "bold" if before is None or (after is not None and _lengths(before, after) > _MOVED) else None
+    table.add_row(f"  {name}", *cells, scale.unit, moved, style=style)
+
+
+def _add_figures(table: Table, trial: Trial) -> None:
+    models = trial.before, trial.after
+    table.add_row(Text("Fit", style="bold"))
+    cost = [_cost(model) for model in models]
+    shown = [cell for value in cost for cell in (significant(value, 4), "")]
+    table.add_row("  cost", *shown, "", percent(cost[1] / cost[0] - 1, signed=True) if cost[0] else "")
+    misfit = [cell for model in models for cell in (significant(_misfit(model), 3), "")]
+    table.add_row("  over noise and model error", *misfit, "", "")
+    grade = [cell for model in models for cell in (WORDS[grade_from_artifact(model).value].split(",")[0], "")]
+    table.add_row("  grade by itself", *grade, "", "")
+
+
+def _rows(model: Artifact, trial: Trial, *, full: bool = False) -> list[ParameterRow]:
+    estimate = estimate_from_artifact(model)
+    rows = parameter_rows(estimate, {}, (), trial.torque_unit)
+    if full:
+        return [dataclasses.replace(row, name=name) for row, name in zip(rows, estimate.names, strict=True)]
+    return [row for row in rows if row.kind != NUISANCE]
+
+
+def _half(row: ParameterRow) -> float:
+    return 0.5 * (row.upper - row.lower)
+
+
+def _lengths(before: ParameterRow, after: ParameterRow) -> float:
+    half = _half(before)
+    return abs(after.estimate - before.estimate) / half if half > 0 else 0.0
+
+
+def _moved(before: ParameterRow, after: ParameterRow) -> str:
+    return percent(after.estimate / before.estimate - 1, signed=True) if before.estimate else ""
+
+
+def _cost(model: Artifact) -> float:
+    return float(str(model.attributes["elastic/costs/total"]))
+
+
+def _misfit(model: Artifact) -> float:
+    return float(str(model.attributes["elastic/misfit"]))

@@ -1,0 +1,28 @@
+"""What to write into the settings of a fit so that it estimates what would explain its misfit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
+from robid.fit.elastic.doubts.drives import TorqueScale
+
+_FEW = 2
+_KINDS = {"rotor_inertia": "motor_inertia", "arm_friction": "arm_viscous"}
+"""Kinds of parameters that stand for a cause."""
+_ALWAYS_WHOLE = ("payload",)
+
+
+def remedy(doubts: Sequence[DoubtColumn]) -> tuple[str, ...]:
+    """Returns the names that free doubts of one cause: each, or their cause where they are many.
+
+    Args:
+        doubts: What would explain a misfit.
+    """
+    cause = doubts[0].cause
+    if cause in _KINDS:
+        return (_KINDS[cause],)
+    if not all(isinstance(doubt.direction, RobotMove | TorqueScale) for doubt in doubts):
+        return ()
+    many = len(doubts) > _FEW or cause in _ALWAYS_WHOLE
+    return (cause,) if many else tuple(doubt.name for doubt in doubts)
