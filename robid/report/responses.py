@@ -75,7 +75,9 @@ def responses_verdict(campaigns: Campaigns) -> str:
     """Says in one sentence what is there, for experiments that ask for no model."""
     known = [(name, middle(judge(frf).relative_std)) for name, frf in campaigns if not saturation_text(frf)]
     told = ", ".join(f"{name} to {percent(value)}" for name, value in known if not np.isnan(value))
-    end = f" and known: {told} (median standard deviation)" if told else ", with unknown uncertainty" if known else ""
+    alone = " of noise alone" if any(frf.total_covariance is None for _, frf in campaigns) else ""
+    end = f" and known: {told} (median standard deviation{alone})" if told else ""
+    end = end or (", with unknown uncertainty" if known else "")
     responses = "response is" if len(campaigns) == 1 else f"responses of {len(campaigns)} campaigns are"
     clipped = "".join(f" Do not trust {name}: {text}." for name, frf in campaigns if (text := saturation_text(frf)))
     lacking = "".join(f" {text}" for name, frf in campaigns if (text := _lacking(name, frf)))
@@ -263,7 +265,8 @@ def _measured(frf: Frf) -> str:
     dropped = _count(frf)
     text += f", {dropped} of {n_conf * n_freq} with a dropped input" if dropped else ""
     if np.isfinite(quality.relative_std).any():
-        known = f"{percent(middle(quality.relative_std))} (median standard deviation)"
+        alone = " of noise alone" if frf.total_covariance is None else ""
+        known = f"{percent(middle(quality.relative_std))} (median standard deviation{alone})"
         text += f", scattering by {known}" if saturation_text(frf) else f", known to {known}"
     if np.isfinite(quality.coherence).any():
         worst = coherence_text(lowest(quality.coherence))
