@@ -73,11 +73,9 @@ def response_headlines(campaigns: Campaigns) -> tuple[Headline, ...]:
 
 def responses_verdict(campaigns: Campaigns) -> str:
     """Says in one sentence what is there, for experiments that ask for no model."""
-    known = [(name, middle(judge(frf).relative_std)) for name, frf in campaigns if not saturation_text(frf)]
-    told = ", ".join(f"{name} to {percent(value)}" for name, value in known if not np.isnan(value))
-    alone = " of noise alone" if any(frf.total_covariance is None for _, frf in campaigns) else ""
-    end = f" and known: {told} (median standard deviation{alone})" if told else ""
-    end = end or (", with unknown uncertainty" if known else "")
+    trusted = [(name, frf, middle(judge(frf).relative_std)) for name, frf in campaigns if not saturation_text(frf)]
+    told = ", ".join(f"{name} to {percent(value)}{_by(frf)}" for name, frf, value in trusted if not np.isnan(value))
+    end = f" and known: {told} (median standard deviation)" if told else ", with unknown uncertainty" if trusted else ""
     responses = "response is" if len(campaigns) == 1 else f"responses of {len(campaigns)} campaigns are"
     clipped = "".join(f" Do not trust {name}: {text}." for name, frf in campaigns if (text := saturation_text(frf)))
     lacking = "".join(f" {text}" for name, frf in campaigns if (text := _lacking(name, frf)))
@@ -88,6 +86,10 @@ def _lacking(name: str, frf: Frf) -> str:
     """Says at how many lines a response is not known, where they are more than a few."""
     dropped, whole = _count(frf), len(frf.response) * len(frf.frequency_hz)
     return f"At {dropped} of {whole} lines of {name} too little was told." if dropped > _FEW_DROPPED * whole else ""
+
+
+def _by(frf: Frf) -> str:
+    return " by noise alone" if frf.total_covariance is None else ""
 
 
 def measured_sentence(name: str, frf: Frf) -> str:
@@ -265,8 +267,7 @@ def _measured(frf: Frf) -> str:
     dropped = _count(frf)
     text += f", {dropped} of {n_conf * n_freq} with a dropped input" if dropped else ""
     if np.isfinite(quality.relative_std).any():
-        alone = " of noise alone" if frf.total_covariance is None else ""
-        known = f"{percent(middle(quality.relative_std))} (median standard deviation{alone})"
+        known = f"{percent(middle(quality.relative_std))}{_by(frf)} (median standard deviation)"
         text += f", scattering by {known}" if saturation_text(frf) else f", known to {known}"
     if np.isfinite(quality.coherence).any():
         worst = coherence_text(lowest(quality.coherence))
