@@ -10,7 +10,7 @@ from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.named import Named
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.uncertainty import Influence, score_covariance
+from robid.fit.elastic.uncertainty import Influence, influence, score_covariance
 from robid.places.between import estimate_between
 from robid.places.evidence import Evidence, summarise
 from robid.places.grouping import group_places
@@ -45,8 +45,8 @@ def place_evidence(
     Args:
         problem: The problem with its weights.
         internal (n_param,): The point.
-        covariance (n_conf, n_param + n_doubt, n_param + n_doubt): Covariance of the scores by what is known of the
-            errors; changes little from point to point.
+        covariance (n_conf, n_param + n_doubt, n_param + n_doubt): Covariance of the scores there by what is known of
+            the errors. That of another point does not do: along what places hardly see, it would differ most.
         doubts: Further columns; none when not given.
 
     Source:
@@ -87,16 +87,16 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
     if doubts is not None:
         found = _extended(problem, internal, found, doubts)
         given = np.concatenate([given, doubts.place_std**2])
-    covariance = score_covariance(problem, found)
     best, now = np.inf, internal
-    for _ in range(_STEPS if doubts is None else 1):
-        evidence = place_evidence(problem, now, covariance, doubts)
+    for step in range(_STEPS if doubts is None else 1):
+        here = influence(problem, now) if step else found
+        evidence = place_evidence(problem, now, score_covariance(problem, here), doubts)
         there = pool(evidence, estimate_between(evidence, given).variance)
         length = float(np.abs(there.shift[:size] / np.sqrt(np.diag(there.covariance)[:size])).max())
         if length >= best:
             break  # where nothing is linear, steps lead nowhere: the last one that was shorter counts
-        step = np.clip(there.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
-        best, pooled, now = length, there, np.clip(now + step, parameters.lower, parameters.upper)
+        moved = now + np.clip(there.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
+        best, pooled, now = length, there, np.clip(moved, parameters.lower, parameters.upper)
         if length <= _ARRIVED:
             break
     assumed = pooled.assumed.copy()
