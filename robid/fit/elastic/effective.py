@@ -17,7 +17,7 @@ from robid.places.grouping import group_places
 from robid.places.pooling import Pooled, pool
 
 _STEPS = 10
-_LONGEST_STEP = 0.5  # of an internal parameter; beyond, nothing is linear
+_LONGEST_STEP = 0.5  # of an internal parameter; beyond, nothing is linear, and what is known no better stays
 _ARRIVED = 1e-2  # of a deviation
 
 
@@ -92,12 +92,14 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
         here = influence(problem, now) if step else found
         evidence = place_evidence(problem, now, score_covariance(problem, here), doubts)
         there = pool(evidence, estimate_between(evidence, given).variance)
-        length = float(np.abs(there.shift[:size] / np.sqrt(np.diag(there.covariance)[:size])).max())
-        if length >= best:
+        std = np.sqrt(np.maximum(np.diag(there.covariance), np.diag(there.assumed))[:size])
+        known = std <= _LONGEST_STEP
+        shift = np.abs(known * there.shift[:size])
+        if shift.max() >= best:
             break  # where nothing is linear, steps lead nowhere: the last one that was shorter counts
-        moved = now + np.clip(there.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
-        best, pooled, now = length, there, np.clip(moved, parameters.lower, parameters.upper)
-        if length <= _ARRIVED:
+        moved = now + known * np.clip(there.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
+        best, pooled, now = shift.max(), there, np.clip(moved, parameters.lower, parameters.upper)
+        if (shift <= _ARRIVED * std).all():
             break
     assumed = pooled.assumed.copy()
     assumed[:size, :size] += load_doubt(problem, internal, found.inverse, found.weighted[..., :size])
