@@ -40,7 +40,7 @@ def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> Loaded
         SettingsError: If the robot has nothing of that name, or the fit estimates it already.
     """
     fit = elastic_fit(loaded.experiment, name)
-    twice = [each for each in more if each in fit.free]
+    twice = [each for each in more if each in (*fit.free, *fit.kinds)]
     if twice:
         message = f"fit `{name}` estimates `{twice[0]}` already"
         raise SettingsError(message, where="--try", remedy="name something else, or leave it out")

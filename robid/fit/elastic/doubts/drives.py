@@ -11,6 +11,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
+from robid.fit.elastic.doubts.masses import with_carried_share
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.parameters import element_names
@@ -22,6 +23,7 @@ _OF_PLACE = 0.25  # of a torque constant's deviation: what temperature does betw
 _PERCENT = 100.0
 _TURN_10_HZ = 20 * np.pi
 _COUPLING_STEP = 1e-2  # percent
+_SHARE_STEP = 1e-2  # percent
 _WRIST, _WITH_WRIST = 3, 6  # joints of a wrist whose motors sit before it, and of an arm that has one
 _OF_LINK = "% of what its link's inertia asks for at 10 Hz"
 _OF_ROTOR = "% of what its rotor asks for at 10 Hz"
@@ -47,6 +49,24 @@ class TorqueScale:
     def slope(self) -> float:
         """Derivative of the log response to its torque by the amount."""
         return -1 / _PERCENT
+
+
+@dataclass(frozen=True)
+class SharedTorqueScale:
+    """The same where masses were found by the same torques, in a rigid fit: the joint's link is too heavy by as much.
+
+    Torques, masses and springs by one factor are the same response, so such masses do not tell a torque constant.
+
+    Attributes:
+        joint: Index of the motor.
+    """
+
+    joint: int
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        heavier = RobotMove(partial(with_carried_share, self.joint), _SHARE_STEP)
+        return np.asarray(TorqueScale(self.joint).column(scene) - heavier.column(scene))
 
 
 @dataclass(frozen=True)
@@ -106,14 +126,15 @@ class MotorFriction:
         return np.asarray(self.phase * size * moved / square[:, None, None])
 
 
-def torque_doubts(robot: Robot) -> Iterator[DoubtColumn]:
-    """Yields the doubts of the motors' torque constants."""
+def torque_doubts(robot: Robot, *, rigid: bool = False) -> Iterator[DoubtColumn]:
+    """Yields the doubts of the motors' torque constants, with the masses of a rigid fit where these are the robot's."""
     for index, joint in enumerate(robot.joints):
         std = _PERCENT * joint.doubts.torque_relative_std
         if std > 0:
             names = f"{joint.name}.torque_constant", f"torque constant of {joint.name}"
             deviations = std, _OF_PLACE * std
-            yield DoubtColumn(*names, "torque_constant", "%", *deviations, TorqueScale(index), -_PERCENT, _PERCENT)
+            direction = SharedTorqueScale(index) if rigid else TorqueScale(index)
+            yield DoubtColumn(*names, "torque_constant", "%", *deviations, direction, -_PERCENT, _PERCENT)
 
 
 def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:

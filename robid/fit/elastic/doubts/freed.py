@@ -61,9 +61,12 @@ def names(doubt: DoubtColumn, name: str) -> bool:
 
 def free_with(free: Sequence[str], more: Sequence[str]) -> tuple[str, ...]:
     """Returns what `free` must say so that more is estimated too; the default kinds need not be named beside doubts."""
-    if tuple(free) == FREE and not set(more) & set(ELASTIC):
+    kinds = set(ELASTIC)
+    if tuple(free) == FREE and not kinds & set(more):
         return tuple(dict.fromkeys(more))
-    return tuple(dict.fromkeys((*free, *more)))
+    # Beside doubts alone the default kinds are free unsaid; a kind that is named would take their place.
+    unsaid = FREE if free and not kinds & set(free) and kinds & set(more) else ()
+    return tuple(dict.fromkeys((*unsaid, *free, *more)))
 
 
 def groups(doubt: DoubtColumn) -> tuple[str, ...]:

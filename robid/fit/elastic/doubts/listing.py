@@ -35,7 +35,7 @@ def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulR
     listed = (
         *payload_doubts(robot),
         *of_links,
-        *torque_doubts(robot),
+        *torque_doubts(robot, rigid=bool(rigid)),
         *rotor_doubts(robot, options),
         *coupling_doubts(robot),
         *gear_doubts(robot, options),

@@ -81,6 +81,13 @@ def _with_link(robot: Robot, index: int, change: Callable[[Inertial], Inertial])
     return replace(robot, joints=tuple(joints), springs=tuple(springs))
 
 
+def with_carried_share(index: int, robot: Robot, percent: float) -> Robot:
+    """The robot with a link that is heavier by some percent, the last one with the payload that it carries."""
+    heavier = _with_link_share(index, robot, percent)
+    last = index == len(robot.joints) - 1
+    return replace(heavier, payload=_shared(1 + percent / _PERCENT, robot.payload)) if last else heavier
+
+
 def _with_link_share(index: int, robot: Robot, percent: float) -> Robot:
     return _with_link(robot, index, partial(_shared, 1 + percent / _PERCENT))
 

@@ -9,7 +9,7 @@ from exact_systems import certain, exact_frf, two_joint_robot
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
-from robid.robot.description import Robot
+from robid.robot.description import Inertial, Robot
 from robid.robot.inertia import remove
 
 CONFIGURATIONS = np.array([[0.3, -0.7], [-0.5, 0.9], [0.9, 1.4]])
@@ -78,3 +78,40 @@ def test_intervals_widen_and_say_why(frf):
     assert wider.max() > 2
     assert "what the rigid fit leaves open" in unsure.interval_rule
     assert "rigid" not in sure.interval_rule
+
+
+def scaled(robot, factor):
+    """The robot with masses, payload and rotors that are heavier by one factor."""
+
+    def heavier(body):
+        return Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
+
+    joints = tuple(
+        replace(
+            joint,
+            link=heavier(joint.link),
+            motor=replace(joint.motor, inertia_kgm2=factor * joint.motor.inertia_kgm2),
+            doubts=replace(joint.doubts, torque_relative_std=0.02),
+        )
+        for joint in robot.joints
+    )
+    springs = tuple(
+        spring if spring.outboard is None else replace(spring, outboard=heavier(spring.outboard))
+        for spring in robot.springs
+    )
+    return replace(robot, joints=joints, springs=springs, payload=heavier(robot.payload))
+
+
+def test_masses_that_the_same_torques_gave_do_not_tell_their_scale():
+    true, factor = certain(two_joint_robot()), 1.02
+    frf = exact_frf(true, CONFIGURATIONS, FREQUENCY_HZ, declared_noise=0.001)
+    frf = replace(frf, response=frf.response / factor, total_covariance=frf.total_covariance / factor**2)
+    nominal = scaled(true, factor)
+    doubtful = [DoubtfulRobot(heavier(nominal, 0.001), 1.0)]
+    found = fit_elastic(nominal, frf, OPTIONS, 0.0, doubtful=doubtful).estimate
+    truth = np.array([spring.stiffness for spring in true.springs])
+    np.testing.assert_allclose(found.value[: truth.size], factor * truth, rtol=1e-3)
+    assert ((found.lower[: truth.size] <= truth) & (truth <= found.upper[: truth.size])).all()
+    # Two torque constants of 2 % each leave the springs' common scale to 1.4 %.
+    half = 0.5 * (found.upper - found.lower)[: truth.size] / truth
+    assert half.min() == pytest.approx(1.96 * 0.02 / np.sqrt(2), rel=0.15)

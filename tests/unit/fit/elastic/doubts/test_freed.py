@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.errors import SettingsError
-from robid.fit.elastic.doubts.freed import DOUBT, PRIOR_FACTOR, freed_doubts, movable_doubts, moved_robot
+from robid.fit.elastic.doubts.freed import DOUBT, PRIOR_FACTOR, free_with, freed_doubts, movable_doubts, moved_robot
 from robid.fit.elastic.doubts.further import further_springs, with_freed_springs
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.fitted_robot import fitted_robot
@@ -45,6 +45,13 @@ def test_doubts_alone_come_beside_the_default_kinds_and_kinds_replace_them():
     assert (freeing("payload").kinds, freeing("payload").freed) == (FREE, ("payload",))
     assert freeing("damping", "payload", "stiffness").kinds == ("damping", "stiffness")
     assert ElasticOptions().freed == ()
+
+
+@pytest.mark.parametrize("free", [FREE, ("payload",), ("payload", "masses"), ("stiffness",), ("damping", "masses")])
+@pytest.mark.parametrize("more", [["masses"], ["arm_viscous"], ["payload.mass", "cubic"]])
+def test_freeing_more_leaves_nothing_out_that_was_estimated(free, more):
+    before, after = freeing(*free), freeing(*free_with(free, more))
+    assert {*before.kinds, *before.freed, *more} == {*after.kinds, *after.freed}
 
 
 def test_a_name_frees_a_doubt_its_component_or_its_whole_cause():
