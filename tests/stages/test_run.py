@@ -83,7 +83,7 @@ def test_a_stated_truth_is_simulated_and_told_by_the_names_of_the_fit(shop):
     assert true.robot.springs[-1].name == "tilt"
     assert set(values) == set(plain) - {"turn.shape", "lift.shape"}
     changed = {name for name, value in values.items() if value != plain[name]}
-    assert changed == {"turn.motor_inertia", "lift.link_inertia"}
+    assert changed == {"turn.motor_inertia", "lift.link_inertia", "payload.mass"}
     assert values["turn.motor_inertia"] == pytest.approx(1.1 * 0.002)
     shop.change("truth: {", "truth: {reversed_torque: [turn], torque_constant_factor: {lift: 0.8}, ")
     wrong, _, _ = recorded()

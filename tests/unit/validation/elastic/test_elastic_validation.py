@@ -198,6 +198,7 @@ def test_fitted_friction_moves_the_new_data_by_shared_names(nominal, solution, f
         replace(solution, internal=replace(solution.internal, values=np.append(solution.internal.values, 0.05))),
         names=(*solution.estimate.names, "shoulder.level"),
         kinds=(*solution.estimate.kinds, "friction"),
+        nominal=np.append(solution.estimate.nominal, 0.0),
         value=np.append(solution.estimate.value, 0.05),
     )
     measured = fitted_model(nominal, known, frf, OPTIONS, DELAY_S).measured
