@@ -283,7 +283,11 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
 
 
 def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
-    model = spec.compile()
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        message = f"there is no such robot: {' '.join(str(error).split())}"
+        raise DataError(message, remedy="correct the masses and inertias of the robot file") from error
     names = [joint.name for joint in robot.joints]
     drives = motor_drives(robot)
     motor = np.array([model.joint(name).dofadr[0] for name, _ in drives])
