@@ -145,8 +145,9 @@ def left_of_freed(doubt: DoubtColumn) -> DoubtColumn | None:
     """What is left to doubt once a fit estimates a doubt: of a torque constant, masses that the same torques gave."""
     if not isinstance(doubt.direction, SharedTorqueScale):
         return None
-    names = {"name": f"{doubt.name.rpartition('.')[0]}.mass_by_torque", "title": f"mass by {doubt.title}"}
-    return replace(doubt, **names, cause="masses", place_std=0.0, direction=doubt.direction.heavier)
+    name, heavier = f"{doubt.name.rpartition('.')[0]}.mass_by_torque", doubt.direction.heavier
+    title = f"mass by {doubt.title}"
+    return replace(doubt, name=name, title=title, cause="masses", place_std=0.0, direction=heavier)
 
 
 def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
