@@ -12,6 +12,7 @@ from robid.errors import DataError
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.columns import doubt_columns
+from robid.fit.elastic.doubts.drives import left_of_freed
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import map_parameters
@@ -83,11 +84,14 @@ def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion
     Returns:
         The doubts; None where there are none, or the robot rests nowhere.
     """
-    left_out = {f"{joint.name}.torque_constant" for joint in given.robot.joints}
-    if problem.frf.input_unit == _KNOWN_TORQUE:
-        left_out = {name for name in left_out if name.replace("constant", "scale") in problem.parameters.names}
+    constants = {f"{joint.name}.torque_constant" for joint in given.robot.joints}
     listed = list_doubts(given.robot, given.options, given.doubtful)
-    doubts = tuple(doubt for doubt in listed if doubt.name not in left_out)
+    if problem.frf.input_unit == _KNOWN_TORQUE:
+        along = {name for name in constants if name.replace("constant", "scale") in problem.parameters.names}
+        kept = (left_of_freed(doubt) if doubt.name in along else doubt for doubt in listed)
+        doubts = tuple(doubt for doubt in kept if doubt is not None)
+    else:
+        doubts = tuple(doubt for doubt in listed if doubt.name not in constants)
     for point in points if doubts else ():
         try:
             return linearise(doubts, move(problem, doubts, point, np.zeros(len(doubts)), given), given)

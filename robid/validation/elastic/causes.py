@@ -45,6 +45,7 @@ class Explanation:
         moved (n_param,): How far the internal parameters would move.
         stated: What the robot file says of each; zero where only amounts are.
         free: Names that free it; none where no fit can estimate it.
+        fixed: Names that the options keep at the file's value, though their kind is estimated.
     """
 
     cause: str
@@ -55,6 +56,7 @@ class Explanation:
     moved: FloatArray
     stated: tuple[float, ...] = ()
     free: tuple[str, ...] = ()
+    fixed: tuple[str, ...] = ()
 
     @property
     def what(self) -> str:
@@ -132,7 +134,7 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     groups: dict[str, list[int]] = defaultdict(list)
     for index, doubt in enumerate(scores.doubts):
         groups[doubt.cause].append(index)
-    found = [each for group in groups.values() if (each := _explanation(scores, group)) is not None]
+    found = [each for group in groups.values() if (each := _explanation(scores, group, options)) is not None]
     found += _missing_spring(robot, fitted, options)
     return sorted(found, key=lambda each: -each.share)
 
@@ -183,7 +185,7 @@ def _rows(fitted: FittedModel, values: ComplexArray) -> FloatArray:
     return np.concatenate([flat.real, flat.imag])
 
 
-def _explanation(scores: _Scores, group: list[int]) -> Explanation | None:
+def _explanation(scores: _Scores, group: list[int], options: ElasticOptions) -> Explanation | None:
     """The fewest doubts of a cause that explain most of what all do; None where chance explains as much."""
     whole, _ = _gain(scores, group)
     chosen: list[int] = []
@@ -206,6 +208,7 @@ def _explanation(scores: _Scores, group: list[int]) -> Explanation | None:
         scores.follow[:, chosen] @ amounts,
         tuple(doubt.stated for doubt in named),
         remedy(named),
+        tuple(doubt.name for doubt in named if doubt.name in options.fixed),
     )
 
 
@@ -237,7 +240,7 @@ def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation]
     widths = np.where(telling, np.abs(found.moved) * slopes / half, 0.0)
     ruined = _ruined(estimate, found, widths) if leads else None
     worst = int(np.argmax(widths)) if ruined is None else ruined
-    hints = [f"try `free: [{', '.join(free_with(options.free, found.free))}]`"] if found.free else []
+    hints = _remedies(found, options)
     hints += [f"next: {'; '.join(f'{CAUSES[each.cause]}, {each.share:.0%}' for each in ranked[1:])}"] * (
         len(ranked) > 1
     )
@@ -249,6 +252,14 @@ def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation]
     if ruined is not None:
         message += f", which leaves it {_error(found)[ruined]:.0%} off"
     return Doubt(found.cause, message, decisive=ruined is not None, strength=float(widths[worst]))
+
+
+def _remedies(found: Explanation, options: ElasticOptions) -> list[str]:
+    """What to write into the settings of the fit; nothing where that stands there already."""
+    free = free_with(options.free, found.free)
+    kept = [f"`{name}`" for name in found.fixed]
+    more = [] if {*free} <= {*options.free, *options.kinds} else [f"try `free: [{', '.join(free)}]`"]
+    return [*more, *([f"take {' and '.join(kept)} out of `fixed`"] if kept else [])]
 
 
 def _ruined(estimate: Estimate, found: Explanation, widths: FloatArray) -> int | None:

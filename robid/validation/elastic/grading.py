@@ -8,6 +8,7 @@ import numpy as np
 
 from robid.fit.elastic.model_error import ModelError
 from robid.fit.elastic.solution import ElasticSolution
+from robid.places.grouping import group_places
 from robid.validation.doubt import Doubt, two_digits
 from robid.validation.grade import Grade, grade_alone, grade_held
 
@@ -68,7 +69,9 @@ def _doubtful(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, 
             f"the residual costs {two_digits(solution.misfit)} times what noise and the assumed model error allow"
         )
     alone = _known_alone(solution)
-    if alone:
+    if len(group_places(solution.responses.configurations)) == 1:
+        found.append("all was measured in a single place: no other tests what it says of single parameters")
+    elif alone:
         found.append(f"a single place knows {', '.join(alone)}: the others do not test it")
     error = solution.model_error
     if error is not None:

@@ -65,8 +65,12 @@ class SharedTorqueScale:
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
-        heavier = RobotMove(partial(with_carried_share, self.joint), _SHARE_STEP)
-        return np.asarray(TorqueScale(self.joint).column(scene) - heavier.column(scene))
+        return np.asarray(TorqueScale(self.joint).column(scene) - self.heavier.column(scene))
+
+    @property
+    def heavier(self) -> RobotMove:
+        """The link that is heavier by as many percent."""
+        return RobotMove(partial(with_carried_share, self.joint), _SHARE_STEP)
 
 
 @dataclass(frozen=True)
@@ -135,6 +139,15 @@ def torque_doubts(robot: Robot, *, rigid: bool = False) -> Iterator[DoubtColumn]
             deviations = std, _OF_PLACE * std
             direction = SharedTorqueScale(index) if rigid else TorqueScale(index)
             yield DoubtColumn(*names, "torque_constant", "%", *deviations, direction, -_PERCENT, _PERCENT)
+
+
+def left_of_freed(doubt: DoubtColumn) -> DoubtColumn | None:
+    """What is left to doubt once a fit estimates a doubt: of a torque constant, masses that the same torques gave."""
+    if not isinstance(doubt.direction, SharedTorqueScale):
+        return None
+    name, heavier = f"{doubt.name.rpartition('.')[0]}.mass_by_torque", doubt.direction.heavier
+    title = f"mass by {doubt.title}"
+    return replace(doubt, name=name, title=title, cause="masses", place_std=0.0, direction=heavier)
 
 
 def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:

@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import ComplexArray
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.drives import coupling_doubts, friction_doubts, rotor_doubts, torque_doubts
+from robid.fit.elastic.doubts.drives import coupling_doubts, friction_doubts, left_of_freed, rotor_doubts, torque_doubts
 from robid.fit.elastic.doubts.freed import freed_doubts
 from robid.fit.elastic.doubts.gears import gear_doubts
 from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
@@ -23,7 +23,8 @@ from robid.robot.description import Robot
 def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[DoubtColumn, ...]:
     """Lists the doubts of a robot file with the priors that it states.
 
-    What the fit estimates is none: rotor inertias, viscous friction of arms, cubic gears, doubts that are freed.
+    What the fit estimates is none: rotor inertias, viscous friction of arms, cubic gears, doubts that are freed and not
+    fixed.
 
     Args:
         robot: The robot that the fit starts from, with its campaign's payload.
@@ -42,8 +43,9 @@ def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulR
         *friction_doubts(robot, options),
         *spring_doubts(robot),
     )
-    freed = {doubt.name for doubt in freed_doubts(robot, options)}
-    return tuple(doubt for doubt in listed if doubt.name not in freed)
+    freed = {doubt.name for doubt in freed_doubts(robot, options)}.difference(options.fixed)
+    kept = (left_of_freed(doubt) if doubt.name in freed else doubt for doubt in listed)
+    return tuple(doubt for doubt in kept if doubt is not None)
 
 
 @dataclass(frozen=True)

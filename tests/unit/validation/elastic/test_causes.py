@@ -151,3 +151,16 @@ def test_the_fit_alone_names_the_cause_and_how_far_it_moves_a_parameter(true_arm
     assert grade.causes[0] == "payload"
     assert "half-widths of its interval" in grade.messages[0]
     assert grade.messages[0] in grade.sentence
+
+
+def test_a_rotor_that_is_fixed_and_off_is_to_be_fixed_no_more():
+    true, stated = two_joint_robot(), two_joint_robot()
+    shoulder, elbow = true.joints
+    motor = replace(shoulder.motor, inertia_kgm2=1.15 * shoulder.motor.inertia_kgm2)
+    frf = measured(replace(true, joints=(replace(shoulder, motor=motor), elbow)))
+    options = replace(OPTIONS, fixed=("shoulder.motor_inertia",))
+    solution = fit_elastic(stated, frf, options, DELAY_S)
+    grade = assess_fit(stated, solution, frf, options, DELAY_S)
+    assert grade.causes[0] == "rotor_inertia"
+    assert "(take `shoulder.motor_inertia` out of `fixed`;" in grade.messages[0]
+    assert fit_elastic(stated, frf, OPTIONS, DELAY_S).costs.total < 0.2 * solution.costs.total

@@ -52,6 +52,13 @@ def test_a_fit_alone_predicts_at_best(sound):
     )
 
 
+def test_a_fit_of_a_single_place_is_not_trusted(sound):
+    alone = replace(sound.responses, configurations=np.repeat(PLACES[:1], 2, axis=0))
+    grade = grade_validation(replace(sound, responses=alone), (), ())
+    assert grade.value == 1
+    assert "a single place" in grade.sentence
+
+
 def test_what_a_fit_cannot_be_used_for(sound):
     assert grade_validation(with_estimate(sound, status="iteration_limit"), (), ()).value == 0
     assert (

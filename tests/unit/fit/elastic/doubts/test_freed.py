@@ -47,6 +47,11 @@ def test_doubts_alone_come_beside_the_default_kinds_and_kinds_replace_them():
     assert ElasticOptions().freed == ()
 
 
+def test_what_is_freed_and_fixed_all_the_same_stays_a_doubt():
+    options = replace(freeing("payload"), fixed=("payload.mass",))
+    assert [d.name for d in list_doubts(two_joint_robot(), options) if d.cause == "payload"] == ["payload.mass"]
+
+
 @pytest.mark.parametrize("free", [FREE, ("payload",), ("payload", "masses"), ("stiffness",), ("damping", "masses")])
 @pytest.mark.parametrize("more", [["masses"], ["arm_viscous"], ["payload.mass", "cubic"]])
 def test_freeing_more_leaves_nothing_out_that_was_estimated(free, more):
