@@ -22,7 +22,7 @@ from robid.frf.options import EstimateOptions
 from robid.frf.period_noise import FEW_PERIODS, exceeds, period_noise
 from robid.frf.reading import Spectra, read_spectra, silent_of
 from robid.frf.spectra import Blocks
-from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_note
+from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_notes
 from robid.frf.windows import Windows
 from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
@@ -95,7 +95,7 @@ def estimate_frf(
     frf, lost = _without_lost(frf, record, spectra, found, solved, options)
     findings += lost
     findings += fed_back(record, frf)
-    told = () if steady is None else (steadiness_note(steady, record),)
+    told = () if steady is None else steadiness_notes(steady, record)
     return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
 
 

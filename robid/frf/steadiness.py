@@ -18,6 +18,7 @@ CHANGING_LIMIT = 0.1
 
 _CHANGING = 0.03
 """The same above which it is told."""
+_REPEATS = 0.999  # of a channel's energy; the rest is what a good record has of noise
 
 _SIGMAS = 5.0
 """Standard deviations that a change stands out of what noise alone gives."""
@@ -120,11 +121,13 @@ def measure_steadiness(
     )
 
 
-def steadiness_note(found: Steadiness, record: Record) -> str:
-    """Tells how much of each channel repeats."""
+def steadiness_notes(found: Steadiness, record: Record) -> tuple[str, ...]:
+    """Tells how much of each channel repeats, where it is less than nearly all."""
+    if min(found.input_share.min(), found.output_share.min()) >= _REPEATS:
+        return ()
     sides = (("inputs", record.input_names, found.input_share), ("outputs", record.output_names, found.output_share))
     told = "; ".join(f"{side} {_shares(names, share)}" for side, names, share in sides)
-    return f"Of the energy at the excited lines repeats from period to period: {told}."
+    return (f"Energy at the excited lines that repeats from period to period: {told}.",)
 
 
 def steadiness_findings(found: Steadiness, record: Record) -> list[Finding]:

@@ -56,6 +56,10 @@ def test_each_channel_tells_how_much_of_it_repeats():
     assert share == pytest.approx([expected, expected], abs=0.1)
 
 
+def test_where_nearly_all_of_it_repeats_nothing_is_told():
+    assert "repeats" not in notes_of(input_noise=0.01, output_noise=0.01)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.3, 1.0, 3.0])
 def test_noise_alone_is_no_reason_to_refuse(noise):
     assert "changes from period to period" not in notes_of(input_noise=noise, output_noise=noise)
