@@ -109,3 +109,11 @@ def test_an_unknown_name_in_a_file_is_one_message_on_its_line(workshop, tmp_path
     shop = workshop(tmp_path, monkeypatch)
     shop.change("starts: 2}", "starts: 2, free: [stiffness, mass.lift]}")
     shop.refuse(2, "small.yaml:", "fits.elastic.free[1]", "`mass.lift`", "did you mean `lift.mass`")
+
+
+def test_doubts_of_which_the_data_say_nothing_are_freed_with_the_others(shop):
+    shop.change("truth: {", "truth: {mass_factor: {payload: 1.5}, ")
+    assert shop.robid("run", "small.yaml").code == 5
+    answer = shop.robid("fit", "small.yaml", "--fit", "elastic", "--try", "masses")
+    assert answer.code == 0, answer.err
+    assert "`free: [masses]`" in answer.out + answer.err

@@ -55,7 +55,8 @@ def check_influence(problem: Problem) -> None:
     parameters = problem.parameters
     prior = 0.5 / parameters.prior_std**2
     influence = np.diag(problem.normal(np.zeros(len(parameters.names))).hessian) - prior
-    none = (influence <= _NO_INFLUENCE * influence.max()) & (np.array(parameters.kind_of) != "friction")
+    known = np.isin(parameters.kind_of, ("friction", "doubt"))  # beforehand: they stay where they are
+    none = (influence <= _NO_INFLUENCE * influence.max()) & ~known
     silent = [name for name, without in zip(parameters.names, none, strict=True) if without]
     if silent:
         message = f"free parameters change nothing: {', '.join(silent)}"
