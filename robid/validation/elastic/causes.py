@@ -1,16 +1,13 @@
-"""Likely causes of what a fitted model leaves unexplained: score tests, and trials of springs that are not there."""
+"""Likely causes of what a fitted model leaves unexplained: score tests, and trials of what is beyond a first order."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
-from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.columns import doubt_columns
+from robid.arrays import FloatArray
 from robid.fit.elastic.doubts.freed import free_with
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.options import ElasticOptions
@@ -18,82 +15,20 @@ from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.estimate import Estimate
 from robid.robot.description import Robot
 from robid.validation.doubt import CAUSES, Doubt, two_digits
+from robid.validation.elastic.candidates import candidates
+from robid.validation.elastic.explanations import Explanation, of_doubts, of_ratio, of_signs, of_spring
 from robid.validation.elastic.fitted import FittedModel
-from robid.validation.elastic.remedies import remedy
+from robid.validation.elastic.ratios import try_ratios
+from robid.validation.elastic.reversals import try_signs
+from robid.validation.elastic.scores import Scores, gain, score
 from robid.validation.elastic.trials import try_springs
 
-_CHANCE = 50.0  # times what a random column explains: neighbouring lines err alike
-_WIDER = 5.0  # than its prior is a doubt that would explain a misfit
 _TELLING = 0.1
-_MOST_OF_IT = 0.9  # of what all doubts of a cause explain
-_MOST_NAMED = 3
 _RUINED = 0.2  # relative error of a spring
 _MOSTLY = 0.5  # of the misfit
 _CLEARLY = 3.0  # half-widths
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """What freeing something that the robot file states would do to a fit.
-
-    Attributes:
-        cause: The cause, of `robid.validation.doubt.CAUSES`.
-        names: What would be free, the one that explains most first.
-        amounts (n_name,): How much of each.
-        units: Units of the amounts.
-        share: Share of the residual's cost that it explains, beyond what as many random columns would.
-        moved (n_param,): How far the internal parameters would move.
-        stated: What the robot file says of each; zero where only amounts are.
-        free: Names that free it; none where no fit can estimate it.
-        fixed: Names that the options keep at the file's value, though their kind is estimated.
-    """
-
-    cause: str
-    names: tuple[str, ...]
-    amounts: FloatArray
-    units: tuple[str, ...]
-    share: float
-    moved: FloatArray
-    stated: tuple[float, ...] = ()
-    free: tuple[str, ...] = ()
-    fixed: tuple[str, ...] = ()
-
-    @property
-    def what(self) -> str:
-        """What would be free and how much of it, the first few."""
-        stated = self.stated or (0.0,) * len(self.names)
-        signed = "" if self.cause == "missing_spring" else "+"
-        named = zip(self.names, self.amounts.tolist(), self.units, stated, strict=True)
-        told = [_told(*each, signed) for each in named]
-        more = f" and {len(told) - _MOST_NAMED} more" if len(told) > _MOST_NAMED else ""
-        return ", ".join(told[:_MOST_NAMED]) + more
-
-
-def _told(name: str, amount: float, unit: str, stated: float, signed: str) -> str:
-    if stated:
-        return f"a {name} of {stated + float(two_digits(amount)):.6g} instead of {stated:.6g} {unit}"
-    return f"{name} {two_digits(amount, signed)} {unit}"
-
-
-@dataclass(frozen=True)
-class _Scores:
-    """Normal equations of the doubts, the fit's own parameters eliminated.
-
-    Attributes:
-        doubts: The doubts.
-        slope (n_doubt,): Half the negative gradient of the cost by the amounts.
-        curvature (n_doubt, n_doubt): Half its Gauss-Newton Hessian, with what is known of them beforehand.
-        follow (n_param, n_doubt): How far the parameters move by each amount.
-        cost: Cost of the residual.
-        freedom: Real residuals behind it.
-    """
-
-    doubts: tuple[DoubtColumn, ...]
-    slope: FloatArray
-    curvature: FloatArray
-    follow: FloatArray
-    cost: float
-    freedom: float
+_LEAST_RATIO_ERROR = 0.01
+_SIGNS = ("torque_sign", "angle_sign")
 
 
 def misfit_doubts(
@@ -109,7 +44,7 @@ def misfit_doubts(
 
     Returns:
         Doubts whose strength is how many half widths of its interval some parameter would move. The first is decisive
-        where a spring was put in place, explains most of the residual and leaves another one far from its estimate.
+        where it explains most of the residual and is a sign, or a spring that leaves another one far from its estimate.
     """
     found = [each for each in explain(robot, fitted, options) if each.share > _TELLING]
     return tuple(_doubt(solution.estimate, each, found if each is found[0] else (), options) for each in found)
@@ -120,7 +55,8 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
 
     Each doubt is a column beside the parameters' own, which are at liberty to follow. Those of one cause are freed
     together, as far as their priors let them, and the fewest are named that explain most of what all of them do. A
-    missing spring changes the response too much for that: each is put in its place and the fit goes on for some steps.
+    missing spring, a gear ratio or a sign changes the response too much for that: each is put in its place and the fit
+    goes on for some steps.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
@@ -130,105 +66,35 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     Source:
         Rao's score test; METHODS sec. 11.
     """
-    scores = _score(robot, fitted, options)
+    signs = try_signs(robot, fitted)
+    if signs is not None and signs.share > _MOSTLY:
+        return [of_signs(robot, signs)]  # a fit to reversed data says nothing of anything else
+    doubts = [each for each in list_doubts(robot, options) if each.cause != "missing_spring" and each.common_std > 0]
+    scores = score(robot, fitted, options, (*doubts, *candidates(robot, fitted.problem.frf)))
     groups: dict[str, list[int]] = defaultdict(list)
     for index, doubt in enumerate(scores.doubts):
         groups[doubt.cause].append(index)
-    found = [each for group in groups.values() if (each := _explanation(scores, group, options)) is not None]
-    found += _missing_spring(robot, fitted, options)
+    ratios = groups.pop("gear_ratio", [])
+    found = [each for group in groups.values() if (each := of_doubts(scores, group, options)) is not None]
+    found += [of_spring(robot, trial) for trial in try_springs(robot, fitted, options)[:1]]
+    found += _wrong_ratio(robot, fitted, options, scores, ratios)
     return sorted(found, key=lambda each: -each.share)
 
 
-def _missing_spring(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[Explanation]:
-    trials = try_springs(robot, fitted, options)[:1]
+def _wrong_ratio(
+    robot: Robot, fitted: FittedModel, options: ElasticOptions, scores: Scores, listed: Sequence[int]
+) -> list[Explanation]:
+    """The gear ratio that explains most, if it is off by more than ratios are rounded."""
+    names = [f"{joint.name}.gear_ratio" for joint in robot.joints]
+    likely = sorted(listed, key=lambda index: -gain(scores, (index,))[0])
+    joints = [names.index(scores.doubts[index].name) for index in likely]
+    trials = try_ratios(robot, fitted, options, joints)
+    stated = robot.gear_ratio
     return [
-        Explanation(
-            "missing_spring",
-            (trial.title,),
-            np.array([1e-6 * trial.spring.stiffness]),
-            ("MN/m" if robot.is_linear(trial.spring) else "MN m/rad",),
-            trial.share,
-            trial.moved,
-            free=(trial.spring.name,),
-        )
-        for trial in trials
+        of_ratio(robot, trial)
+        for trial in trials[:1]
+        if abs(trial.ratio / stated[trial.joint] - 1) > _LEAST_RATIO_ERROR
     ]
-
-
-def _score(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> _Scores:
-    problem, internal = fitted.problem, fitted.internal
-    doubts = tuple(
-        doubt for doubt in list_doubts(robot, options) if doubt.cause != "missing_spring" and doubt.common_std > 0
-    )
-    residual, derivative = problem.linear(internal)
-    own, added = _rows(fitted, derivative), _rows(fitted, doubt_columns(problem, internal, robot, options, doubts))
-    left = _rows(fitted, residual[..., None])[:, 0]
-    prior = 0.5 / problem.parameters.prior_std**2
-    cost, freedom = float(left @ left), float(problem.residual_kind.parts) * (problem.weight > 0).sum() - own.shape[1]
-    # What errs alike over lines says less than it counts: it must not outweigh what is known beforehand.
-    known = max(0.5, _CHANCE * cost / freedom) / (_WIDER * np.array([doubt.common_std for doubt in doubts])) ** 2
-    mixed = own.T @ added
-    follow = -np.linalg.lstsq(own.T @ own + np.diag(prior), mixed, rcond=1e-14)[0]
-    return _Scores(
-        doubts=doubts,
-        slope=added.T @ left + follow.T @ (own.T @ left - prior * internal),
-        curvature=added.T @ added + mixed.T @ follow + np.diag(known),
-        follow=follow,
-        cost=cost,
-        freedom=freedom,
-    )
-
-
-def _rows(fitted: FittedModel, values: ComplexArray) -> FloatArray:
-    """Weighted real rows (n_row, n_column) of (n_conf, n_freq, n_out, n_in, n_column)."""
-    flat = fitted.problem.weighted(values).reshape(-1, values.shape[-1])
-    return np.concatenate([flat.real, flat.imag])
-
-
-def _explanation(scores: _Scores, group: list[int], options: ElasticOptions) -> Explanation | None:
-    """The fewest doubts of a cause that explain most of what all do; None where chance explains as much."""
-    whole, _ = _gain(scores, group)
-    chosen: list[int] = []
-    gained: float = 0.0
-    amounts: FloatArray = np.zeros(0)
-    while len(chosen) < len(group) and gained < _MOST_OF_IT * whole:
-        trials = [(*_gain(scores, [*chosen, index]), index) for index in group if index not in chosen]
-        gained, amounts, index = max(trials, key=lambda trial: trial[0])
-        chosen.append(index)
-    fair = gained - len(chosen) * _CHANCE * (scores.cost - gained) / scores.freedom
-    if fair <= 0:
-        return None
-    named = [scores.doubts[index] for index in chosen]
-    return Explanation(
-        named[0].cause,
-        tuple(doubt.title for doubt in named),
-        amounts,
-        tuple(doubt.unit for doubt in named),
-        fair / scores.cost,
-        scores.follow[:, chosen] @ amounts,
-        tuple(doubt.stated for doubt in named),
-        remedy(named),
-        tuple(doubt.name for doubt in named if doubt.name in options.fixed),
-    )
-
-
-def _gain(scores: _Scores, chosen: list[int]) -> tuple[float, FloatArray]:
-    """Cost that these doubts save together, and their amounts; zero for those whose amount would make no sense."""
-    amounts, kept = np.zeros(len(chosen)), np.arange(len(chosen))
-    rows = np.array(chosen)
-    least, most = (np.array([getattr(scores.doubts[row], end) for row in chosen]) for end in ("least", "most"))
-    while kept.size:
-        own = rows[kept]
-        curvature = scores.curvature[np.ix_(own, own)]
-        size = np.sqrt(np.diag(curvature))
-        scaled = curvature / np.outer(size, size) + 1e-9 * np.eye(own.size)
-        found = np.linalg.solve(scaled, scores.slope[own] / size) / size
-        sensible = (least[kept] <= found) & (found <= most[kept])
-        if sensible.all():
-            amounts[kept] = found
-            return float(scores.slope[own] @ found), amounts
-        kept = kept[sensible]
-    return 0.0, amounts
 
 
 def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation], options: ElasticOptions) -> Doubt:
@@ -251,15 +117,17 @@ def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation]
     )
     if ruined is not None:
         message += f", which leaves it {_error(found)[ruined]:.0%} off"
-    return Doubt(found.cause, message, decisive=ruined is not None, strength=float(widths[worst]))
+    reversed_ = leads and found.cause in _SIGNS and found.share > _MOSTLY
+    return Doubt(found.cause, message, decisive=reversed_ or ruined is not None, strength=float(widths[worst]))
 
 
 def _remedies(found: Explanation, options: ElasticOptions) -> list[str]:
-    """What to write into the settings of the fit; nothing where that stands there already."""
+    """What to write into the fit, the robot file or the log; nothing where that stands there already."""
     free = free_with(options.free, found.free)
     kept = [f"`{name}`" for name in found.fixed]
     more = [] if {*free} <= {*options.free, *options.kinds} else [f"try `free: [{', '.join(free)}]`"]
-    return [*more, *([f"take {' and '.join(kept)} out of `fixed`"] if kept else [])]
+    corrected = [f"try {' and '.join(found.correct)}"] * bool(found.correct)
+    return [*more, *corrected, *([f"take {' and '.join(kept)} out of `fixed`"] if kept else [])]
 
 
 def _ruined(estimate: Estimate, found: Explanation, widths: FloatArray) -> int | None:

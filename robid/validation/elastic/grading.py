@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robid.fit.elastic.intervals import FEWEST_PLACES
 from robid.fit.elastic.model_error import ModelError
 from robid.fit.elastic.solution import ElasticSolution
 from robid.places.grouping import group_places
@@ -69,8 +70,9 @@ def _doubtful(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, 
             f"the residual costs {two_digits(solution.misfit)} times what noise and the assumed model error allow"
         )
     alone = _known_alone(solution)
-    if len(group_places(solution.responses.configurations)) == 1:
-        found.append("all was measured in a single place: no other tests what it says of single parameters")
+    few = _too_few(len(group_places(solution.responses.configurations)))
+    if few:
+        found.append(few)
     elif alone:
         found.append(f"a single place knows {', '.join(alone)}: the others do not test it")
     error = solution.model_error
@@ -82,6 +84,19 @@ def _doubtful(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, 
                 f"{correlated:.0%} correlated over frequency, by more than {_FLOOR:.1%} of the response"
             )
     return tuple(found)
+
+
+def _too_few(places: int) -> str:
+    """Why so few places do not show what parameters differ by between them, with how many more do."""
+    missing = FEWEST_PLACES - places
+    if missing <= 0:
+        return ""
+    measured = "all was measured in a single place" if places == 1 else f"all was measured in {places} places"
+    more = f"{missing} more {'configuration' if missing == 1 else 'configurations'}"
+    return (
+        f"{measured}, and fewer than {FEWEST_PLACES} do not show by how much the model's parameters differ from place "
+        f"to place: measure {more}"
+    )
 
 
 def _known_alone(solution: ElasticSolution) -> list[str]:
