@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import BoolArray, FloatArray
+from robid.robot.parameters import DOUBT
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,13 @@ class Estimate:
 
     @property
     def known_beforehand(self) -> BoolArray:
-        """Which parameters (n_param,) the robot file knows well enough, and the data were not to know much better."""
-        return np.asarray(~self.identifiable & (self.prior_relative_std <= self.identifiable_relative_std))
+        """Which parameters (n_param,) the robot file knows well enough, and the data were not to know much better.
+
+        What a user frees because the file is doubted is none of them: two that act alike would vouch for each other.
+        """
+        doubted = np.array([kind == DOUBT for kind in self.kinds], bool)
+        known = self.prior_relative_std <= self.identifiable_relative_std
+        return np.asarray(~self.identifiable & known & ~doubted)
 
     @property
     def found(self) -> dict[str, float]:

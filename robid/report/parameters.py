@@ -8,7 +8,7 @@ from itertools import groupby
 from statistics import median
 
 from robid.report.numbers import MISSING, Scale, percent, scale_for, significant
-from robid.robot.parameters import NUISANCE, PARAMETER_KINDS
+from robid.robot.parameters import DOUBT, NUISANCE, PARAMETER_KINDS
 
 
 @dataclass(frozen=True)
@@ -279,5 +279,6 @@ def _reason(row: ParameterRow, threshold: float | None) -> str:
         return f"not identifiable: predicted deviation {percent(decided)}, above {percent(limit)}"
     if row.known_relative_std is None:
         return f"not identifiable: predicted deviation {percent(decided)}"
-    known = "known beforehand" if row.known_relative_std <= limit else "not identifiable: known beforehand"
+    relied = row.known_relative_std <= limit and row.kind != DOUBT
+    known = "known beforehand" if relied else "not identifiable: known beforehand"
     return f"{known} to {percent(row.known_relative_std)}, and the data were predicted to leave {percent(decided)}"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
+from scipy.stats import norm, t
 
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.effective import Settled, settle, weigh_few
-from robid.fit.elastic.named import Suspicion, name_doubts
+from robid.fit.elastic.named import Named, Suspicion, name_doubts
 from robid.fit.elastic.physical import find_physical
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import Between, NamedDoubts
@@ -57,7 +57,7 @@ class Spreads:
         physical: As springs, dampers and inertias themselves.
         assumed (n_param, n_param): Covariance by noise and assumed errors alone: what the data do not determine.
         between: How places differ; None where they are too few to tell.
-        doubts: What places say of the doubts; None where they are considered alone, or there are none.
+        doubts: What places say of the doubts; None where there are none.
     """
 
     effective: Spread
@@ -88,7 +88,7 @@ def find_spreads(
     places = len(group_places(problem.frf.configurations))
     rule = "noise and assumed model error" if problem.model_error.any() else "noise"
     if places < FEWEST_PLACES or not (problem.frf.element_variance().any() or problem.model_error.any()):
-        return _of_few_places(problem, internal, found, excess, rule, suspicion)
+        return _of_few_places(problem, internal, found, (excess, rule), confidence, suspicion)
     differing = f"what {places} places differ by"
     near = settle(problem, internal, found)
     effective = _spread(near, f"{rule}, and {differing}", confidence)
@@ -102,9 +102,15 @@ def find_spreads(
 
 
 def _of_few_places(
-    problem: Problem, internal: FloatArray, found: Influence, excess: float, rule: str, suspicion: Suspicion | None
+    problem: Problem,
+    internal: FloatArray,
+    found: Influence,
+    widened: tuple[float, str],
+    confidence: float,
+    suspicion: Suspicion | None,
 ) -> Spreads:
     """What noise and assumed errors give, widened by the misfit: too few places to see what they differ by."""
+    excess, rule = widened
     covariance = structured_covariance(problem, found) * max(1.0, excess)
     covariance += load_doubt(problem, internal, found.inverse, found.weighted)
     told = rule if excess <= 1 else f"{rule}, widened by the misfit"
@@ -116,7 +122,21 @@ def _of_few_places(
     told = f"{told}, and {_told(len(doubts.doubts), rigid=doubts.rigid)}"
     size = internal.size
     physical = Spread(far.values, far.pooled.assumed[:size, :size], spread.degrees_of_freedom, told)
-    return Spreads(spread, physical, covariance)
+    return Spreads(spread, physical, covariance, doubts=_carried(doubts, far, confidence))
+
+
+def _carried(named: Named, far: Settled, confidence: float) -> NamedDoubts:
+    """What few places say of the doubts, by the covariance that carries them along."""
+    std = np.sqrt(np.diag(far.pooled.assumed))[far.values.size :]
+    return NamedDoubts(
+        names=tuple(doubt.name for doubt in named.doubts),
+        causes=tuple(doubt.cause for doubt in named.doubts),
+        units=tuple(doubt.unit for doubt in named.doubts),
+        prior_std=named.common_std,
+        place_std=named.place_std,
+        value=far.amounts,
+        half_width=np.asarray(norm.ppf(0.5 + 0.5 * confidence) * std),
+    )
 
 
 def _told(count: int, *, rigid: bool) -> str:

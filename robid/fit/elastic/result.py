@@ -6,7 +6,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.fit.elastic.bootstrap import Map, bootstrap
 from robid.fit.elastic.intervals import FEWEST_PLACES, Spread, Spreads, find_spreads
 from robid.fit.elastic.model_error import ModelError, estimate_model_error
@@ -25,6 +25,7 @@ from robid.fit.estimate import Estimate, Tied
 from robid.fit.levenberg import Minimum
 from robid.fit.undetermined import undetermined_combinations
 from robid.places.grouping import group_places
+from robid.robot.parameters import DOUBT
 
 _SAME_MINIMUM = 1e-3
 _NEEDLESS_FACTOR = 1e3
@@ -109,7 +110,8 @@ def _estimate(
     reach, near = spread.reach(options.confidence), predicting.reach(options.confidence)
     relative, slopes = _relative(parameters, internal), parameters.slopes(internal)
     predicted_relative = predicted * _predicted_relative(parameters)
-    structural = np.minimum(relative, 1.0) * (np.array(parameters.kind_of) != "friction")
+    told = (np.array(parameters.kind_of) != "friction") & ~_is_amount(parameters)
+    structural = np.minimum(relative, 1.0) * told
     limit = options.identifiable_relative_std
     return Estimate(
         names=parameters.names,
@@ -138,6 +140,11 @@ def _estimate(
         effective_lower=parameters.values(predicting.values - near),
         effective_upper=parameters.values(predicting.values + near),
     )
+
+
+def _is_amount(parameters: ParameterMap) -> BoolArray:
+    """Which parameters (n_param,) are amounts by which the file is off: no factor says how far they may be."""
+    return np.asarray((np.array(parameters.kind_of) == DOUBT) & (parameters.nominal_values() == 0))
 
 
 def _internal(problem: Problem, internal: FloatArray, spread: Spread) -> Internal:

@@ -163,7 +163,7 @@ class ElasticSolution:
             parameters instead of the structured covariance; None without realizations.
         bootstrap: The uncertainty from repeated fits; None without a bootstrap.
         effective: How places differ; None with fewer than four places, or without a covariance.
-        doubts: What the data say of the robot file's doubts; None where they were not estimated along.
+        doubts: What the data say of the robot file's doubts; None where it has none, and in files of old.
     """
 
     estimate: Estimate

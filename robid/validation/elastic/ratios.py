@@ -21,6 +21,7 @@ _ROUNDS, _STEPS, _LAST_STEPS = 4, 4, 25
 _ARRIVED = 1e-3
 _LONGEST = 0.15  # of the ratio, in a round
 _KEPT = 2
+_ENOUGH = 0.9  # of the cost, so that no other joint needs to be tried
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,12 @@ def try_ratios(robot: Robot, fitted: FittedModel, options: ElasticOptions, likel
         options: Options of the fit.
         likely: Joints, those first that explain most to first order.
     """
-    found = [trial for joint in likely[:_KEPT] if (trial := _try(robot, fitted, options, joint)) is not None]
+    found: list[RatioTrial] = []
+    for joint in likely[:_KEPT]:
+        trial = _try(robot, fitted, options, joint)
+        found += [] if trial is None else [trial]
+        if trial is not None and trial.share > _ENOUGH:
+            break
     return sorted(found, key=lambda trial: -trial.share)
 
 
@@ -80,6 +86,11 @@ def _try(robot: Robot, fitted: FittedModel, options: ElasticOptions, joint: int)
 
 
 def _followed(robot: Robot, fitted: FittedModel, options: ElasticOptions, start: FloatArray) -> FittedModel:
-    """Another robot's model, some steps on from a start."""
+    """Another robot's model, some steps on: from a start, from where it was, or from the robot file's values.
+
+    A fit by a ratio that is far off is lost: from there nothing leads back.
+    """
     problem = problem_at(fitted.problem, fitted.parameters, robot, options)
-    return replace(fitted, problem=problem, internal=optimise(problem, start, max_iterations=_STEPS).parameters)
+    starts = start, fitted.internal, np.zeros_like(start)
+    end = min((optimise(problem, each, max_iterations=_STEPS) for each in starts), key=lambda end: end.cost)
+    return replace(fitted, problem=problem, internal=end.parameters)

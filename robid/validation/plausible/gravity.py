@@ -32,6 +32,10 @@ _FLIP_GAIN = 0.8
 _FLIP_WIDTH = 0.3
 _TILT_RAD = 0.01
 _SWAP_GAIN = 0.9
+_MOST_LEAN_RAD = float(np.deg2rad(15.0))
+"""Beyond it gravity is no longer linear in how a base leans, and nobody mounts a robot so by mistake."""
+
+_MOST_MASS = 2.0  # times a link's stated mass that a file leaves out
 
 
 @dataclass(frozen=True)
@@ -172,9 +176,14 @@ def _unexplained(weights: GravityTorques, square: float) -> tuple[Doubt, ...]:
 
 
 def _possible(robot: Robot, cause: _Cause, values: FloatArray) -> bool:
-    """Whether a cause leaves the payload or the link a mass that is not negative."""
-    least = {"payload": -robot.payload.mass_kg, "masses": -1.0}.get(cause.kind, -np.inf)
-    return float(values[-len(cause.columns)]) >= least
+    """Whether a cause is as large as it may be: masses are not negative, nor a payload heavier than the arm."""
+    own = values[-len(cause.columns) :]
+    if cause.kind == "model":
+        return float(np.linalg.norm(own)) <= _MOST_LEAN_RAD
+    arm_kg = sum(joint.link.mass_kg for joint in robot.joints)
+    limits = {"payload": (-robot.payload.mass_kg, max(arm_kg, robot.payload.mass_kg)), "masses": (-1.0, _MOST_MASS)}
+    least, most = limits.get(cause.kind, (-np.inf, np.inf))
+    return least <= float(own[0]) <= most
 
 
 def _effect(weights: GravityTorques, cause: _Cause, values: FloatArray) -> float:

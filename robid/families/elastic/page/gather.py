@@ -16,6 +16,7 @@ from robid.families.elastic.page.gather_resonances import resonance_rows
 from robid.families.elastic.settings import elastic_fit
 from robid.families.family import Shown
 from robid.families.parameters import parameter_rows
+from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.model_error import ModelError
 from robid.fit.elastic.solution import ElasticSolution, NamedDoubts, Starts
 from robid.report.costs import CostRow, StartRow
@@ -28,6 +29,7 @@ def fit_content(shown: Shown) -> FitContent:
     settings = elastic_fit(loaded.experiment, shown.data.name)
     robot = loaded.robot.to_robot(loaded.experiment.campaigns[settings.campaign].payload_kg)
     solution = solution_from_artifact(shown.model)
+    limits = {each.name: (each.least, each.most) for each in list_doubts(robot, settings.options())}
     estimate = solution.estimate
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
     grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
@@ -52,7 +54,7 @@ def fit_content(shown: Shown) -> FitContent:
         status=estimate.status.replace("_", " "),
         advice=estimate.advice,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
-        file_doubts=() if solution.doubts is None else _file_doubts(solution.doubts, estimate.confidence),
+        file_doubts=() if solution.doubts is None else file_doubts(solution.doubts, limits, estimate.confidence),
         grade=GradeRow(grade.value, grade.sentence, tuple(doubt.sentence for doubt in grade.doubts)),
     )
     if validation is None or settings.validate_on is None or shown.new is None:
@@ -67,9 +69,22 @@ def fit_content(shown: Shown) -> FitContent:
     )
 
 
-def _file_doubts(doubts: NamedDoubts, confidence: float) -> tuple[DoubtRow, ...]:
+def file_doubts(
+    doubts: NamedDoubts, limits: Mapping[str, tuple[float, float]], confidence: float
+) -> tuple[DoubtRow, ...]:
+    """Turns what a fit says of its doubts into rows; no amount is told that makes no sense, as of a negative mass.
+
+    Args:
+        doubts: What the fit says.
+        limits: Least and most amount of each doubt, by its name; those without any are told as they are.
+        confidence: Level of the intervals.
+    """
     known = norm.ppf(0.5 + 0.5 * confidence) * np.hypot(doubts.prior_std, doubts.place_std)
-    columns = doubts.names, doubts.units, doubts.value.tolist(), doubts.half_width.tolist(), known.tolist()
+    told = [
+        float(np.clip(value, *limits.get(name, (-np.inf, np.inf))))
+        for name, value in zip(doubts.names, doubts.value.tolist(), strict=True)
+    ]
+    columns = doubts.names, doubts.units, told, doubts.half_width.tolist(), known.tolist()
     return tuple(DoubtRow(*row) for row in zip(*columns, strict=True))
 
 

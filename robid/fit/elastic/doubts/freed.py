@@ -16,12 +16,11 @@ from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
+from robid.robot.parameters import DOUBT as DOUBT
 from robid.robot.parameters import ELASTIC, FREE
 
 PRIOR_FACTOR = 10.0
 """How many times as far off as a doubt is one expected to be that a user frees."""
-DOUBT = "doubt"
-"""Kind of the parameters that are doubts."""
 
 
 def freed_doubts(robot: Robot, options: ElasticOptions) -> tuple[DoubtColumn, ...]:

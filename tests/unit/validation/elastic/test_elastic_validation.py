@@ -17,7 +17,7 @@ from robid.validation.recovery import Recovery, recover, recovery_sentence
 from solutions import with_estimate
 
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
-SEEN = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
+SEEN = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3]])
 NEW = np.array([[0.1, 0.9], [-0.8, -0.4]])
 DELAY_S = 1e-3
 OPTIONS = ElasticOptions()
@@ -132,6 +132,18 @@ def test_phase_and_resonances_have_limits_of_their_own(nominal, solution, fresh,
 def test_a_right_model_can_be_trusted(validation):
     assert (validation.outcome.grade.value, validation.outcome.grade.reasons) == (2, ())
     assert validation.outcome.grade.sentence == "Trust."
+
+
+def test_three_places_are_not_trusted_until_the_remedy_is_followed(nominal, true_arm, fresh, validation):
+    frf = exact_frf(true_arm, SEEN[:3], FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=1)
+    few = fit_elastic(nominal, frf, OPTIONS, DELAY_S)
+    grade = validate_elastic(nominal, few, fresh, OPTIONS, DELAY_S, None).outcome.grade
+    assert grade.value == PREDICTS
+    assert "all was measured in 3 places" in grade.sentence
+    assert grade.sentence.endswith("measure 1 more configuration.")
+    assert validation.outcome.grade.sentence == "Trust."  # it is of the same places and one more
+    assert {"payload.mass", "gear_1.load_stiffness"} <= {*few.doubts.names}  # what was carried along is told
+    assert (few.doubts.half_width > 0).all()
 
 
 def test_truth_is_counted(nominal, true_arm, solution, fresh, validation):

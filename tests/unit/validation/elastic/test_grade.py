@@ -14,7 +14,7 @@ from robid.validation.grade import ordered
 from solutions import with_estimate
 
 FREQUENCY_HZ = np.geomspace(1, 60, 30)
-PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
+PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3]])
 FAINT = Doubt("payload", "the payload +0.01 kg", decisive=False, strength=0.3)
 CLEAR = Doubt("payload", "the payload +2 kg", decisive=False, strength=4.0)
 DECISIVE = Doubt("torque_sign", "shoulder: its torque has the wrong sign", decisive=True, strength=9.0)
@@ -52,11 +52,21 @@ def test_a_fit_alone_predicts_at_best(sound):
     )
 
 
-def test_a_fit_of_a_single_place_is_not_trusted(sound):
-    alone = replace(sound.responses, configurations=np.repeat(PLACES[:1], 2, axis=0))
-    grade = grade_validation(replace(sound, responses=alone), (), ())
-    assert grade.value == 1
-    assert "a single place" in grade.sentence
+@pytest.mark.parametrize(
+    ("places", "told"),
+    [
+        (1, "all was measured in a single place, and fewer than 4 do not show"),
+        (3, "all was measured in 3 places, and fewer than 4 do not show"),
+        (4, ""),
+    ],
+)
+def test_a_fit_of_fewer_than_four_places_is_not_trusted_and_says_how_many_are_missing(sound, places, told):
+    measured = replace(sound.responses, configurations=PLACES[np.arange(5) % places])
+    grade = grade_validation(replace(sound, responses=measured), (), ())
+    assert grade.value == (1 if told else 2)
+    assert told in grade.sentence
+    missing = {1: "measure 3 more configurations", 3: "measure 1 more configuration.", 4: "Trust."}
+    assert missing[places] in grade.sentence
 
 
 def test_what_a_fit_cannot_be_used_for(sound):
