@@ -66,9 +66,10 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     Source:
         Rao's score test; METHODS sec. 11.
     """
-    signs = try_signs(robot, fitted)
+    signs = try_signs(robot, fitted, options)
+    reversed_ = [] if signs is None else [of_signs(robot, signs)]
     if signs is not None and signs.share > _MOSTLY:
-        return [of_signs(robot, signs)]  # a fit to reversed data says nothing of anything else
+        return reversed_  # a fit to reversed data says nothing of anything else
     doubts = [each for each in list_doubts(robot, options) if each.cause != "missing_spring" and each.common_std > 0]
     scores = score(robot, fitted, options, (*doubts, *candidates(robot, fitted.problem.frf)))
     groups: dict[str, list[int]] = defaultdict(list)
@@ -78,7 +79,7 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     found = [each for group in groups.values() if (each := of_doubts(scores, group, options)) is not None]
     found += [of_spring(robot, trial) for trial in try_springs(robot, fitted, options)[:1]]
     found += _wrong_ratio(robot, fitted, options, scores, ratios)
-    return sorted(found, key=lambda each: -each.share)
+    return sorted([*found, *reversed_], key=lambda each: -each.share)
 
 
 def _wrong_ratio(

@@ -8,7 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.fit.elastic.doubts.extension import problem_at
 from robid.fit.elastic.optimizers import optimise
+from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
@@ -38,7 +41,7 @@ class Reversal:
     moved: FloatArray
 
 
-def try_signs(robot: Robot, fitted: FittedModel) -> Reversal | None:
+def try_signs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> Reversal | None:
     """Looks for the fewest signs that explain a residual; None where none does.
 
     A sign turns a column of the response around, or a row of it: no model is needed to see what that does to a
@@ -48,12 +51,12 @@ def try_signs(robot: Robot, fitted: FittedModel) -> Reversal | None:
     Args:
         robot: The robot file that the fit started from.
         fitted: The fitted model in the configurations of the fit's own response.
+        options: Options of the fit.
     """
-    problem = fitted.problem
-    if problem.residual_kind.parts == 1:
+    if fitted.problem.residual_kind.parts == 1:
         return None  # magnitudes have no sign
     found = None
-    for start in (fitted.internal, np.zeros_like(fitted.internal)):
+    for problem, start in _starts(robot, fitted, options):
         rows, columns = _best_signs(problem, start)
         if (rows > 0).all() and (columns > 0).all():
             continue
@@ -64,8 +67,19 @@ def try_signs(robot: Robot, fitted: FittedModel) -> Reversal | None:
     if found is None:
         return None
     end, rows, columns = found
-    share = 1 - end.cost / problem.cost(fitted.internal)
-    return Reversal(*_named(robot, problem.frf, rows, columns), share, end.parameters - fitted.internal)
+    share = 1 - end.cost / fitted.problem.cost(fitted.internal)
+    return Reversal(*_named(robot, fitted.problem.frf, rows, columns), share, end.parameters - fitted.internal)
+
+
+def _starts(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> Iterator[tuple[Problem, FloatArray]]:
+    """The fitted values, and the robot file's with the robot at rest on its own springs."""
+    yield fitted.problem, fitted.internal
+    start = np.zeros_like(fitted.internal)
+    values = fitted.problem.parameters.parameters(start)
+    try:
+        yield problem_at(fitted.problem, values, robot, options), start
+    except DataError:  # it gives way under gravity
+        return
 
 
 def turned(frf: Frf, rows: FloatArray, columns: FloatArray) -> Frf:

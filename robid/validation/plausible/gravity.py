@@ -35,6 +35,7 @@ _SWAP_GAIN = 0.9
 _MOST_LEAN_RAD = float(np.deg2rad(15.0))
 """Beyond it gravity is no longer linear in how a base leans, and nobody mounts a robot so by mistake."""
 
+_FELT = 0.05
 _MOST_MASS = 2.0  # times a link's stated mass that a file leaves out
 
 
@@ -229,7 +230,10 @@ def _causes(robot: Robot, evidence: Evidence, weights: GravityTorques) -> list[_
         column[:, index] = weights.expected[:, index]
         causes.append(_Cause("torque_constant", weights.names[index], column[None]))
     tilted = [replace(robot, gravity_m_s2=_turned(robot.gravity_m_s2, axis)) for axis in (0, 1)]
-    causes.append(_Cause("model", "", np.array([held(other) - own for other in tilted]) / _TILT_RAD))
+    leans = np.array([held(other) - own for other in tilted]) / _TILT_RAD
+    size = np.sqrt((leans**2).sum(axis=(1, 2)))
+    # Out of the plane of a planar arm a lean does nothing to first order: what is left would ask for any angle.
+    causes.append(_Cause("model", "", leans[size >= _FELT * size.max()]))
     return [cause for cause in causes if np.abs(cause.columns).max() > _LEAST_TORQUE]
 
 

@@ -64,7 +64,7 @@ def test_a_joint_that_turns_against_its_motor_asks_for_a_negative_ratio_which_wo
     turn = np.array([-1.0, 1.0])
     told = turned(frf, turn, turn)
     solution, model = fitted(two_joint_robot(), told)
-    found = of_signs(two_joint_robot(), try_signs(two_joint_robot(), model))
+    found = of_signs(two_joint_robot(), try_signs(two_joint_robot(), model, OPTIONS))
     assert (found.cause, found.correct) == ("gear_ratio", ("`gear_ratio: -120` for shoulder in the robot file",))
     assert found.what == "a motor of shoulder that turns against its joint"
     followed = with_gear_ratio(0, two_joint_robot(), -240)
@@ -74,11 +74,13 @@ def test_a_joint_that_turns_against_its_motor_asks_for_a_negative_ratio_which_wo
 
 def test_a_sound_response_has_no_wrong_sign_and_magnitudes_tell_none(sound, frf):
     model = fitted_model(two_joint_robot(), sound, frf, OPTIONS, DELAY_S)
-    assert try_signs(two_joint_robot(), model) is None
+    assert try_signs(two_joint_robot(), model, OPTIONS) is None
     options = replace(OPTIONS, estimator="llsm")
     told = turned(frf, np.ones(2), np.array([1.0, -1.0]))
     solution = fit_elastic(two_joint_robot(), told, options, DELAY_S)
-    assert try_signs(two_joint_robot(), fitted_model(two_joint_robot(), solution, told, options, DELAY_S)) is None
+    assert (
+        try_signs(two_joint_robot(), fitted_model(two_joint_robot(), solution, told, options, DELAY_S), options) is None
+    )
 
 
 @pytest.mark.parametrize(("joint", "factor"), [(0, 0.9), (1, 1.3)])

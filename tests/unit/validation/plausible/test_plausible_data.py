@@ -377,3 +377,37 @@ def test_saturated_signals_are_doubted_by_how_far_they_may_be_off(share, decisiv
     (doubt,) = data_doubts(two_joints(), replace(clipped, saturated_inputs=0 * shares, saturated_outputs=shares))
     assert doubt.message.startswith(f"{frf.output_names[1]}: ")
     assert "torque" not in doubt.message
+
+
+def leaning(robot, lean_deg):
+    """Mean torques of a robot whose base leans in the plane of its arm."""
+    lean = np.deg2rad(lean_deg)
+    gravity = 9.81 * np.array([-np.sin(lean), 0.0, -np.cos(lean)])
+    return solve_statics(build_model(replace(robot, gravity_m_s2=gravity)), CONFIGURATIONS).motor_torque
+
+
+@pytest.mark.parametrize("lean_deg", [3.0, 8.0])
+def test_a_base_that_leans_is_measured_though_a_planar_arm_feels_one_of_both_ways(lean_deg):
+    doubt, *more = data_doubts(two_joints(), replace(exact(), mean_input=leaning(two_joints(), lean_deg)))
+    assert (doubt.cause, more) == ("model", [])
+    told = float(doubt.message.partition("leans by ")[2].split()[0])
+    assert told == pytest.approx(lean_deg, rel=0.05)
+
+
+@pytest.mark.parametrize("lean_deg", [30.0, 60.0, 150.0])
+def test_nobody_is_told_of_a_lean_that_nobody_overlooks(lean_deg):
+    doubts = data_doubts(two_joints(), replace(exact(), mean_input=leaning(two_joints(), lean_deg)))
+    assert doubts
+    assert not [doubt.message for doubt in doubts if "leans" in doubt.message]
+
+
+def test_no_mass_is_told_that_cannot_be():
+    heavy = exact(heavier(two_joints(), 60.0)).mean_input  # more than the arm itself, of 32 kg
+    doubts = data_doubts(two_joints(), replace(exact(), mean_input=heavy))
+    assert doubts
+    assert not [doubt.message for doubt in doubts if "carry a payload" in doubt.message]
+    assert not [
+        doubt.message
+        for doubt in doubts
+        if "times the mass" in doubt.message and float(doubt.message.partition("carry ")[2].split()[0]) > 3
+    ]
