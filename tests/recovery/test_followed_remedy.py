@@ -1,4 +1,4 @@
-"""A heavy and a light robot that carry more than their file says: the misfit falls as promised where it is followed."""
+"""A heavy and a light robot of which something is wrong: it is named, and the misfit falls as promised if followed."""
 
 import os
 from dataclasses import replace
@@ -12,24 +12,30 @@ from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Inertial
 from robid.settings.load import load_robot
+from robid.validation.elastic.candidates import with_gear_ratio
 from robid.validation.elastic.causes import explain
 from robid.validation.elastic.fitted import fitted_model
+from robid.validation.elastic.reversals import turned
 
 ROBOTS = Path(__file__).parents[2] / "configs" / "robots"
 FREQUENCY_HZ = np.geomspace(2, 80, 25)
 OPTIONS = ElasticOptions(strategy="plain")
 DELAY_S = 1e-3
+PLACES = np.random.default_rng(3).uniform(-0.8, 0.8, (4, 6)) + np.array([0, -0.9, 0.9, 0, 0.6, 0])
+
+
+def robot_of(name):
+    if name == "ur5e" and not (Path(os.environ.get("ROBID_DATA", "../shared/data")) / "robot_models").is_dir():
+        pytest.skip("shared/data/robot_models is absent")
+    return load_robot(ROBOTS / f"{name}.yaml").to_robot()
 
 
 @pytest.mark.parametrize("name", ["kr300", "ur5e"])
 def test_a_payload_that_is_off_by_a_thirtieth_is_named_and_found(name):
-    if name == "ur5e" and not (Path(os.environ.get("ROBID_DATA", "../shared/data")) / "robot_models").is_dir():
-        pytest.skip("shared/data/robot_models is absent")
-    stated = load_robot(ROBOTS / f"{name}.yaml").to_robot()
+    stated = robot_of(name)
     load = stated.payload
     heavier = Inertial(load.mass_kg * 31 / 30, load.com_m, load.inertia_kgm2 * 31 / 30)
-    places = np.random.default_rng(3).uniform(-0.8, 0.8, (4, 6)) + np.array([0, -0.9, 0.9, 0, 0.6, 0])
-    frf = exact_frf(replace(stated, payload=heavier), places, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
+    frf = exact_frf(replace(stated, payload=heavier), PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
     before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
     first = explain(stated, fitted_model(stated, before, frf, OPTIONS, DELAY_S), OPTIONS)[0]
     assert (first.cause, first.free) == ("payload", ("payload",))
@@ -37,3 +43,31 @@ def test_a_payload_that_is_off_by_a_thirtieth_is_named_and_found(name):
     after = fit_elastic(stated, frf, replace(OPTIONS, free=first.free), DELAY_S, near=near)
     assert 1 - after.costs.total / before.costs.total > first.share - 0.05
     assert after.estimate.found["payload.mass"] == pytest.approx(heavier.mass_kg, rel=0.003)
+
+
+@pytest.mark.parametrize(("name", "joint"), [("kr300", 1), ("ur5e", 4)])
+def test_a_gear_ratio_that_is_off_by_a_tenth_is_named_and_found(name, joint):
+    robot = robot_of(name)
+    right = robot.joints[joint].motor.gear_ratio
+    frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=2e-3)
+    stated = with_gear_ratio(joint, robot, 0.1 * right)
+    before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
+    first = explain(stated, fitted_model(stated, before, frf, OPTIONS, DELAY_S), OPTIONS)[0]
+    assert first.cause == "gear_ratio"
+    told = float(first.correct[0].partition("gear_ratio: ")[2].partition("`")[0])
+    assert told == pytest.approx(right, rel=0.01)
+    assert f"for {robot.joints[joint].name} in" in first.correct[0]
+    followed = with_gear_ratio(joint, stated, told - stated.joints[joint].motor.gear_ratio)
+    after = fit_elastic(followed, frf, OPTIONS, DELAY_S)
+    assert 1 - after.costs.total / before.costs.total > first.share - 0.05
+
+
+@pytest.mark.parametrize(("name", "joint"), [("kr300", 1), ("ur5e", 3)])
+def test_a_torque_that_is_reversed_is_named_alone(name, joint):
+    robot = robot_of(name)
+    frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=2e-3)
+    told = turned(frf, np.ones(6), np.where(np.arange(6) == joint, -1.0, 1.0))
+    before = fit_elastic(robot, told, OPTIONS, DELAY_S)
+    (found,) = explain(robot, fitted_model(robot, before, told, OPTIONS, DELAY_S), OPTIONS)
+    assert (found.cause, found.names) == ("torque_sign", (f"reversed torque of {robot.joints[joint].name}",))
+    assert found.share > 0.99
