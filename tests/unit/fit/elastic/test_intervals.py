@@ -52,3 +52,10 @@ def test_identified_is_what_the_interval_after_the_fit_bears_out_too(solution):
 def test_the_rule_without_more_than_noise_and_assumed_error(solution):
     assert solution.estimate.interval_rule == "noise and assumed model error"
     assert np.isinf(solution.estimate.degrees_of_freedom).all()
+
+
+def test_what_is_freed_because_it_is_doubted_is_never_known_beforehand(solution):
+    estimate = solution.estimate
+    known = replace(estimate, identifiable=np.zeros_like(estimate.identifiable), prior_relative_std=0 * estimate.value)
+    assert known.known_beforehand.all()
+    assert not replace(known, kinds=("doubt",) * len(known.kinds)).known_beforehand.any()
