@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm, t
@@ -90,8 +90,8 @@ def pool(evidence: Evidence, between: FloatArray, least: FloatArray | None = Non
     shift = assumed @ (own.score.sum(axis=0) + evidence.pull)
     if least is not None and np.isfinite(least).any():
         precision, pull = bound(shift, assumed, least)
-        known = Evidence(evidence.rows, evidence.target, evidence.precision + np.diag(precision), evidence.pull + pull)
-        return pool(known, between)
+        bounded = replace(evidence, precision=evidence.precision + np.diag(precision), pull=evidence.pull + pull)
+        return pool(bounded, between)
     left = own.score - own.information @ shift
     without = np.array([inverted(total - each)[0] for each in own.information])
     moved = np.einsum("cij,cj->ci", without, left)

@@ -122,7 +122,7 @@ def _with_bristles(
 ) -> ComplexArray:
     """Response (n_freq, n_motor, n_motor), springs at each frequency as its bristles make them."""
     if not bristles.any():
-        return response(linear, parameters, frequency_hz, sampling_period_s).sampled[0]
+        return np.asarray(response(linear, parameters, frequency_hz, sampling_period_s).sampled[0])
     found = []
     for line, added in zip(frequency_hz, parameters.stiffness * bristles, strict=True):
         damping = parameters.damping + added.imag / (2 * np.pi * line)
