@@ -208,6 +208,13 @@ def gravity_torque(model: ElasticModel, positions: FloatArray) -> FloatArray:
     return np.array([_gravity(model, data, position) for position in positions])
 
 
+def unload(model: ElasticModel, position: FloatArray, torque: FloatArray) -> None:
+    """Takes what counterbalances carry at a position (n_dof,) off the torques (n_dof,) that it asks for, in place."""
+    for joint, arm in zip(model.robot.joints, model.arm, strict=True):
+        if isinstance(joint.counterbalance, HarmonicBalance):
+            torque[arm] -= joint.counterbalance.torque_nm(float(position[arm]))
+
+
 def _settle(
     model: ElasticModel, data: mujoco.MjData, linear: FloatArray, cubic: FloatArray, configuration: FloatArray
 ) -> FloatArray:
@@ -245,9 +252,7 @@ def _gravity(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
     mujoco.mj_comPos(model.mujoco, data)
     torque = np.zeros(model.mujoco.nv)
     mujoco.mj_rne(model.mujoco, data, 0, torque)
-    for joint, arm in zip(model.robot.joints, model.arm, strict=True):
-        if isinstance(joint.counterbalance, HarmonicBalance):
-            torque[arm] -= joint.counterbalance.torque_nm(float(position[arm]))
+    unload(model, position, torque)
     return torque
 
 

@@ -175,7 +175,7 @@ def _build(found: FittedExport, *, friction: bool) -> ElasticModel:
     try:
         steps = 1 if simulated is None else _steps(found, simulated, friction=friction)
         step_s = found.frf.sampling_period_s / steps
-        return build_model(found.robot, friction=friction, ripple=friction, timestep_s=step_s)
+        return build_model(found.robot, friction=friction, ripple=friction, timestep_s=step_s, balanced=True)
     except ValueError as error:
         raise DataError(
             f"the fitted values make no mechanical model ({error})",

@@ -47,27 +47,34 @@ def rest_model(
     if not freed:
         return _rested(robot, frf, options, delay_s, values)
     amounts = np.zeros(len(freed)) if values is None else values.doubt
+    balanced = all(joint.counterbalance is None for joint in robot.joints)
     still = replace(options, statics="updates", free=())
     pairs, steps = [], []
     for index, doubt in enumerate(freed):
         step = _DOUBT_STEP * doubt.common_std * np.eye(len(freed))[index]
         sides = (moved_robot(robot, freed, amounts + side * step) for side in (-1, 1))
-        behind, ahead = (_rested(side, frf, still, delay_s, values) for side in sides)
+        behind, ahead = (_rested(side, frf, still, delay_s, values, balanced=balanced) for side in sides)
         pairs.append((behind, ahead))
         steps.append(2 * _DOUBT_STEP * doubt.common_std)
     torque = torque_slopes(freed, len(robot.joints))
-    model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values)
+    model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values, balanced=balanced)
     return replace(model, shifts=shifts_between(pairs, np.array(steps), amounts, torque))
 
 
 def _rested(
-    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, values: ElasticParameters | None
+    robot: Robot,
+    frf: Frf,
+    options: ElasticOptions,
+    delay_s: float,
+    values: ElasticParameters | None,
+    *,
+    balanced: bool = False,
 ) -> LinearModel:
-    """The same of a robot as it is, all doubts aside."""
+    """The same of a robot as it is, all doubts aside; its counterbalances are taken where its file has none."""
     springs = _nominal_springs(robot) if values is None else values.springs
     points = springs.location.reshape(-1, 3)
     placed = with_springs_at(robot, {s.name: point for s, point in zip(robot.springs, points, strict=True)})
-    elastic = build_model(placed)
+    elastic = build_model(placed, balanced=balanced)
     names = frf.output_names
     equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic)
     model = linearize(elastic, equilibrium, names)

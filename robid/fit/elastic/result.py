@@ -191,7 +191,8 @@ def _predicted_relative(parameters: ParameterMap) -> FloatArray:
     """The same at the nominal values; of what may be zero there, related to what it could be beforehand."""
     start, nominal = np.zeros(len(parameters.names)), parameters.nominal_values()
     friction = np.array(parameters.kind_of) == "friction"
-    size = np.where(friction | (nominal == 0), 1.0, np.abs(nominal))
+    natural = 1.0 if parameters.natural is None else parameters.natural
+    size = np.where(friction | (nominal == 0), natural, np.abs(nominal))
     kinds = np.array(parameters.kind_of)
     size = np.where(kinds == "cubic", parameters.scale * parameters.prior_std, size)
     size = np.where(kinds == "location", parameters.scale, size)
