@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import HarmonicBalance, Sensor
+from robid.robot.gear_effects import GearEffects
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import Rest
 
@@ -76,6 +77,7 @@ class LinearModel:
         axial (n_joint,): Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg].
         rest: Where the springs rest.
         shifts: How all this moves with doubts that a fit estimates; None without any.
+        effects: What gears do beside springs and dampers by such doubts; None without any.
     """
 
     mass: FloatArray
@@ -88,6 +90,7 @@ class LinearModel:
     axial: FloatArray
     rest: Rest
     shifts: Shifts | None = None
+    effects: GearEffects | None = None
 
     @property
     def n_motor(self) -> int:

@@ -18,7 +18,8 @@ from robid.robot.static_friction import StaticLaw
 from robid.robot.stiffness_law import VaryingSprings
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
-_HYSTERESIS_SHARE = 0.1  # bristle stiffness over transmission stiffness
+HYSTERESIS_SHARE = 0.1
+"""Stiffness of a transmission's bristles over its own."""
 
 
 @dataclass(frozen=True)
@@ -274,7 +275,7 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
     tendon.damping = np.array([spring.damping, 0.0, 0.0])
     tendon.springlength = [-0.5 * backlash, 0.5 * backlash]
     if hysteresis > 0:
-        bristle = _HYSTERESIS_SHARE * spring.stiffness
+        bristle = HYSTERESIS_SHARE * spring.stiffness
         law = [bristle, 0.0, hysteresis, hysteresis, 1.0]
         bristles = spec.add_actuator(
             name=f"hysteresis_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=spring.name

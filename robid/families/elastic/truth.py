@@ -57,7 +57,7 @@ def _doubts(nominal: Robot, robot: Robot) -> dict[str, float]:
 
 
 def _drives(nominal: Robot, true: TrueRobot) -> dict[str, float]:
-    """The same of couplings, recorded torques and counterbalances."""
+    """The same of couplings, recorded torques, counterbalances and what gears do beside springs and dampers."""
     values: dict[str, float] = {}
     for joint, stated in zip(true.robot.joints, nominal.joints, strict=True):
         for other in nominal.joints:
@@ -68,6 +68,10 @@ def _drives(nominal: Robot, true: TrueRobot) -> dict[str, float]:
         own = joint.counterbalance
         waves = (own.sine_nm[0], own.cosine_nm[0]) if isinstance(own, HarmonicBalance) else (0.0, 0.0)
         values |= {f"{joint.name}.counterbalance_{n}": float(w) for n, w in zip(("sine", "cosine"), waves, strict=True)}
+    flaws = true.imperfections
+    for spring in nominal.springs:
+        slip = flaws.hysteresis_n if nominal.is_linear(spring) else flaws.hysteresis_nm
+        values |= {f"{spring.name}.load_damping": flaws.load_damping_1_rad, f"{spring.name}.hysteresis": slip}
     return values
 
 
