@@ -25,12 +25,14 @@ class BristleTable:
         log_slip (n_slip,): Logarithms of the deflections at which they slip [rad, or m].
         log_gain (n_slip, n_conf): Logarithms of `g`.
         log_corner (n_slip, n_conf): Logarithms of `w_h` [rad/s].
+        swing: Swing of the gear, root mean square over the configurations [rad, or m].
     """
 
     stiffness: float
     log_slip: FloatArray
     log_gain: FloatArray
     log_corner: FloatArray
+    swing: float
 
     def added(self, torque: float, omega: FloatArray) -> ComplexArray:
         """What bristles that slip at a torque add (n_conf, n_freq), odd in that torque."""
@@ -66,12 +68,16 @@ class GearEffects:
         damped (n_damped, 2): Doubt and spring of each damper that grows; amounts are shares per deflection.
         slipping (n_slipping, 2): Doubt and spring of each hysteresis; amounts are torques at which bristles slip.
         bristles (n_slipping): What each of them does.
+        damped_names (n_damped): Names of the doubts of dampers.
+        slipping_names (n_slipping): Names of those of hysteresis.
     """
 
     load: FloatArray
     damped: IntArray
     slipping: IntArray
     bristles: tuple[BristleTable, ...]
+    damped_names: tuple[str, ...] = ()
+    slipping_names: tuple[str, ...] = ()
 
     def growth(self, doubt: FloatArray) -> FloatArray:
         """Dampers (n_conf, n_spring) over those without load, by amounts (n_doubt,) of all doubts.

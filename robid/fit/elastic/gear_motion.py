@@ -17,7 +17,7 @@ from robid.robot.gear_effects import BristleTable, GearEffects
 from robid.robot.model import HYSTERESIS_SHARE
 
 _SLIPS = np.geomspace(0.03, 30, 13)  # over the swing
-_PER_CYCLE = 10  # samples of the highest line
+_PER_CYCLE, _LEAST_SAMPLES = 10, 512  # samples of a cycle of the highest line, and at all
 _MOST_BLOCKS = 8
 _ROUNDS = 8
 _LEAST_GAIN, _LEAST_CORNER = 1e-3, 1e-6
@@ -60,8 +60,9 @@ def gear_effects(
         )
         for _, spring in slipping
     )
+    names = (tuple(freed[row].name for row, _ in each) for each in (damped, slipping))
     of_dampers, of_bristles = (np.array(each, int).reshape(-1, 2) for each in (damped, slipping))
-    return GearEffects(mean_size(deflection, power), of_dampers, of_bristles, bristles)
+    return GearEffects(mean_size(deflection, power), of_dampers, of_bristles, bristles, *names)
 
 
 def _known(moved: ComplexArray | None) -> ComplexArray:
@@ -94,7 +95,7 @@ def bristle_table(stiffness: float, moved: ComplexArray, lines: IntArray, omega:
     swing = np.moveaxis(moved[..., known][..., :_MOST_BLOCKS], -1, 1)
     lines = lines // np.gcd.reduce(lines)
     size = np.sqrt((2 * np.abs(swing) ** 2).sum(axis=-1).mean())
-    count = scipy.fft.next_fast_len(_PER_CYCLE * int(lines.max()), real=True)
+    count = scipy.fft.next_fast_len(max(_PER_CYCLE * int(lines.max()), _LEAST_SAMPLES), real=True)
     spectrum = np.zeros((*swing.shape[:2], count // 2 + 1), complex)
     spectrum[..., lines] = swing
     deflection = scipy.fft.irfft(spectrum, count) * count
@@ -103,7 +104,7 @@ def bristle_table(stiffness: float, moved: ComplexArray, lines: IntArray, omega:
     total = (np.abs(swing) ** 2).sum(axis=1)
     share = (followed * swing.conj()).sum(axis=2) / total
     gain, corner = _series(share, total, omega)
-    return BristleTable(stiffness, np.log(slip), np.log(gain), np.log(corner))
+    return BristleTable(stiffness, np.log(slip), np.log(gain), np.log(corner), float(size))
 
 
 def _bristles(deflection: FloatArray, slip: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TypedDict
 
 import numpy as np
@@ -21,6 +22,7 @@ from robid.fit.elastic.uncertainty import (
     realization_covariance,
     realization_shifts,
 )
+from robid.fit.elastic.untold import untold
 from robid.fit.estimate import Estimate, Tied
 from robid.fit.levenberg import Minimum
 from robid.fit.undetermined import undetermined_combinations
@@ -64,10 +66,11 @@ def make_solution(
     error = estimate_model_error(problem, internal, found)
     spreads = find_spreads(problem, internal, found, excess, options.confidence, suspicion)
     costs = np.array([end.cost for end in ends])
+    estimate = _estimate(
+        parameters, internal, spreads, predicted, options, _ending(problem, best, dropped, excess, error)
+    )
     return ElasticSolution(
-        estimate=_estimate(
-            parameters, internal, spreads, predicted, options, _ending(problem, best, dropped, excess, error)
-        ),
+        estimate=replace(estimate, undetermined=(*estimate.undetermined, *untold(problem, estimate))),
         internal=_internal(problem, internal, spreads.effective),
         costs=Costs(
             best.cost,
