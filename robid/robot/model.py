@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -76,6 +77,7 @@ def build_model(
     second_ripple: tuple[float, int] = (0.0, 1),
     backlash: tuple[float, float] = (0.0, 0.0),
     hysteresis: tuple[float, float] = (0.0, 0.0),
+    bristles: Mapping[str, float] | None = None,
     timestep_s: float = 1e-3,
     sensors: bool = False,
     balanced: bool = False,
@@ -91,6 +93,7 @@ def build_model(
         second_ripple: A further ripple of all motors: amplitude [N m] and periods per motor turn.
         backlash: Dead band of the transmissions, arm side: of revolute [rad] and of prismatic joints [m].
         hysteresis: Bristle load parallel to the transmissions, arm side: the same two [N m, N].
+        bristles: The same of single transmissions, by their names.
         timestep_s: Integration step [s].
         sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
         balanced: Takes counterbalances by harmonics, which act in the engine, in statics and linearization.
@@ -127,7 +130,8 @@ def build_model(
     for spring in robot.springs:
         if spring.place == "transmission":
             linear = robot.is_linear(spring)
-            _add_transmission(spec, robot, spring, backlash[linear], hysteresis[linear])
+            own = (bristles or {}).get(spring.name, hysteresis[linear])
+            _add_transmission(spec, robot, spring, backlash[linear], own)
     for joint, drive in zip(robot.joints, motor_drives(robot), strict=True):
         add_torque(spec, joint, drive, friction=friction, ripple=ripple, second_ripple=second_ripple)
         if isinstance(joint.counterbalance, HarmonicBalance):

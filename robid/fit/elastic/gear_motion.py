@@ -112,8 +112,8 @@ def _bristles(deflection: FloatArray, slip: FloatArray) -> FloatArray:
     way = np.diff(deflection, append=deflection[..., :1])
     turns, fades = np.sign(way), np.exp(-np.abs(way) / slip[:, None, None, None])
     found = np.zeros_like(fades)
-    state = np.zeros(fades.shape[:-1])
-    # The first period is for the beginning to be forgotten.
+    # The first period is for the beginning to be forgotten, which those that stick never do.
+    state = np.clip(deflection[..., 0], *(side * slip[:, None, None] for side in (-1, 1)))
     for sample in (*range(way.shape[-1]), *range(way.shape[-1])):
         found[..., sample] = state
         end = turns[..., sample] * slip[:, None, None]

@@ -10,7 +10,7 @@ from robid.fit.elastic.problem import Problem
 from robid.fit.estimate import Estimate
 from robid.robot.gear_effects import BristleTable
 
-_ALIKE = 1.5  # largest over smallest load
+_ALIKE = 2.0  # largest over smallest load
 _STICKS = 3.0  # slip over swing from which bristles are as good as a spring
 _OR_FIX = "or leave it out of `free`"
 

@@ -62,8 +62,9 @@ def gear_kinds(robot: Robot) -> Iterator[DoubtColumn]:
         most = most if np.isfinite(most) else _TORQUE_NM
         growth, slip = _GROWTH * spring.stiffness / most, _SLIP_SHARE * most
         names = f"{spring.name}.{LOAD_DAMPING}", f"growth of {spring.name}'s damper with its deflection"
-        yield DoubtColumn(
-            *names, LOAD_DAMPING, "1/m" if linear else "1/rad", growth, 0.0, LoadDamping(index), natural=growth
-        )
+        unit = "1/m" if linear else "1/rad"
+        # Downwards no damper may become negative.
+        ends = {"natural": growth, "least": -growth}
+        yield DoubtColumn(*names, LOAD_DAMPING, unit, growth, 0.0, LoadDamping(index), **ends)
         names = f"{spring.name}.{HYSTERESIS}", f"hysteresis of {spring.name}"
         yield DoubtColumn(*names, HYSTERESIS, "N" if linear else "N m", slip, 0.0, SlipTorque(index), natural=slip)
