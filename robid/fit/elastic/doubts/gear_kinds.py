@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 LOAD_DAMPING, HYSTERESIS = "load_damping", "hysteresis"
 """Names that free them in all gears, and the ends of their names."""
-_GROWTH = 0.3  # of a damper up to the largest torque of the motor
+_GROWTH = 3.0  # of a damper up to the largest torque of the motor
 _SLIP_SHARE = 0.005  # of that torque
 _TORQUE_NM = 2e3  # where nobody says what the motor can give
 
@@ -64,7 +64,7 @@ def gear_kinds(robot: Robot) -> Iterator[DoubtColumn]:
         names = f"{spring.name}.{LOAD_DAMPING}", f"growth of {spring.name}'s damper with its deflection"
         unit = "1/m" if linear else "1/rad"
         # Downwards no damper may become negative.
-        ends = {"natural": growth, "least": -growth}
+        ends = {"natural": growth, "least": -growth / _GROWTH}
         yield DoubtColumn(*names, LOAD_DAMPING, unit, growth, 0.0, LoadDamping(index), **ends)
         names = f"{spring.name}.{HYSTERESIS}", f"hysteresis of {spring.name}"
         yield DoubtColumn(*names, HYSTERESIS, "N" if linear else "N m", slip, 0.0, SlipTorque(index), natural=slip)
