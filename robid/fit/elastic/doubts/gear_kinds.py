@@ -64,7 +64,7 @@ def gear_kinds(robot: Robot) -> Iterator[DoubtColumn]:
         names = f"{spring.name}.{LOAD_DAMPING}", f"growth of {spring.name}'s damper with its deflection"
         unit = "1/m" if linear else "1/rad"
         # Downwards no damper may become negative.
-        ends = {"natural": growth, "least": -growth / _GROWTH}
-        yield DoubtColumn(*names, LOAD_DAMPING, unit, growth, 0.0, LoadDamping(index), **ends)
+        grows = LoadDamping(index)
+        yield DoubtColumn(*names, LOAD_DAMPING, unit, growth, 0.0, grows, least=-growth / _GROWTH, natural=growth)
         names = f"{spring.name}.{HYSTERESIS}", f"hysteresis of {spring.name}"
         yield DoubtColumn(*names, HYSTERESIS, "N" if linear else "N m", slip, 0.0, SlipTorque(index), natural=slip)
