@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm, t
 
 from robid.arrays import BoolArray, FloatArray
 from robid.places.evidence import Evidence
+from robid.places.onesided import bound
 from robid.places.saturation import inverted, saturated
 
 _LEAST_FREEDOM = 1.0
@@ -66,7 +67,7 @@ class Pooled:
         return np.asarray(self.dependence > ALONE)
 
 
-def pool(evidence: Evidence, between: FloatArray) -> Pooled:
+def pool(evidence: Evidence, between: FloatArray, least: FloatArray | None = None) -> Pooled:
     """Brings the places together.
 
     Each place's weight is what noise and differences between places leave of its information. The covariance is that
@@ -76,6 +77,8 @@ def pool(evidence: Evidence, between: FloatArray) -> Pooled:
     Args:
         evidence: What each place says.
         between (n_param,): Variance of each parameter between places.
+        least (n_param,): Smallest shift that makes sense, what is left of a distribution beyond which is as if it had
+            been observed; all make sense when not given.
 
     Source:
         CR3 of Bell and McCaffrey (2002); degrees of freedom as in Pustejovsky and Tipton (2018), sec. 3.1, of each
@@ -85,6 +88,10 @@ def pool(evidence: Evidence, between: FloatArray) -> Pooled:
     total = own.information.sum(axis=0) + evidence.precision
     assumed, _ = inverted(total)
     shift = assumed @ (own.score.sum(axis=0) + evidence.pull)
+    if least is not None and np.isfinite(least).any():
+        precision, pull = bound(shift, assumed, least)
+        bounded = replace(evidence, precision=evidence.precision + np.diag(precision), pull=evidence.pull + pull)
+        return pool(bounded, between)
     left = own.score - own.information @ shift
     without = np.array([inverted(total - each)[0] for each in own.information])
     moved = np.einsum("cij,cj->ci", without, left)

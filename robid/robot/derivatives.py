@@ -165,7 +165,8 @@ def _inertia_columns(
     sampling_period_s: float | None,
 ) -> ComplexArray:
     spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
-    change = np.einsum("cfao,clab,cfbi->cfoil", result.outputs, spread, result.inputs, optimize=True)
+    places = zip(result.outputs, spread, result.inputs, strict=True)
+    change = np.stack([_quadratic(outputs, own, inputs) for outputs, own, inputs in places])
     columns = -(result.hold * result.omega**4)[:, None, None, None] * change
     if sampling_period_s is None:
         return np.asarray(columns)
@@ -174,6 +175,15 @@ def _inertia_columns(
     fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
     aliases = alias_factor(result.omega, parameters.delay[0], sampling_period_s)[0]
     return np.asarray(columns + aliases[:, None, None, None] * fast[:, None])
+
+
+def _quadratic(outputs: ComplexArray, directions: FloatArray, inputs: ComplexArray) -> ComplexArray:
+    """Forms `outputs' D inputs` (n_freq, n_out, n_in, n_direction) of real matrices (n_direction, n_row, n_row)."""
+    n_freq, n_row, n_in = inputs.shape
+    flat = np.ascontiguousarray(inputs.swapaxes(0, 1)).reshape(n_row, -1).view(float)
+    moved = (directions.reshape(-1, n_row) @ flat).view(complex).reshape(-1, n_row, n_freq, n_in)
+    right = np.ascontiguousarray(moved.transpose(2, 1, 3, 0)).reshape(n_freq, n_row, -1)
+    return np.asarray((outputs.swapaxes(1, 2) @ right).reshape(n_freq, outputs.shape[2], n_in, -1))
 
 
 def _delay_column(

@@ -15,6 +15,9 @@ class Doubts:
     com_m: float = field(
         default=0.01, metadata={"description": "Of each coordinate of a link's centre of mass [m].", "ge": 0}
     )
+    inertia_relative_std: float = field(
+        default=0.1, metadata={"description": "Of a link's inertia about its centre of mass, relative.", "ge": 0}
+    )
     payload_relative_std: float = field(
         default=0.02, metadata={"description": "Of the payload's mass, its inertia with it, relative.", "ge": 0}
     )

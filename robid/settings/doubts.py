@@ -17,6 +17,9 @@ class JointDoubts(Section):
 
     mass_relative_std: float | None = Field(default=None, description=f"Of the link's mass, {_FOR_ALL}.", ge=0)
     com_m: float | None = Field(default=None, description=f"Of the link's centre of mass, {_FOR_ALL} [m].", ge=0)
+    inertia_relative_std: float | None = Field(
+        default=None, description=f"Of the link's inertia about its centre of mass, {_FOR_ALL}.", ge=0
+    )
     torque_relative_std: float | None = Field(
         default=None, description=f"Of the motor's torque constant, {_FOR_ALL}.", ge=0
     )

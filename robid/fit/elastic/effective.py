@@ -83,15 +83,16 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
         doubts: Further columns, linearised there; none when not given.
     """
     parameters, size = problem.parameters, internal.size
-    given = np.full(size, np.nan)
+    given, least = np.full(size, np.nan), None
     if doubts is not None:
         found = _extended(problem, internal, found, doubts)
         given = np.concatenate([given, doubts.place_std**2])
+        least = doubts.least_shift
     best, now = np.inf, internal
     for step in range(_STEPS if doubts is None else 1):
         here = influence(problem, now) if step else found
         evidence = place_evidence(problem, now, score_covariance(problem, here), doubts)
-        there = pool(evidence, estimate_between(evidence, given).variance)
+        there = pool(evidence, estimate_between(evidence, given).variance, least)
         std = np.sqrt(np.maximum(np.diag(there.covariance), np.diag(there.assumed))[:size])
         known = std <= _LONGEST_STEP
         shift = np.abs(known * there.shift[:size])
@@ -118,7 +119,7 @@ def weigh_few(named: Named, found: Influence, excess: float) -> Settled:
     problem, internal, size = named.problem, named.point, named.point.size
     covariance = excess * score_covariance(problem, _extended(problem, internal, found, named))
     between = np.concatenate([np.zeros(size), named.place_std**2])
-    pooled = pool(place_evidence(problem, internal, covariance, named), between)
+    pooled = pool(place_evidence(problem, internal, covariance, named), between, named.least_shift)
     step = np.clip(pooled.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
     values = np.clip(internal + step, problem.parameters.lower, problem.parameters.upper)
     assumed = pooled.assumed.copy()

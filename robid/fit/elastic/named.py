@@ -55,6 +55,12 @@ class Named:
         """Deviation (n_doubt,) of what each place adds."""
         return np.array([doubt.place_std for doubt in self.doubts])
 
+    @property
+    def least_shift(self) -> FloatArray:
+        """Smallest shift (n_param + n_doubt,) of parameters and amounts from here that makes sense."""
+        least = np.array([doubt.least for doubt in self.doubts]) - self.amounts
+        return np.concatenate([np.full(self.point.size, -np.inf), least])
+
 
 @dataclass(frozen=True)
 class Suspicion:

@@ -11,14 +11,14 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, TorqueScale
-from robid.fit.elastic.doubts.gears import LoadStiffness
+from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness, bristle_share
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Joint, Robot
-from robid.robot.linearize import axial_inertia, linearize, solve_statics
+from robid.robot.linearize import LinearModel, axial_inertia, linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import nominal_parameters, response
+from robid.robot.response import ElasticParameters, nominal_parameters, response
 
 _PERCENT = 100.0
 _Value = TypeVar("_Value")
@@ -73,9 +73,7 @@ def doubted_responses(
     frequency_hz: FloatArray,
     sampling: tuple[float, float],
 ) -> ComplexArray:
-    """Computes the exact responses of a robot that is off, as they are recorded.
-
-    Hysteresis, which no linear robot has, is left out.
+    """Computes the exact responses of a robot that is off, as they are recorded; bristles are those of all places.
 
     Args:
         robot: The robot, its springs and dampers the true ones.
@@ -95,8 +93,41 @@ def doubted_responses(
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
         parameters = nominal_parameters(own, linear, sampling[1])
-        exact = response(linear, parameters, frequency_hz, sampling[0]).sampled[0]
+        exact = _with_bristles(
+            linear, parameters, _bristles(off.doubts, amounts, own, frequency_hz), frequency_hz, sampling[0]
+        )
         found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz))
+    return np.array(found)
+
+
+def _bristles(
+    doubts: Sequence[DoubtColumn], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
+) -> ComplexArray:
+    """What bristles add to each spring (n_freq, n_spring), over its stiffness."""
+    omega = 2 * np.pi * frequency_hz
+    found = np.zeros((omega.size, len(robot.springs)), complex)
+    for doubt in doubts:
+        if isinstance(doubt.direction, Hysteresis):
+            share = bristle_share(omega, np.zeros((1, omega.size)), doubt.direction.slip)[0]
+            found[:, doubt.direction.spring] += 2 * amounts[doubt.name] / _PERCENT * share
+    return found
+
+
+def _with_bristles(
+    linear: LinearModel,
+    parameters: ElasticParameters,
+    bristles: ComplexArray,
+    frequency_hz: FloatArray,
+    sampling_period_s: float,
+) -> ComplexArray:
+    """Response (n_freq, n_motor, n_motor), springs at each frequency as its bristles make them."""
+    if not bristles.any():
+        return np.asarray(response(linear, parameters, frequency_hz, sampling_period_s).sampled[0])
+    found = []
+    for line, added in zip(frequency_hz, parameters.stiffness * bristles, strict=True):
+        damping = parameters.damping + added.imag / (2 * np.pi * line)
+        own = replace(parameters, stiffness=parameters.stiffness + added.real, damping=damping)
+        found.append(response(linear, own, np.array([line]), sampling_period_s).sampled[0, 0])
     return np.array(found)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.fit.elastic.solution import ElasticSolution
+from robid.fit.estimate import Estimate
 from robid.studies.trust.coverage import Held, Intervals, effective, physical, worst_half_widths
 
 _HALF_WIDTHS = 3.0
@@ -74,24 +75,19 @@ def springs_of(solution: ElasticSolution, truth: Mapping[str, float]) -> Springs
     names = tuple(estimate.names[row] for row in rows)
     lower, upper = estimate.lower[rows][None], estimate.upper[rows][None]
     middle = np.sqrt(np.maximum(lower, 0.0)) * np.sqrt(np.maximum(upper, 0.0))
-    values = effective_values(solution)
-    chosen = [each[rows][None] for each in values] if values else [np.full((1, len(rows)), np.nan)] * 3
     return Springs(
         names=names,
         counted=estimate.identifiable[rows],
         truth=np.array([truth.get(name, np.nan) for name in names]),
         physical=Intervals(middle, lower, upper),
-        effective=Intervals(*chosen),
+        effective=_effective(estimate, rows),
     )
 
 
-def effective_values(solution: ElasticSolution) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Returns value, lower and upper end of what predicts; None where a fit has no such interval."""
-    for owner, prefix in ((solution.estimate, "effective_"), (solution.effective, "")):
-        found = [getattr(owner, f"{prefix}{end}", None) for end in ("value", "lower", "upper")]
-        if all(each is not None for each in found):
-            return np.asarray(found[0]), np.asarray(found[1]), np.asarray(found[2])
-    return None
+def _effective(estimate: Estimate, rows: Sequence[int]) -> Intervals:
+    """Intervals (1, n_row) of what predicts; NaN where a fit has none."""
+    ends = estimate.effective_value, estimate.effective_lower, estimate.effective_upper
+    return Intervals(*(np.full((1, len(rows)), np.nan) if each is None else each[rows][None] for each in ends))
 
 
 def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.solution import ElasticSolution
 from robid.pipeline import Run
 from robid.robot.description import Robot
+from robid.robot.doubts import Doubts
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
 from robid.simulate.truth import TrueRobot
@@ -86,9 +87,19 @@ def make_fitting(
         "responses": [path.name for path in files],
         "options": plain_settings(options),
         "settings": model_settings(loaded, places.owner),
+        "doubts": use == RANDOM,
     }
     nominal = loaded.robot.to_robot(places.campaign.payload_kg)
+    if use != RANDOM:  # its springs are held against nothing: what predicts does not look at doubts
+        nominal = certain(nominal)
     return decides, Fitting(files, nominal, options, delay, simulated_truth(experiment, delay))
+
+
+def certain(robot: Robot) -> Robot:
+    """Returns a robot whose file is taken for granted."""
+    nothing = Doubts(**{each.name: 0.0 for each in fields(Doubts)})
+    joints = tuple(replace(joint, doubts=nothing) for joint in robot.joints)
+    return replace(robot, joints=joints, doubts=nothing)
 
 
 def fit_individual(one: Fitting) -> Content:

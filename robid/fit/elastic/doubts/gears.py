@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _PERCENT = 100.0
 _MEAN_SIZE = np.sqrt(2 / np.pi)  # of a normal variable, over its deviation
 _NO_LOAD_RAD = 1e-9
-_SLIPS = {"early": 0.5, "late": 2.0}  # over the swing: where bristles slip is not known, and early ones mostly lose
+_SLIPS = {"early": 0.5, "late": 2.0, "never": 1e3}  # over the swing: early ones mostly lose, late ones stiffen
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,11 @@ def bristle_names(name: str) -> tuple[str, ...]:
 
 
 def _hysteresis(gear: str, index: int, std: float) -> Iterator[DoubtColumn]:
-    """Yields bristles that slip before and after the swing: what lies between is a mixture of both."""
+    """Yields bristles that slip before and after the swing, what lies between being a mixture, and such as never do.
+
+    Those stiffen a spring without any loss, alike in all places: nothing tells them from the spring.
+    """
     for when, slip in _SLIPS.items():
         names = f"{gear}.hysteresis_{when}", f"hysteresis of {gear} that slips {when}"
-        yield DoubtColumn(*names, "gear_nonlinearity", "%", std, std, Hysteresis(index, slip), 0.0, _PERCENT)
+        differing = 0.0 if when == "never" else std
+        yield DoubtColumn(*names, "gear_nonlinearity", "%", std, differing, Hysteresis(index, slip), 0.0, _PERCENT)

@@ -19,7 +19,7 @@ _PERCENT, _MM = 100.0, 1e3
 
 
 def link_doubts(robot: Robot) -> Iterator[DoubtColumn]:
-    """Yields the doubts of each link: its mass, with its inertia, and its centre of mass."""
+    """Yields the doubts of each link: its mass, with its inertia, its centre of mass, and its inertia alone."""
     for index, joint in enumerate(robot.joints):
         doubts = joint.doubts
         if doubts.mass_relative_std > 0:
@@ -31,6 +31,11 @@ def link_doubts(robot: Robot) -> Iterator[DoubtColumn]:
             for axis, letter in enumerate("xyz"):
                 move = RobotMove(partial(_with_link_at, index, np.eye(3)[axis]), _MM * _STEP_M)
                 yield _centre(joint.name, f"link {joint.name}", letter, "masses", doubts.com_m, move)
+        if doubts.inertia_relative_std > 0 and joint.link.inertia_kgm2.any():
+            move = RobotMove(partial(_with_link_inertia, index), _PERCENT * _SHARE_STEP)
+            std = _PERCENT * doubts.inertia_relative_std
+            names = f"{joint.name}.inertia", f"inertia of link {joint.name}"
+            yield DoubtColumn(*names, "masses", "%", std, 0.0, move, least=-_PERCENT)
 
 
 def payload_doubts(robot: Robot) -> Iterator[DoubtColumn]:
@@ -65,6 +70,11 @@ def _shared(factor: float, body: Inertial) -> Inertial:
     return Inertial(body.mass_kg * factor, body.com_m, body.inertia_kgm2 * factor)
 
 
+def _turned(factor: float, body: Inertial) -> Inertial:
+    """A body of the same mass with another inertia about its centre."""
+    return replace(body, inertia_kgm2=body.inertia_kgm2 * factor)
+
+
 def _shifted(shift_m: FloatArray, body: Inertial) -> Inertial:
     return replace(body, com_m=body.com_m + shift_m)
 
@@ -92,6 +102,10 @@ def _with_link_share(index: int, robot: Robot, percent: float) -> Robot:
     return _with_link(robot, index, partial(_shared, 1 + percent / _PERCENT))
 
 
+def _with_link_inertia(index: int, robot: Robot, percent: float) -> Robot:
+    return _with_link(robot, index, partial(_turned, 1 + percent / _PERCENT))
+
+
 def _with_link_at(index: int, axis: FloatArray, robot: Robot, shift_mm: float) -> Robot:
     return _with_link(robot, index, partial(_shifted, shift_mm / _MM * axis))
 
@@ -105,5 +119,4 @@ def _with_payload_at(axis: FloatArray, robot: Robot, shift_mm: float) -> Robot:
 
 
 def _with_payload_inertia(robot: Robot, percent: float) -> Robot:
-    inertia = robot.payload.inertia_kgm2 * (1 + percent / _PERCENT)
-    return replace(robot, payload=replace(robot.payload, inertia_kgm2=inertia))
+    return replace(robot, payload=_turned(1 + percent / _PERCENT, robot.payload))

@@ -42,9 +42,9 @@ def test_small_amounts_do_what_the_doubts_derivatives_say():
     problem = set_up(robot, frf, OPTIONS, SAMPLING[1])[0]
     scene = Scene(problem, np.zeros(len(problem.parameters.names)), robot, OPTIONS)
     doubts, nothing = list_doubts(robot, OPTIONS), responses(as_file(robot, OPTIONS, len(PLACES)))
-    tried = [index for index, doubt in enumerate(doubts) if not isinstance(doubt.direction, Hysteresis)]
-    assert {doubts[index].cause for index in tried} >= {"payload", "masses", "torque_constant", "missing_spring"}
-    for index in tried:
+    assert any(isinstance(doubt.direction, Hysteresis) for doubt in doubts)
+    assert {doubt.cause for doubt in doubts} >= {"payload", "masses", "torque_constant", "missing_spring"}
+    for index in range(len(doubts)):
         step = 1e-3 * doubts[index].common_std
         found = np.log(responses(off_by(index, step)) / nothing) / step
         wanted = doubts[index].direction.column(scene)

@@ -78,6 +78,9 @@ def changes(robot):
         found[f"{joint.name}.mass"] = lambda percent, i=index: with_link(
             robot, i, lambda body: heavier(body, percent / 100)
         )
+        found[f"{joint.name}.inertia"] = lambda percent, i=index: with_link(
+            robot, i, lambda body: replace(body, inertia_kgm2=body.inertia_kgm2 * (1 + percent / 100))
+        )
     return found
 
 
