@@ -170,3 +170,18 @@ def test_resonances_know_growth_and_hysteresis():
         linear = sound.stiffness + stiffness.real * (np.arange(4) == spring)
         same = replace(sound, stiffness=linear, damping=damping)
         assert after[row] == pytest.approx(poles(problem.model, same, 0).roots[row], rel=1e-6)
+
+
+@pytest.mark.parametrize("slip", [0.1, 3.0])
+def test_hysteresis_is_found_on_its_side_of_the_largest_loss(slip):
+    robot, options = two_joint_robot(), ElasticOptions(free=("gear_1.hysteresis",))
+    frf = with_torques(exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=5))
+    problem = set_up(robot, frf, options, DELAY_S)[0]
+    bristle, names = problem.model.effects.bristles[0], problem.parameters.names
+    true = slip * bristle.stiffness * bristle.swing
+    point = np.zeros(len(names))
+    point[names.index("gear_1.hysteresis")] = true / problem.parameters.scale[names.index("gear_1.hysteresis")]
+    changed = problem.model_response(point) / problem.model_response(np.zeros(len(names)))
+    estimate = fit_elastic(robot, replace(frf, response=frf.response * changed), options, DELAY_S).estimate
+    assert estimate.value[names.index("gear_1.hysteresis")] == pytest.approx(true, rel=0.3)
+    assert estimate.value[names.index("gear_1.stiffness")] == pytest.approx(robot.springs[0].stiffness, rel=0.02)
