@@ -167,7 +167,7 @@ def exact_frf(
     configurations = np.atleast_2d(configurations)
     names = tuple(joint.name for joint in robot.joints)
     outputs = output_names or names
-    model = build_model(robot)
+    model = build_model(robot, balanced=True)
     linear = linearize(model, solve_statics(model, configurations), outputs)
     held_s = sampling_period_s if torque_hold == "zoh" else None
     exact = response(linear, nominal_parameters(robot, linear, delay_s), frequency_hz, held_s).sampled

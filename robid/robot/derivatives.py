@@ -51,12 +51,15 @@ def _columns(
 ) -> ComplexArray:
     if kind == "doubt" and model.shifts is not None:
         scaled = (result.sampled / result.gain)[..., None] * model.shifts.torque.T
-        return scaled + _move_columns(parameters, result, model.shifts, sampling_period_s)
+        moved = scaled + _move_columns(parameters, result, model.shifts, sampling_period_s)
+        return moved if model.effects is None else moved + _effect_columns(parameters, result)
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
     rate = 1j * result.omega[:, None, None, None]
     if kind == "damping":
         own = scale * rate * _outer(result, slice(n_motor, None))
+        if model.effects is not None:
+            own = own * model.effects.growth(parameters.doubt)[:, None, None, None]
         return own if through_rest is None else own + through_rest
     if through_rest is not None:
         return through_rest
@@ -131,6 +134,17 @@ def _move_columns(
         fast = np.einsum("cmoa,cai->coim", moves.output, inverse)
         columns += aliases[:, None, None, None] * fast[:, None]
     return columns
+
+
+def _effect_columns(parameters: ElasticParameters, result: Response) -> ComplexArray:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_doubt) through what gears do beside springs and dampers."""
+    model, omega = result.model, result.omega
+    if model.effects is None:
+        return np.zeros((*result.sampled.shape, parameters.doubt.size), complex)
+    slopes = model.effects.slopes(parameters.doubt, parameters.damping, omega)
+    outer = _outer(result, slice(model.n_motor, None))
+    moved = np.einsum("cfois,cfsd->cfoid", outer, slopes, optimize=True)
+    return np.asarray((result.hold * omega**2)[:, None, None, None] * moved)
 
 
 def _outer(result: Response, rows: slice) -> ComplexArray:

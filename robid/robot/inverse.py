@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.robot.linearize import Equilibrium
+from robid.robot.linearize import Equilibrium, unload
 from robid.robot.model import ElasticModel, site_name
 
 _STEPS = 30
@@ -101,6 +101,7 @@ class _Dynamics:
 
     def __init__(self, model: ElasticModel, rest: Equilibrium) -> None:
         self._model, self._data, self._rest = model.mujoco, mujoco.MjData(model.mujoco), rest.position[0]
+        self._whole = model
         self._motor, self._arm, self._arm_viscous = model.motor, model.arm, model.robot.arm_viscous
         self._elastic = np.setdiff1d(model.passive, model.arm)
         rows = [int(np.flatnonzero(model.deflection[:, index])[0]) for index in self._elastic]
@@ -153,6 +154,7 @@ class _Dynamics:
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_comVel(self._model, data)
         mujoco.mj_rne(self._model, data, 1, torque)
+        unload(self._whole, position, torque)
         return torque
 
 

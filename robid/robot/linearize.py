@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import HarmonicBalance, Sensor
+from robid.robot.gear_effects import GearEffects
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import Rest
 
@@ -77,6 +78,7 @@ class LinearModel:
         axial (n_joint,): Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg].
         rest: Where the springs rest.
         shifts: How all this moves with doubts that a fit estimates; None without any.
+        effects: What gears do beside springs and dampers by such doubts; None without any.
     """
 
     mass: FloatArray
@@ -89,6 +91,7 @@ class LinearModel:
     axial: FloatArray
     rest: Rest
     shifts: Shifts | None = None
+    effects: GearEffects | None = None
 
     @property
     def n_motor(self) -> int:
@@ -209,6 +212,13 @@ def gravity_torque(model: ElasticModel, positions: FloatArray) -> FloatArray:
     return np.array([_gravity(model, data, position) for position in positions])
 
 
+def unload(model: ElasticModel, position: FloatArray, torque: FloatArray) -> None:
+    """Takes what counterbalances carry at a position (n_dof,) off the torques (n_dof,) that it asks for, in place."""
+    for joint, arm in zip(model.robot.joints, model.arm, strict=True):
+        if isinstance(joint.counterbalance, HarmonicBalance):
+            torque[arm] -= joint.counterbalance.torque_nm(float(position[arm]))
+
+
 def _settle(
     model: ElasticModel, data: mujoco.MjData, linear: FloatArray, cubic: FloatArray, configuration: FloatArray
 ) -> FloatArray:
@@ -251,9 +261,7 @@ def _gravity(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
     mujoco.mj_comPos(model.mujoco, data)
     torque = np.zeros(model.mujoco.nv)
     mujoco.mj_rne(model.mujoco, data, 0, torque)
-    for joint, arm in zip(model.robot.joints, model.arm, strict=True):
-        if isinstance(joint.counterbalance, HarmonicBalance):
-            torque[arm] -= joint.counterbalance.torque_nm(float(position[arm]))
+    unload(model, position, torque)
     return torque
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +19,8 @@ from robid.robot.static_friction import StaticLaw
 from robid.robot.stiffness_law import VaryingSprings
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
-_HYSTERESIS_SHARE = 0.1  # bristle stiffness over transmission stiffness
+HYSTERESIS_SHARE = 0.1
+"""Stiffness of a transmission's bristles over its own."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ def build_model(
     second_ripple: tuple[float, int] = (0.0, 1),
     backlash: tuple[float, float] = (0.0, 0.0),
     hysteresis: tuple[float, float] = (0.0, 0.0),
+    bristles: Mapping[str, float] | None = None,
     timestep_s: float = 1e-3,
     sensors: bool = False,
     balanced: bool = False,
@@ -90,6 +93,7 @@ def build_model(
         second_ripple: A further ripple of all motors: amplitude [N m] and periods per motor turn.
         backlash: Dead band of the transmissions, arm side: of revolute [rad] and of prismatic joints [m].
         hysteresis: Bristle load parallel to the transmissions, arm side: the same two [N m, N].
+        bristles: The same of single transmissions, by their names.
         timestep_s: Integration step [s].
         sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
         balanced: Takes counterbalances by harmonics, which act in the engine, in statics and linearization.
@@ -126,7 +130,8 @@ def build_model(
     for spring in robot.springs:
         if spring.place == "transmission":
             linear = robot.is_linear(spring)
-            _add_transmission(spec, robot, spring, backlash[linear], hysteresis[linear])
+            own = (bristles or {}).get(spring.name, hysteresis[linear])
+            _add_transmission(spec, robot, spring, backlash[linear], own)
     for joint, drive in zip(robot.joints, motor_drives(robot), strict=True):
         add_torque(spec, joint, drive, friction=friction, ripple=ripple, second_ripple=second_ripple)
         if isinstance(joint.counterbalance, HarmonicBalance):
@@ -274,7 +279,7 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
     tendon.damping = np.array([spring.damping, 0.0, 0.0])
     tendon.springlength = [-0.5 * backlash, 0.5 * backlash]
     if hysteresis > 0:
-        bristle = _HYSTERESIS_SHARE * spring.stiffness
+        bristle = HYSTERESIS_SHARE * spring.stiffness
         law = [bristle, 0.0, hysteresis, hysteresis, 1.0]
         bristles = spec.add_actuator(
             name=f"hysteresis_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=spring.name

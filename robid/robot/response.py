@@ -170,12 +170,20 @@ def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> 
 
 
 def motion_matrices(
-    model: LinearModel, parameters: ElasticParameters, configuration: int
+    model: LinearModel, parameters: ElasticParameters, configuration: int, omega: float | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns mass, damping and stiffness (n, n) of one configuration in the model's coordinates."""
+    """Returns mass, damping and stiffness (n, n) of one configuration in the model's coordinates.
+
+    Hysteresis is in damping and stiffness as it is at an angular frequency [rad/s], and left out without one.
+    """
     model, springs = at_rest(model, parameters)
     stiffness = (model.gravity_stiffness + _springs(model, springs))[configuration]
-    return mass_matrix(model, parameters)[configuration], _dampers(model, parameters), stiffness
+    damping = np.broadcast_to(_dampers(model, parameters), model.mass.shape)[configuration]
+    if model.effects is not None and omega is not None:
+        added = model.effects.stiffness(parameters.doubt, np.array([omega]))[configuration, 0]
+        own = np.diag(np.pad(added, (model.n_motor, 0)))
+        stiffness, damping = stiffness + own.real, damping + own.imag / omega
+    return mass_matrix(model, parameters)[configuration], damping, stiffness
 
 
 def mass_matrix(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
@@ -192,8 +200,14 @@ def arm_dampers(model: LinearModel, parameters: ElasticParameters) -> FloatArray
 
 
 def _dampers(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
-    diagonal = np.diag(np.concatenate([parameters.viscous, parameters.damping]))
-    return np.asarray(diagonal + arm_dampers(model, parameters))
+    """Damping matrix (n, n), or (n_conf, n, n) where dampers grow with the load."""
+    if model.effects is None:
+        diagonal = np.diag(np.concatenate([parameters.viscous, parameters.damping]))
+        return np.asarray(diagonal + arm_dampers(model, parameters))
+    grown = parameters.damping * model.effects.growth(parameters.doubt)
+    viscous = np.broadcast_to(parameters.viscous, (len(grown), model.n_motor))
+    own = np.concatenate([viscous, grown], axis=1)
+    return np.asarray(own[:, :, None] * np.eye(own.shape[1]) + arm_dampers(model, parameters))
 
 
 def _springs(model: LinearModel, springs: Springs) -> FloatArray:
@@ -207,7 +221,11 @@ def _dynamic_stiffness(
 ) -> ComplexArray:
     constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
     dynamic = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
-    return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters))
+    if model.effects is None:
+        return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters))
+    added = np.pad(model.effects.stiffness(parameters.doubt, omega), ((0, 0), (0, 0), (model.n_motor, 0)))
+    dynamic = dynamic + added[..., None] * np.eye(added.shape[-1])
+    return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters)[:, None])
 
 
 def _seen(model: LinearModel, omega: FloatArray) -> FloatArray:

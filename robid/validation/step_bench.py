@@ -100,7 +100,7 @@ def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
     Torque commands aim at the middle of the time for which they are held, after the controller's delay; the
     reference is known that far ahead.
     """
-    model = build_model(robot)
+    model = build_model(robot, balanced=True)
     rest = solve_statics(model, task.configuration[None])
     period, delay, n_time = bench.controller.sampling_period_s, bench.controller.delay_samples, bench.time_s.size
     fine = bench.time_s[0] + period / _OVERSAMPLING * np.arange(_OVERSAMPLING * (n_time + delay) + 1)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 import robid
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.families.elastic.settings import elastic_fit
 from robid.families.encode import PARAMETER_COLUMNS as COLUMNS
 from robid.families.encode import Content
 from robid.families.units import with_torque_unit
+from robid.fit.elastic.doubts.freed import DOUBT
+from robid.fit.elastic.doubts.gear_kinds import HYSTERESIS, LOAD_DAMPING
 from robid.fit.elastic.fitted_robot import fitted_delay_s, fitted_robot
 from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.estimate import Estimate
@@ -28,6 +32,7 @@ from robid.settings.robot_parts import delay_s, require_controller
 from robid.signals.positions import readable, readable_units
 from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
+from robid.validation.elastic.fitted import fitted_model
 
 
 @dataclass(frozen=True)
@@ -52,10 +57,42 @@ class FittedExport:
     frf: Frf
     chosen: tuple[int, ...]
 
-    @property
+    @cached_property
     def robot(self) -> Robot:
-        """Returns the robot with the estimates in place."""
-        return fitted_robot(self.nominal, self.solution.estimate)
+        """Returns the robot with the estimates in place, dampers that grow with the load as they are on average."""
+        robot, grown = fitted_robot(self.nominal, self.solution.estimate), self.grown
+        springs = tuple(
+            replace(spring, damping=spring.damping * grown.get(spring.name, 1.0)) for spring in robot.springs
+        )
+        return replace(robot, springs=springs) if grown else robot
+
+    @property
+    def bristles(self) -> dict[str, float]:
+        """Returns the torques at which bristles beside transmissions slip, by spring; those above zero."""
+        found = self._doubts(HYSTERESIS)
+        return {spring: torque for spring, torque in found.items() if torque > 0}
+
+    @cached_property
+    def grown(self) -> dict[str, float]:
+        """Dampers of loaded gears over those without load, by spring: mean over the fit's configurations."""
+        gears = self._doubts(LOAD_DAMPING)
+        if not gears:
+            return {}
+        fit = elastic_fit(self.loaded.experiment, self.name)
+        nominal_s = delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign])
+        fitted = fitted_model(self.nominal, self.solution, self.frf, fit.options(), nominal_s)
+        effects = fitted.problem.model.effects
+        if effects is None:
+            return {}
+        mean = effects.growth(fitted.parameters.doubt).mean(axis=0)
+        names = [spring.name for spring in self.nominal.springs]
+        return {name: float(mean[names.index(name)]) for name in gears}
+
+    def _doubts(self, kind: str) -> dict[str, float]:
+        """Estimates of a kind of gears that the fit freed, by spring."""
+        found = self.solution.estimate
+        rows = zip(found.names, found.kinds, found.value.tolist(), strict=True)
+        return {n.removesuffix(f".{kind}"): value for n, k, value in rows if k == DOUBT and n.endswith(f".{kind}")}
 
     @property
     def delay_s(self) -> float:
@@ -149,6 +186,7 @@ def state_spaces(found: FittedExport, rows: list[int]) -> Content:
         stacks |= {f"{key}{suffix}": getattr(systems[0], key) for key in ("states", "outputs")}
     return {
         **found.origin,
+        **_left_out(found),
         **stacks,
         "inputs": continuous[0].inputs,
         "sampling_period_s": period,
@@ -158,6 +196,13 @@ def state_spaces(found: FittedExport, rows: list[int]) -> Content:
         "rest_torque": rest.motor_torque,
         "rest_deflection_rad": rest.deflection,
     }
+
+
+def _left_out(found: FittedExport) -> dict[str, str]:
+    """What a linear system of constant matrices does not hold of the gears, if anything."""
+    told = ["hysteresis of " + ", ".join(found.bristles)] if found.bristles else []
+    told += ["growth of dampers with the load: they are as on average"] if found.grown else []
+    return {"left_out": "; ".join(told)} if told else {}
 
 
 def mjcf(found: FittedExport, rows: list[int], *, friction: bool) -> str:
@@ -175,7 +220,14 @@ def _build(found: FittedExport, *, friction: bool) -> ElasticModel:
     try:
         steps = 1 if simulated is None else _steps(found, simulated, friction=friction)
         step_s = found.frf.sampling_period_s / steps
-        return build_model(found.robot, friction=friction, ripple=friction, timestep_s=step_s)
+        return build_model(
+            found.robot,
+            friction=friction,
+            ripple=friction,
+            bristles=found.bristles,
+            timestep_s=step_s,
+            balanced=True,
+        )
     except ValueError as error:
         raise DataError(
             f"the fitted values make no mechanical model ({error})",
@@ -213,6 +265,7 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             if friction
             else "Friction and ripple are left out; viscous friction is damping of q_m and q_a.",
             *_frozen(found.robot, names[0]),
+            *_of_gears(found),
             f"Not in here: the delay of {1e3 * found.delay_s:.4g} ms from commanded to applied torque.",
             f"Not identified, do not rely on: {', '.join(weak)}"
             if weak
@@ -221,6 +274,19 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
             *(f"  {name}: {row}" for name, row in zip(names, shown, strict=True)),
         ]
     )
+
+
+def _of_gears(found: FittedExport) -> list[str]:
+    """What to know of load-dependent damping and hysteresis."""
+    told = []
+    if found.grown:
+        gears = ", ".join(found.grown)
+        told.append(
+            f"Dampers of {gears} grow with the load; here they are as on average over the fit's configurations."
+        )
+    if found.bristles:
+        told.append("Hysteresis: passive actuators hysteresis_<joint>, as found at the swing of the fit's campaign.")
+    return told
 
 
 def _frozen(robot: Robot, keyframe: str) -> list[str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from robid.robot.description import Joint, Robot
+import numpy as np
+
+from robid.robot.description import HarmonicBalance, Joint, Robot
 from robid.robot.linearize import axial_inertia
 from robid.robot.model import build_model
 from robid.simulate.options import Imperfections
@@ -36,7 +38,7 @@ def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
         errors = _torque_errors(joint, stated, true.imperfections)
         values |= {f"{joint.name}.{key}": value for key, value in errors.items()}
     values["delay"] = true.delay_s
-    return values | _doubts(nominal, true.robot)
+    return values | _doubts(nominal, true.robot) | _drives(nominal, true)
 
 
 def _doubts(nominal: Robot, robot: Robot) -> dict[str, float]:
@@ -51,6 +53,25 @@ def _doubts(nominal: Robot, robot: Robot) -> dict[str, float]:
     for name, (stated, own) in {"payload": (nominal.payload, robot.payload), **bodies}.items():
         shift = 1e3 * (own.com_m - stated.com_m)
         values |= {f"{name}.com_{axis}": float(x) for axis, x in zip("xyz", shift.tolist(), strict=True)}
+    return values
+
+
+def _drives(nominal: Robot, true: TrueRobot) -> dict[str, float]:
+    """The same of couplings, recorded torques, counterbalances and what gears do beside springs and dampers."""
+    values: dict[str, float] = {}
+    for joint, stated in zip(true.robot.joints, nominal.joints, strict=True):
+        for other in nominal.joints:
+            turn = joint.couplings.get(other.name, 0.0) - stated.couplings.get(other.name, 0.0)
+            values[f"{joint.name}.coupling_{other.name}"] = 100 * turn * other.motor.gear_ratio
+        factor = true.truth.torque_constant_factor.get(joint.name, 1.0)
+        values[f"{joint.name}.torque_constant"] = -100 * float(np.log(factor))
+        own = joint.counterbalance
+        waves = (own.sine_nm[0], own.cosine_nm[0]) if isinstance(own, HarmonicBalance) else (0.0, 0.0)
+        values |= {f"{joint.name}.counterbalance_{n}": float(w) for n, w in zip(("sine", "cosine"), waves, strict=True)}
+    flaws = true.imperfections
+    for spring in nominal.springs:
+        slip = flaws.hysteresis_n if nominal.is_linear(spring) else flaws.hysteresis_nm
+        values |= {f"{spring.name}.load_damping": flaws.load_damping_1_rad, f"{spring.name}.hysteresis": slip}
     return values
 
 

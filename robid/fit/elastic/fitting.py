@@ -18,6 +18,7 @@ from robid.fit.elastic.model_error import element_level
 from robid.fit.elastic.named import Suspicion
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.other_slip import other_side
 from robid.fit.elastic.parameters import ParameterMap, map_parameters
 from robid.fit.elastic.problem import Problem, make_problem
 from robid.fit.elastic.rest_model import rest_model
@@ -31,6 +32,7 @@ from robid.frf.passivity import driving_points, undeclared_delay
 from robid.robot.description import Robot
 from robid.robot.response import nominal_parameters
 
+_BETTER = 1e-3  # of the cost
 _UPDATED_ENOUGH = 1e-6  # of the cost
 _BACK = (1.0, 0.5, 0.25, 0.0)
 _NO_REST = (
@@ -93,6 +95,7 @@ def fit_elastic(
 
     best = min(ends, key=lambda end: end.cost)
     reached = _update(_Reached(problem, dropped, best), start, options, set_up_at)
+    reached = _on_better_sides(reached, options, set_up_at)
     suspicion = Suspicion(robot, options, doubtful) if reached.rests else None
     endings = ends, predicted, reached.dropped
     solution = make_solution(reached.problem, options, reached.best, *endings, parallel_map, suspicion)
@@ -156,6 +159,21 @@ def _update(
         now = replace(ahead, best=best)
         if before - best.cost <= _UPDATED_ENOUGH * before:
             break
+    return now
+
+
+def _on_better_sides(
+    now: _Reached, options: ElasticOptions, set_up_at: Callable[[Problem, Minimum], tuple[Problem, int]]
+) -> _Reached:
+    """Tries for each hysteresis whether bristles that slip on the other side of the largest loss fit better."""
+    effects = now.problem.model.effects if now.rests else None
+    for number in range(0 if effects is None else len(effects.bristles)):
+        start = other_side(now.problem, now.best.parameters, number)
+        if start is None or not now.rests:
+            continue
+        best = optimise(now.problem, start, max_iterations=options.max_iterations)
+        if best.cost < (1 - _BETTER) * now.best.cost:
+            now = _update(replace(now, best=best), now.best.parameters, options, set_up_at)
     return now
 
 

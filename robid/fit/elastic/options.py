@@ -49,7 +49,8 @@ class ElasticOptions:
         metadata={
             "description": f"Kinds of parameters that are estimated ({', '.join(f'`{kind}`' for kind in ELASTIC)}),"
             " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`,"
-            " `axis_2.com`, `gear_coupling`, `torque_constant`, `bearing_axis_2_x`. Where only such doubts are named,"
+            " `axis_2.com`, `gear_coupling`, `torque_constant`, `counterbalance`, `load_damping`, `hysteresis`,"
+            " `bearing_axis_2_x`. Where only such doubts are named,"
             " the default kinds are estimated too."
         },
     )

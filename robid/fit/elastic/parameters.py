@@ -54,6 +54,7 @@ class ParameterMap:
         upper (n_param,): Upper bounds.
         friction_offset (n_friction,): Friction scales as they were compensated.
         stated (n_param,): What the robot file says of each doubt, to which its amount adds; zero for the others.
+        natural (n_param,): Amount from which each doubt matters; one for the others.
     """
 
     nominal: ElasticParameters
@@ -71,6 +72,7 @@ class ParameterMap:
     upper: FloatArray
     friction_offset: FloatArray = field(default_factory=lambda: np.zeros(0))
     stated: FloatArray | None = None
+    natural: FloatArray | None = None
 
     @property
     def n_friction(self) -> int:
@@ -224,12 +226,13 @@ def _sensible(found: ParameterMap, freed: Sequence[DoubtColumn]) -> ParameterMap
     if not freed:
         return found
     lower, upper, stated = found.lower.copy(), found.upper.copy(), np.zeros(len(found.names))
+    natural = np.ones(len(found.names))
     for doubt in freed:
         if doubt.name in found.names:
             index = found.names.index(doubt.name)
             lower[index], upper[index] = (_NOT_ALL * end / doubt.common_std for end in (doubt.least, doubt.most))
-            stated[index] = doubt.stated
-    return replace(found, lower=lower, upper=upper, stated=stated)
+            stated[index], natural[index] = doubt.stated, doubt.natural
+    return replace(found, lower=lower, upper=upper, stated=stated, natural=natural)
 
 
 def _scales(robot: Robot, nominal: ElasticParameters) -> dict[str, FloatArray]:

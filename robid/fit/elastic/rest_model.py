@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
+from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.freed import freed_doubts, moved_robot, torque_slopes
+from robid.fit.elastic.doubts.gear_kinds import LoadDamping, SlipTorque
+from robid.fit.elastic.gear_motion import gear_effects
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.swing_distribution import Swinging, line_frequencies, spring_compliance, swing_shape
 from robid.fit.elastic.weights import make_weights
@@ -16,6 +20,7 @@ from robid.frf.frf import Frf
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.expand import expand, shifts_between, with_springs_at
+from robid.robot.gear_effects import GearEffects
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.parameters import element_names
@@ -47,27 +52,66 @@ def rest_model(
     if not freed:
         return _rested(robot, frf, options, delay_s, values)
     amounts = np.zeros(len(freed)) if values is None else values.doubt
+    balanced = all(joint.counterbalance is None for joint in robot.joints)
     still = replace(options, statics="updates", free=())
     pairs, steps = [], []
+    model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values, balanced=balanced)
     for index, doubt in enumerate(freed):
+        steps.append(2 * _DOUBT_STEP * doubt.common_std)
+        if not isinstance(doubt.direction, RobotMove):
+            pairs.append((model, model))
+            continue
         step = _DOUBT_STEP * doubt.common_std * np.eye(len(freed))[index]
         sides = (moved_robot(robot, freed, amounts + side * step) for side in (-1, 1))
-        behind, ahead = (_rested(side, frf, still, delay_s, values) for side in sides)
+        behind, ahead = (_rested(side, frf, still, delay_s, values, balanced=balanced) for side in sides)
         pairs.append((behind, ahead))
-        steps.append(2 * _DOUBT_STEP * doubt.common_std)
     torque = torque_slopes(freed, len(robot.joints))
-    model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values)
-    return replace(model, shifts=shifts_between(pairs, np.array(steps), amounts, torque))
+    shifts = shifts_between(pairs, np.array(steps), amounts, torque)
+    if not any(isinstance(doubt.direction, (LoadDamping, SlipTorque)) for doubt in freed):
+        return replace(model, shifts=shifts)
+    now = replace(nominal_parameters(robot, model, delay_s), doubt=amounts) if values is None else values
+    return replace(model, shifts=shifts, effects=_effects(robot, frf, now, model, freed))
+
+
+def _effects(
+    robot: Robot, frf: Frf, values: ElasticParameters, model: LinearModel, freed: Sequence[DoubtColumn]
+) -> GearEffects | None:
+    """What freed doubts of gears do as the measurement moves them."""
+    known = frf.input_amplitude is not None and all(name in frf.output_names for name in frf.input_names)
+    power, moved = np.zeros_like(model.rest.deflection), None
+    gears = np.array([index for index, spring in enumerate(robot.springs) if spring.place == "transmission"])
+    if not known:
+        return gear_effects(freed, frf, values.stiffness, model.rest.deflection, power, moved, gears)
+    load, omega = spring_load(robot, frf, values), 2 * np.pi * frf.frequency_hz
+    dynamic = (model.rest.factor * values.stiffness)[:, None] + 1j * omega[:, None] * values.damping
+    found = None
+    for _ in range(_PASSES):
+        power = (np.nan_to_num(load.power) / np.abs(dynamic) ** 2).sum(axis=1)
+        moved = load.through / dynamic[:, :, gears, None]
+        found = gear_effects(freed, frf, values.stiffness, model.rest.deflection, power, moved, gears)
+        if found is None or not values.doubt.any():
+            break
+        # What bristles carry does not bend the gear.
+        grown = (found.growth(values.doubt) * values.damping)[:, None]
+        dynamic = (model.rest.factor * values.stiffness)[:, None] + 1j * omega[:, None] * grown
+        dynamic = dynamic + found.stiffness(values.doubt, omega)
+    return found
 
 
 def _rested(
-    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, values: ElasticParameters | None
+    robot: Robot,
+    frf: Frf,
+    options: ElasticOptions,
+    delay_s: float,
+    values: ElasticParameters | None,
+    *,
+    balanced: bool = False,
 ) -> LinearModel:
-    """The same of a robot as it is, all doubts aside."""
+    """The same of a robot as it is, all doubts aside; its counterbalances are taken where its file has none."""
     springs = _nominal_springs(robot) if values is None else values.springs
     points = springs.location.reshape(-1, 3)
     placed = with_springs_at(robot, {s.name: point for s, point in zip(robot.springs, points, strict=True)})
-    elastic = build_model(placed)
+    elastic = build_model(placed, balanced=balanced)
     names = frf.output_names
     equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic)
     model = linearize(elastic, equilibrium, names)

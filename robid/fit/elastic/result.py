@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TypedDict
 
 import numpy as np
@@ -21,6 +22,7 @@ from robid.fit.elastic.uncertainty import (
     realization_covariance,
     realization_shifts,
 )
+from robid.fit.elastic.untold import untold
 from robid.fit.estimate import Estimate, Tied
 from robid.fit.levenberg import Minimum
 from robid.fit.undetermined import undetermined_combinations
@@ -65,10 +67,11 @@ def make_solution(
     error = estimate_model_error(problem, internal, found)
     spreads = find_spreads(problem, internal, found, excess, options.confidence, suspicion)
     costs = np.array([end.cost for end in ends])
+    estimate = _estimate(
+        parameters, internal, spreads, predicted, options, _ending(problem, best, dropped, excess, error)
+    )
     return ElasticSolution(
-        estimate=_estimate(
-            parameters, internal, spreads, predicted, options, _ending(problem, best, dropped, excess, error)
-        ),
+        estimate=replace(estimate, undetermined=(*estimate.undetermined, *untold(problem, estimate))),
         internal=_internal(problem, internal, spreads.effective),
         costs=Costs(
             best.cost,
@@ -198,7 +201,8 @@ def _predicted_relative(parameters: ParameterMap) -> FloatArray:
     """The same at the nominal values; of what may be zero there, related to what it could be beforehand."""
     start, nominal = np.zeros(len(parameters.names)), parameters.nominal_values()
     friction = np.array(parameters.kind_of) == "friction"
-    size = np.where(friction | (nominal == 0), 1.0, np.abs(nominal))
+    natural = 1.0 if parameters.natural is None else parameters.natural
+    size = np.where(friction | (nominal == 0), natural, np.abs(nominal))
     kinds = np.array(parameters.kind_of)
     size = np.where(kinds == "cubic", parameters.scale * parameters.prior_std, size)
     size = np.where(kinds == "location", parameters.scale, size)

@@ -12,6 +12,8 @@ from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, at_rest, motion_matrices
 from robid.validation.elastic.fitted import FittedModel
 
+_PASSES = 3
+
 
 @dataclass(frozen=True)
 class Modes:
@@ -87,6 +89,10 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
     if model.shifts is not None:
         by = model.shifts
         change["doubt"] = s**2 * _seen(by.mass[configuration], x) + _seen(by.gravity_stiffness[configuration], x)
+    if model.effects is not None:
+        by_effects = model.effects.slopes(values.doubt, values.damping, np.abs(s))[configuration]
+        change["doubt"] = change["doubt"] + np.einsum("msd,sm->dm", by_effects, springs)
+        change["damping"] = model.effects.growth(values.doubt)[configuration, :, None] * change["damping"]
     moving, at = at_rest(model, values)
     for kind, slopes in loaded_slopes(moving, values, at, parameters.kinds).items():
         through = slopes.stiffness[configuration].T @ springs
@@ -109,10 +115,30 @@ def _seen(matrices: FloatArray, shapes: ComplexArray) -> ComplexArray:
 
 
 def _modes(model: LinearModel, parameters: ElasticParameters, configuration: int, locked: int | None) -> Modes:
+    """Modes, hysteresis as it is at each one's own frequency."""
+    found = _solved(model, parameters, configuration, locked, None)
+    if model.effects is None or not model.effects.bristles:
+        return found
+    columns = []
+    for row, root in enumerate(found.roots):
+        at = found
+        for _ in range(_PASSES):
+            omega = float(np.abs(root))
+            at = _solved(model, parameters, configuration, locked, omega)
+            row = min(row, at.roots.size - 1)
+            root = at.roots[row]
+        columns.append((at.roots[row], at.shapes[:, row], at.slopes[row]))
+    roots, shapes, slopes = zip(*columns, strict=True) if columns else ((), (), ())
+    return Modes(np.array(roots, complex), np.array(shapes).T.reshape(found.shapes.shape), np.array(slopes, complex))
+
+
+def _solved(
+    model: LinearModel, parameters: ElasticParameters, configuration: int, locked: int | None, omega: float | None
+) -> Modes:
     """Solves `(M s^2 + D s + K) x = 0` for roots with positive imaginary part."""
     kept = np.delete(np.arange(model.mass.shape[-1]), [] if locked is None else [locked])
     inside = np.ix_(kept, kept)
-    mass, damping, stiffness = (matrix[inside] for matrix in motion_matrices(model, parameters, configuration))
+    mass, damping, stiffness = (matrix[inside] for matrix in motion_matrices(model, parameters, configuration, omega))
     n = kept.size
     upper = np.hstack([np.zeros((n, n)), np.eye(n)])
     lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))

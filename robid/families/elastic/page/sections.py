@@ -19,6 +19,11 @@ from robid.report.terminal import parameter_table
 
 _FEW_MOTORS = 2
 _CONVENTIONS = "Stiffness and damping are arm side."
+_OF_LOADS = "Dampers of gears with `load_damping` are those without load."
+_OF_BRISTLES = (
+    "`hysteresis` is the torque at which bristles beside a gear slip, a tenth as stiff as it: as this campaign swings"
+    " the gear. It holds for this amplitude; what sticks there is part of the spring."
+)
 
 
 def headline(fit: FitContent) -> Headline:
@@ -46,12 +51,19 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
     """
     return (
         _response(fit, told),
-        *parameter_section(fit.estimates, _CONVENTIONS),
+        *parameter_section(fit.estimates, _conventions(fit)),
         *doubt_section(fit.file_doubts, fit.estimates.level),
         *resonance_section(fit.resonances, fit.frf, fit.estimates.level),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
         *start_section(fit.starts),
     )
+
+
+def _conventions(fit: FitContent) -> str:
+    """What values are to be understood as."""
+    kinds = {row.name.rpartition(".")[2] for row in fit.estimates.rows if row.kind == "doubt"}
+    more = [text for kind, text in (("load_damping", _OF_LOADS), ("hysteresis", _OF_BRISTLES)) if kind in kinds]
+    return " ".join((_CONVENTIONS, *more))
 
 
 def doubt_section(rows: tuple[DoubtRow, ...], level: float) -> tuple[Section, ...]:

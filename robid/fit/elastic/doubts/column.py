@@ -31,7 +31,7 @@ class DoubtColumn:
     Attributes:
         name: What it is, in one word as parameters are named: `axis_2.mass`.
         title: The same for a sentence.
-        cause: The likely cause that it stands for, of `robid.validation.doubt.CAUSES`.
+        cause: The likely cause that it stands for, of `robid.validation.doubt.CAUSES`, or what only a fit's wish frees.
         unit: Unit of its amounts.
         common_std: Standard deviation of the amount that all places share.
         place_std: Standard deviation of what each place adds to that.
@@ -39,6 +39,7 @@ class DoubtColumn:
         least: Smallest amount that makes sense.
         most: Largest amount that makes sense.
         stated: What the robot file says in the same unit, where that is said; zero where only amounts are.
+        natural: Amount from which it matters: where the file says nothing, its deviation is judged by it.
     """
 
     name: str
@@ -51,6 +52,7 @@ class DoubtColumn:
     least: float = -np.inf
     most: float = np.inf
     stated: float = 0.0
+    natural: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,11 @@ from dataclasses import fields, replace
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.fit.elastic.doubts.balances import balance_doubts
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import TorqueScale, coupling_doubts, torque_doubts
 from robid.fit.elastic.doubts.further import further_springs, is_spring
+from robid.fit.elastic.doubts.gear_kinds import gear_kinds
 from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
@@ -38,7 +40,8 @@ def freed_doubts(robot: Robot, options: ElasticOptions) -> tuple[DoubtColumn, ..
 def movable_doubts(robot: Robot) -> tuple[DoubtColumn, ...]:
     """Lists all doubts that a fit can estimate: what moves the robot, or scales its torques.
 
-    Those that the file takes for granted are listed too, as far off as by default.
+    Those that the file takes for granted are listed too, as far off as by default; those that are no doubt unless a fit
+    frees them come last.
     """
     doubtful = replace(
         robot,
@@ -50,6 +53,8 @@ def movable_doubts(robot: Robot) -> tuple[DoubtColumn, ...]:
         *link_doubts(doubtful),
         *coupling_doubts(doubtful),
         *torque_doubts(doubtful),
+        *balance_doubts(doubtful),
+        *gear_kinds(doubtful),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.drives import is_estimated
+from robid.fit.elastic.doubts.gear_kinds import HYSTERESIS
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 
@@ -110,6 +111,12 @@ def gear_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
                 ),
             )
             yield DoubtColumn(*names, "gear_nonlinearity", "%", std, 0.0, LoadStiffness(index), -_PERCENT, _PERCENT)
+
+
+def bristle_names(name: str) -> tuple[str, ...]:
+    """Names of the bristles that a hysteresis of some name stands for once a fit estimates it; none for other names."""
+    gear, _, kind = name.rpartition(".")
+    return tuple(f"{gear}.hysteresis_{when}" for when in _SLIPS) if kind == HYSTERESIS else ()
 
 
 def _hysteresis(gear: str, index: int, std: float) -> Iterator[DoubtColumn]:

@@ -12,7 +12,7 @@ from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.drives import coupling_doubts, friction_doubts, left_of_freed, rotor_doubts, torque_doubts
 from robid.fit.elastic.doubts.freed import freed_doubts
-from robid.fit.elastic.doubts.gears import gear_doubts
+from robid.fit.elastic.doubts.gears import bristle_names, gear_doubts
 from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
 from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.doubts.springs import spring_doubts
@@ -44,6 +44,7 @@ def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulR
         *spring_doubts(robot),
     )
     freed = {doubt.name for doubt in freed_doubts(robot, options)}.difference(options.fixed)
+    freed |= {bristle for name in freed for bristle in bristle_names(name)}
     kept = (left_of_freed(doubt) if doubt.name in freed else doubt for doubt in listed)
     return tuple(doubt for doubt in kept if doubt is not None)
 

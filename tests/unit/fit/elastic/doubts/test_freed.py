@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
-from robid.errors import SettingsError
+from robid.errors import DataError, SettingsError
 from robid.fit.elastic.doubts.freed import DOUBT, PRIOR_FACTOR, free_with, freed_doubts, movable_doubts, moved_robot
 from robid.fit.elastic.doubts.further import further_springs, with_freed_springs
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.fitted_robot import fitted_robot
 from robid.fit.elastic.fitting import fit_elastic, set_up
 from robid.fit.elastic.options import ElasticOptions
-from robid.robot.description import Inertial
+from robid.robot.description import HarmonicBalance, Inertial
 from robid.robot.doubts import Doubts
 from robid.robot.parameters import FREE
 from robid.validation.elastic.fitted import fitted_model
@@ -183,3 +183,42 @@ def test_every_doubt_has_a_name_that_frees_it_alone():
     every = movable_doubts(two_joint_robot())
     for doubt in every:
         assert [each.name for each in freed_doubts(two_joint_robot(), freeing(doubt.name))] == [doubt.name]
+
+
+WAVES_NM = np.array([60.0, -150.0])
+
+
+def with_balance(robot, waves):
+    balance = HarmonicBalance(*(np.array([wave]) for wave in waves))
+    return replace(robot, joints=(replace(robot.joints[0], counterbalance=balance), *robot.joints[1:]))
+
+
+def test_a_counterbalance_that_the_file_lacks_returns_and_moves_the_robot(true_arm):
+    frf, robot = measured(with_balance(true_arm, WAVES_NM)), two_joint_robot()
+    wrong = fit_elastic(robot, frf, ElasticOptions(), DELAY_S)
+    options = freeing("shoulder.counterbalance")
+    solution = fit_elastic(robot, frf, options, DELAY_S)
+    estimate = solution.estimate
+    rows = [estimate.names.index(f"shoulder.counterbalance_{wave}") for wave in ("sine", "cosine")]
+    assert (np.array(estimate.units)[rows] == "N m").all()
+    assert (estimate.lower[rows] < WAVES_NM).all()
+    assert (estimate.upper[rows] > WAVES_NM).all()
+    np.testing.assert_allclose(estimate.value[rows], WAVES_NM, atol=5.0)
+    assert solution.costs.total < 0.1 * wrong.costs.total
+    found = fitted_robot(robot, estimate)
+    assert found.joints[0].counterbalance.torque_nm(0.4) == pytest.approx(
+        with_balance(robot, estimate.value[rows]).joints[0].counterbalance.torque_nm(0.4)
+    )
+    assert found.joints[1].counterbalance is None
+    fitted = fitted_model(robot, solution, frf, options, DELAY_S)
+    np.testing.assert_allclose(
+        fitted.problem.model_response(fitted.internal), solution.responses.modelled, rtol=1e-5, atol=0
+    )
+
+
+def test_a_file_that_states_a_counterbalance_is_refused_as_before(true_arm):
+    stated = with_balance(two_joint_robot(), WAVES_NM)
+    assert not any(doubt.cause == "counterbalance" for doubt in movable_doubts(stated))
+    for options in (ElasticOptions(), freeing("payload.mass")):
+        with pytest.raises(DataError, match="does not know the counterbalance of `shoulder`"):
+            set_up(stated, measured(true_arm), options, DELAY_S)
