@@ -18,6 +18,7 @@ CAUSES = {
     "excitation": "too little signal for the sensors' noise",
     "payload": "a payload that is off",
     "masses": "masses or centres of mass that are off",
+    "counterbalance": "a counterbalance that the robot file lacks",
     "rotor_inertia": "rotor inertias that are off",
     "missing_spring": "a spring that the robot file lacks",
     "friction": "friction of another kind or size",

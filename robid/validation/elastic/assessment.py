@@ -9,9 +9,11 @@ from itertools import takewhile
 from robid.fit.elastic.fitting import without_coefficients
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.solution import ElasticSolution
+from robid.fit.estimate import Estimate
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.validation.doubt import Doubt
+from robid.validation.elastic.balanced import balanced
 from robid.validation.elastic.causes import misfit_doubts
 from robid.validation.elastic.fitted import fitted_model
 from robid.validation.elastic.grading import grade_fit, is_unexplained
@@ -42,7 +44,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     Returns:
         The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
     """
-    seen = data_doubts(robot, frf, delay_s)
+    seen = _data_doubts(robot, solution.estimate, frf, delay_s)
     band_hz = float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
     read = parameter_doubts(robot, solution.estimate, band_hz, frf.sampling_period_s, options.prior_decades)
     doubts = [doubt for doubt in seen if doubt.decisive] + [doubt for doubt in read if doubt.cause == "delay"]
@@ -56,7 +58,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
 
 
 def validation_doubts(
-    doubts: Sequence[Doubt], robot: Robot, frf: Frf, campaign: str, delay_s: float = 0.0
+    doubts: Sequence[Doubt], robot: Robot, estimate: Estimate, frf: Frf, campaign: str, delay_s: float = 0.0
 ) -> tuple[Doubt, ...]:
     """Adds what a validation campaign's data contradict to the doubts about a fit.
 
@@ -65,11 +67,18 @@ def validation_doubts(
     Args:
         doubts: Doubts about the fit, the first to blame first.
         robot: The robot file that the fit started from, with the validation campaign's payload.
+        estimate: What the fit found: with counterbalances that it freed, the robot carries its weight otherwise.
         frf: The response of the validation campaign.
         campaign: Its name.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
     """
-    found = data_doubts(robot, frf, delay_s)
+    found = _data_doubts(robot, estimate, frf, delay_s)
     seen = [replace(doubt, message=f"in campaign {campaign}, {doubt.message}") for doubt in found]
     first = takewhile(lambda doubt: doubt.decisive, doubts)
     return ordered([*first, *(doubt for doubt in seen if doubt.decisive), *doubts, *seen])
+
+
+def _data_doubts(robot: Robot, estimate: Estimate, frf: Frf, delay_s: float) -> tuple[Doubt, ...]:
+    """What data contradict, mean torques held against the robot with the counterbalances that the fit freed."""
+    carrying, unsure_nm = balanced(robot, estimate)
+    return data_doubts(carrying, frf, delay_s, unsure_nm)

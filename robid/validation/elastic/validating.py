@@ -125,7 +125,7 @@ def validate_elastic(
     measures = measure(fitted, costs.modelled, options.weights.model_error)
     failures = measures.failures()
     seen = _seen_already(solution, frf)
-    every = (*validation_doubts(doubts, robot, frf, campaign, delay_s), *seen)
+    every = (*validation_doubts(doubts, robot, solution.estimate, frf, campaign, delay_s), *seen)
     outcome = Outcome(
         ok=not failures,
         verdict=_verdict(measures, failures, seen=bool(seen)),

@@ -21,26 +21,28 @@ _LOST = 2.0
 _HALF_TURN = 0.5
 
 
-def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0) -> tuple[Doubt, ...]:
+def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0, unsure_nm: FloatArray | None = None) -> tuple[Doubt, ...]:
     """Returns what of a campaign's data contradicts the robot file, strongest first, before any fit.
 
     Args:
         robot: The robot file's, with the campaign's payload.
         frf: The campaign's response.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
+        unsure_nm (n_joint, 2): Standard deviations of the robot's counterbalances, by sine and cosine of each angle,
+            where a fit found them [N m]; None where it has none.
     """
-    return evidence_doubts(robot, gather_evidence(frf), delay_s)[0]
+    return evidence_doubts(robot, gather_evidence(frf), delay_s, unsure_nm)[0]
 
 
 def evidence_doubts(
-    robot: Robot, evidence: Evidence, delay_s: float = 0.0
+    robot: Robot, evidence: Evidence, delay_s: float = 0.0, unsure_nm: FloatArray | None = None
 ) -> tuple[tuple[Doubt, ...], tuple[str, ...]]:
     """Returns doubts about a campaign's data, strongest first, and notes on what its data cannot tell."""
     if not evidence.belongs_to(robot):
         return (), ()
     evidence, late = _without_delay(evidence, delay_s)
     angles = judge_angles(robot, evidence)
-    weights = weigh(robot, evidence, angles.ratio_fits) if angles.placed else None
+    weights = weigh(robot, evidence, angles.ratio_fits, unsure_nm) if angles.placed else None
     none: FloatArray = np.zeros(len(evidence.names))
     signs = judge_signs(robot, evidence, angles.sign, none)
     loads: tuple[Doubt, ...] = ()

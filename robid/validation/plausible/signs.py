@@ -77,7 +77,7 @@ def _agreement(robot: Robot, evidence: Evidence) -> FloatArray:
     """How each element (n_motor, n_motor) points compared to a rigid arm's, from -1 to 1; 0 where it is not clear."""
     n_conf = len(evidence.configurations)
     chosen = np.unique(np.linspace(0, n_conf - 1, min(n_conf, _MOST_CONFIGURATIONS)).round().astype(int))
-    model = build_model(robot)
+    model = build_model(robot, balanced=True)
     linear = linearize(model, solve_statics(model, evidence.configurations[chosen]))
     inverse = np.linalg.inv(_rigid_inertia(linear))
     joints = evidence.joints(robot)

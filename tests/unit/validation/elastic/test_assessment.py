@@ -8,6 +8,9 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
+from robid.robot.description import Friction, HarmonicBalance
+from robid.robot.linearize import solve_statics
+from robid.robot.model import build_model
 from robid.validation.doubt import Doubt
 from robid.validation.elastic.assessment import assess_fit, validation_doubts
 from robid.validation.elastic.grading import grade_validation
@@ -84,23 +87,57 @@ def test_own_resonances_have_their_limit(stated, sound):
     assert "resonances are off by 9.1 %" in alone.sentence  # 1 - 1/1.1
 
 
-def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide(stated, frf):
+def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide(stated, sound, frf):
     payload = Doubt("payload", "the payload +2 kg", decisive=False, strength=4.0)
     turned = replace(frf, response=frf.response * np.array([1.0, -1.0]))
-    doubts = validation_doubts((payload,), stated, turned, "monday")
+    doubts = validation_doubts((payload,), stated, sound.estimate, turned, "monday")
     assert [doubt.cause for doubt in doubts] == ["torque_sign", "payload"]
     assert doubts[0].message.startswith("in campaign monday, ")
-    assert validation_doubts((payload,), stated, frf, "monday") == (payload,)
+    assert validation_doubts((payload,), stated, sound.estimate, frf, "monday") == (payload,)
     decided = Doubt("angle_sign", "shoulder: its angle has the wrong sign", decisive=True, strength=2.0)
-    assert [doubt.cause for doubt in validation_doubts((decided, payload), stated, turned, "monday")] == [
+    assert [
+        doubt.cause for doubt in validation_doubts((decided, payload), stated, sound.estimate, turned, "monday")
+    ] == [
         "angle_sign",
         "torque_sign",
         "payload",
     ]
 
 
-def test_a_delay_that_is_declared_is_no_doubt_about_a_validation(stated, frf):
+def test_a_delay_that_is_declared_is_no_doubt_about_a_validation(stated, sound, frf):
     late_s = 0.04
     late = replace(frf, response=frf.response * np.exp(-2j * np.pi * FREQUENCY_HZ * late_s)[:, None, None])
-    assert [doubt.cause for doubt in validation_doubts((), stated, late, "monday", DELAY_S)] == ["delay"]
-    assert validation_doubts((), stated, late, "monday", DELAY_S + late_s) == ()
+    assert [doubt.cause for doubt in validation_doubts((), stated, sound.estimate, late, "monday", DELAY_S)] == [
+        "delay"
+    ]
+    assert validation_doubts((), stated, sound.estimate, late, "monday", DELAY_S + late_s) == ()
+
+
+def balanced_arm(robot):
+    """Responses and mean torques of an arm with a counterbalance that its file lacks."""
+    shoulder, elbow = robot.joints
+    shoulder = replace(shoulder, counterbalance=HarmonicBalance(np.array([60.0]), np.array([-150.0])))
+    true = replace(robot, joints=(shoulder, elbow))
+    found = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=5)
+    torque = solve_statics(build_model(true, balanced=True), PLACES).motor_torque
+    angle = PLACES @ robot.motor_per_arm.T
+    return replace(found, mean_input=torque, mean_output=angle, motion_rms=np.full_like(angle, 0.3))
+
+
+def test_freeing_the_counterbalance_that_mean_torques_name_ends_their_doubt(stated):
+    law = Friction(0.0, 0.03, 0.03, 1.0, 0.02)
+    joints = tuple(replace(joint, motor=replace(joint.motor, friction=law)) for joint in stated.joints)
+    robot = replace(stated, joints=joints)
+    frf = balanced_arm(robot)
+    plain = fit_elastic(robot, frf, OPTIONS, DELAY_S)
+    seen = [
+        doubt for doubt in assess_fit(robot, plain, frf, OPTIONS, DELAY_S).doubts if "mean torques" in doubt.message
+    ]
+    assert [doubt.cause for doubt in seen] == ["counterbalance"]
+    free = seen[0].message.partition("free: [")[2].partition("]")[0]
+    options = replace(OPTIONS, free=(free,))
+    freed = fit_elastic(robot, frf, options, DELAY_S)
+    grade = assess_fit(robot, freed, frf, options, DELAY_S)
+    assert (grade.value, grade.doubts) == (1, ())
+    assert validation_doubts((), robot, freed.estimate, frf, "monday", DELAY_S) == ()
+    assert validation_doubts((), robot, plain.estimate, frf, "monday", DELAY_S) != ()
