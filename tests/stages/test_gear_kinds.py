@@ -1,9 +1,11 @@
 """What gears do beside springs and dampers: simulated, freed, estimated, predicted with, shown and exported."""
 
 import json
+import re
 
 import pytest
 
+from robid.artifacts.grade import grade_from_artifact
 from robid.artifacts.model import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact
 
@@ -12,20 +14,28 @@ HYSTERESIS_NM, GROWTH_1_RAD = 6.0, 600.0
 MODEL_FILE = ("fits", "elastic", "model.h5")
 
 
-def made(shop, flaw, free):
-    """Cost and estimate of a fit without and with what is freed; the run stays as the second one left it."""
+def measured(shop, flaw):
+    """Cost and estimate of a fit to responses of an arm with a flaw."""
     shop.change("{from: best}", PLACES)
     shop.change("friction: lugre}", f"friction: lugre, {flaw}}}")
     shop.change("starts: 2", "starts: 1")
     for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf"):
         assert shop.robid(stage, "small.yaml", "--campaign", "estimation").code == 0
-    found = []
-    for more in ("", f", free: [{free}]"):
-        shop.change("starts: 1", f"starts: 1{more}")
-        assert shop.robid("fit", "small.yaml", "--force").code in (0, 5)
-        model = read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)
-        found.append((model.attributes["elastic/costs/total"], estimate_from_artifact(model)))
-    return found
+    return fitted(shop)
+
+
+def fitted(shop, more=""):
+    """Cost and estimate of a fit that is told more."""
+    if more:
+        shop.change("starts: 1", f"starts: 1, {more}")
+    assert shop.robid("fit", "small.yaml", "--force").code in (0, 5)
+    model = read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)
+    return model.attributes["elastic/costs/total"], estimate_from_artifact(model)
+
+
+def made(shop, flaw, free):
+    """Cost and estimate of a fit without and with what is freed; the run stays as the second one left it."""
+    return measured(shop, flaw), fitted(shop, f"free: [{free}]")
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +77,22 @@ def test_hysteresis_returns_and_the_springs_with_it(slipping):
         low, value, high = interval(freed, f"{gear}.hysteresis")
         assert low < HYSTERESIS_NM < high
         assert value == pytest.approx(HYSTERESIS_NM, rel=0.3)
+
+
+def test_the_hysteresis_that_is_named_can_be_followed_and_keeps_its_promise(tmp_path, workshop, monkeypatch):
+    shop = workshop(tmp_path, monkeypatch)
+    _, plain = measured(shop, "hysteresis_nm: 15")
+    doubt = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).doubts[0]
+    told = r"slips late .* would explain (\d+)% of the misfit \(try `(free: \[gear_turn.hysteresis\])`"
+    share, free = re.search(told, doubt.message).groups()
+    tried = shop.robid("fit", "small.yaml", "--try", "gear_turn.hysteresis", "--json")
+    assert tried.code == 0, tried.err
+    assert 1 - tried.json["after"]["cost"] / tried.json["before"]["cost"] > int(share) / 100 - 0.1
+    after, freed = fitted(shop, free)
+    assert after == pytest.approx(tried.json["after"]["cost"], rel=0.01)
+    assert off(freed, shop, "stiffness")[0] < 0.3 * off(plain, shop, "stiffness")[0]
+    left = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).doubts
+    assert not [each.message for each in left if "hysteresis of gear_turn" in each.message]
 
 
 def test_growth_of_dampers_returns_and_the_dampers_with_it(growing):

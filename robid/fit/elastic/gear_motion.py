@@ -65,6 +65,11 @@ def gear_effects(
     return GearEffects(mean_size(deflection, power), of_dampers, of_bristles, bristles, *names)
 
 
+def swings_known(frf: Frf) -> bool:
+    """Whether a response tells how far the gears swing: its torques are known, and all motors are among its outputs."""
+    return frf.input_amplitude is not None and all(name in frf.output_names for name in frf.input_names)
+
+
 def _known(moved: ComplexArray | None) -> ComplexArray:
     if moved is None:
         message = "hysteresis depends on how far the gears swing, and the response lacks its torques or its motors"

@@ -12,7 +12,7 @@ from robid.errors import DataError
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.freed import freed_doubts, moved_robot, torque_slopes
 from robid.fit.elastic.doubts.gear_kinds import LoadDamping, SlipTorque
-from robid.fit.elastic.gear_motion import gear_effects
+from robid.fit.elastic.gear_motion import gear_effects, swings_known
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.swing_distribution import Swinging, line_frequencies, spring_compliance, swing_shape
 from robid.fit.elastic.weights import make_weights
@@ -77,10 +77,9 @@ def _effects(
     robot: Robot, frf: Frf, values: ElasticParameters, model: LinearModel, freed: Sequence[DoubtColumn]
 ) -> GearEffects | None:
     """What freed doubts of gears do as the measurement moves them."""
-    known = frf.input_amplitude is not None and all(name in frf.output_names for name in frf.input_names)
     power, moved = np.zeros_like(model.rest.deflection), None
     gears = np.array([index for index, spring in enumerate(robot.springs) if spring.place == "transmission"])
-    if not known:
+    if not swings_known(frf):
         return gear_effects(freed, frf, values.stiffness, model.rest.deflection, power, moved, gears)
     load, omega = spring_load(robot, frf, values), 2 * np.pi * frf.frequency_hz
     dynamic = (model.rest.factor * values.stiffness)[:, None] + 1j * omega[:, None] * values.damping

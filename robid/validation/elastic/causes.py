@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.fit.elastic.doubts.freed import free_with
 from robid.fit.elastic.doubts.listing import list_doubts
+from robid.fit.elastic.gear_motion import swings_known
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.estimate import Estimate
@@ -76,7 +77,9 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     for index, doubt in enumerate(scores.doubts):
         groups[doubt.cause].append(index)
     ratios = groups.pop("gear_ratio", [])
-    found = [each for group in groups.values() if (each := of_doubts(scores, group, options)) is not None]
+    known = swings_known(fitted.problem.frf)
+    each_cause = (of_doubts(scores, group, options, swings_known=known) for group in groups.values())
+    found = [each for each in each_cause if each is not None]
     found += [of_spring(robot, trial) for trial in try_springs(robot, fitted, options)[:1]]
     found += _wrong_ratio(robot, fitted, options, scores, ratios)
     return sorted([*found, *reversed_], key=lambda each: -each.share)

@@ -66,8 +66,15 @@ def _told(name: str, amount: float, unit: str, stated: float, signed: str) -> st
     return f"{name} {two_digits(amount, signed)} {unit}" if unit else f"a {name}"
 
 
-def of_doubts(scores: Scores, group: list[int], options: ElasticOptions) -> Explanation | None:
-    """The fewest doubts of a cause that explain most of what all do; None where chance explains as much."""
+def of_doubts(scores: Scores, group: list[int], options: ElasticOptions, *, swings_known: bool) -> Explanation | None:
+    """The fewest doubts of a cause that explain most of what all do; None where chance explains as much.
+
+    Args:
+        scores: All doubts held against what the fit leaves.
+        group: Those of the cause.
+        options: Options of the fit.
+        swings_known: Whether the response tells how far the gears swing.
+    """
     whole, _ = gain(scores, group)
     chosen: list[int] = []
     gained: float = 0.0
@@ -88,7 +95,7 @@ def of_doubts(scores: Scores, group: list[int], options: ElasticOptions) -> Expl
         fair / scores.cost,
         scores.follow[:, chosen] @ amounts,
         tuple(doubt.stated for doubt in named),
-        remedy(named),
+        remedy(named, swings_known=swings_known),
         tuple(doubt.name for doubt in named if doubt.name in options.fixed),
     )
 

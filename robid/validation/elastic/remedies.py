@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import TorqueScale
+from robid.fit.elastic.doubts.gear_kinds import HYSTERESIS
+from robid.fit.elastic.doubts.gears import slipping_name
 
 _FEW = 2
 _KINDS = {"rotor_inertia": "motor_inertia", "arm_friction": "arm_viscous"}
@@ -13,15 +15,19 @@ _KINDS = {"rotor_inertia": "motor_inertia", "arm_friction": "arm_viscous"}
 _ALWAYS_WHOLE = ("payload",)
 
 
-def remedy(doubts: Sequence[DoubtColumn]) -> tuple[str, ...]:
+def remedy(doubts: Sequence[DoubtColumn], *, swings_known: bool) -> tuple[str, ...]:
     """Returns the names that free doubts of one cause: each, or their cause where they are many.
 
     Args:
-        doubts: What would explain a misfit.
+        doubts: What would explain a misfit, the one that explains most first.
+        swings_known: Whether the response tells how far the gears swing, without which no hysteresis can be freed.
     """
     cause = doubts[0].cause
     if cause in _KINDS:
         return (_KINDS[cause],)
+    slipping = tuple(dict.fromkeys(filter(None, map(slipping_name, doubts))))
+    if slipping_name(doubts[0]) is not None and swings_known:
+        return slipping if len(slipping) <= _FEW else (HYSTERESIS,)
     if not all(isinstance(doubt.direction, RobotMove | TorqueScale) for doubt in doubts):
         return ()
     many = len(doubts) > _FEW or cause in _ALWAYS_WHOLE

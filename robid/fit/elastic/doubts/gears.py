@@ -119,6 +119,13 @@ def bristle_names(name: str) -> tuple[str, ...]:
     return tuple(f"{gear}.hysteresis_{when}" for when in _SLIPS) if kind == HYSTERESIS else ()
 
 
+def slipping_name(doubt: DoubtColumn) -> str | None:
+    """Name of what frees a hysteresis that a doubt stands for; None of other doubts, and of bristles that stick."""
+    if not isinstance(doubt.direction, Hysteresis) or doubt.direction.slip == _SLIPS["never"]:
+        return None
+    return f"{doubt.name.rpartition('.')[0]}.{HYSTERESIS}"
+
+
 def _hysteresis(gear: str, index: int, std: float) -> Iterator[DoubtColumn]:
     """Yields bristles that slip before and after the swing, what lies between being a mixture, and such as never do.
 

@@ -13,6 +13,7 @@ from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.validation.doubt import Doubt
 from robid.validation.elastic.assessment import assess_fit, validation_doubts
+from robid.validation.elastic.balanced import balanced
 from robid.validation.elastic.grading import grade_validation
 
 FREQUENCY_HZ = np.geomspace(1, 60, 40)
@@ -139,5 +140,15 @@ def test_freeing_the_counterbalance_that_mean_torques_name_ends_their_doubt(stat
     freed = fit_elastic(robot, frf, options, DELAY_S)
     grade = assess_fit(robot, freed, frf, options, DELAY_S)
     assert (grade.value, grade.doubts) == (1, ())
+    carrying, unsure_nm = balanced(robot, freed.estimate)
+    assert carrying.joints[0].counterbalance.torque_nm(0.7) == pytest.approx(
+        60 * np.sin(0.7) - 150 * np.cos(0.7), abs=9
+    )
+    widths = [
+        freed.estimate.upper[row] - freed.estimate.value[row]
+        for row in np.flatnonzero(np.array(freed.estimate.kinds) == "doubt")
+    ]
+    np.testing.assert_allclose(unsure_nm, [np.array(widths) / 1.959964, [0, 0]], rtol=0.2)
+    assert balanced(robot, plain.estimate) == (robot, None)
     assert validation_doubts((), robot, freed.estimate, frf, "monday", DELAY_S) == ()
     assert validation_doubts((), robot, plain.estimate, frf, "monday", DELAY_S) != ()

@@ -1,0 +1,34 @@
+"""What a sentence asks to free can be freed: names that the fit takes, and none where it would refuse."""
+
+import pytest
+
+from exact_systems import two_joint_robot
+from robid.fit.elastic.doubts.freed import freed_doubts
+from robid.fit.elastic.doubts.listing import list_doubts
+from robid.fit.elastic.options import ElasticOptions
+from robid.validation.elastic.remedies import remedy
+
+NEVER = "gear_1.hysteresis_never"
+
+
+def doubts(*names):
+    every = {doubt.name: doubt for doubt in list_doubts(two_joint_robot(), ElasticOptions())}
+    return [every[name] for name in names]
+
+
+@pytest.mark.parametrize(
+    ("named", "free"),
+    [
+        (["gear_1.hysteresis_early"], ("gear_1.hysteresis",)),
+        (["gear_2.hysteresis_late", "gear_2.hysteresis_early"], ("gear_2.hysteresis",)),
+        (["gear_2.hysteresis_late", "gear_1.hysteresis_late"], ("gear_2.hysteresis", "gear_1.hysteresis")),
+        (["gear_2.hysteresis_late", "gear_1.load_stiffness"], ("gear_2.hysteresis",)),
+        (["gear_1.load_stiffness", "gear_2.hysteresis_late"], ()),
+        ([NEVER], ()),
+    ],
+)
+def test_hysteresis_is_freed_by_gear(named, free):
+    found = remedy(doubts(*named), swings_known=True)
+    assert found == free
+    assert remedy(doubts(*named), swings_known=False) == ()
+    assert len(freed_doubts(two_joint_robot(), ElasticOptions(free=found))) == len(free)
