@@ -114,6 +114,7 @@ def test_hysteresis_predicts_and_the_page_says_for_which_amplitude_it_holds(slip
     assert "holds in a new configuration" in answer.err
     page = (shop.runs / "report.html").read_text()
     assert "It holds for this amplitude" in page
+    assert "Dampers of these gears come out low" in page
     assert "gear_lift.hysteresis" in page
 
 

@@ -41,7 +41,8 @@ def untold(problem: Problem, estimate: Estimate) -> tuple[str, ...]:
     told: list[str] = []
     for name, (_, spring) in zip(effects.damped_names, effects.damped.tolist(), strict=True):
         if name in names:
-            told += _of_damper(_found(estimate, name), effects.load[:, spring])
+            unit = "mm" if every.units[every.names.index(name)] == "1/m" else "mrad"
+            told += _of_damper(_found(estimate, name), 1e3 * effects.load[:, spring], unit)
     for name, bristle in zip(effects.slipping_names, effects.bristles, strict=True):
         if name in names:
             told += _of_bristles(_found(estimate, name), bristle, every.units[every.names.index(name)])
@@ -54,11 +55,11 @@ def _found(estimate: Estimate, name: str) -> _Found:
     return _Found(name, value, lower, upper, bool(estimate.identified[index]))
 
 
-def _of_damper(found: _Found, load: FloatArray) -> Iterator[str]:
+def _of_damper(found: _Found, load: FloatArray, unit: str) -> Iterator[str]:
     if found.identified:
         return
     damper, least, most = found.name.replace("load_damping", "damping"), float(load.min()), float(load.max())
-    reach = f"{1e3 * least:.2g} to {1e3 * most:.2g} mrad"
+    reach = f"{least:.2g} to {most:.2g} {unit}"
     if most < _ALIKE * least:
         yield (
             f"{found.name} is hardly told from {damper}: the gear is bent nearly alike in all configurations "

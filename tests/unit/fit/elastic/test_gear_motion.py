@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from exact_systems import exact_frf, linear_axis, two_joint_robot, with_spring_factors
 from robid.errors import DataError
 from robid.fit.elastic.doubts.freed import DOUBT, freed_doubts
 from robid.fit.elastic.doubts.listing import list_doubts
@@ -123,6 +123,15 @@ def test_a_damper_whose_load_is_alike_everywhere_is_named_with_what_to_do():
     told = [each for each in solution.estimate.undetermined if "hardly told from gear_2.damping" in each]
     assert len(told) == 1
     assert "measure some that load it otherwise, or leave it out of `free`" in told[0]
+
+
+def test_the_load_of_a_gear_that_slides_is_told_in_its_unit():
+    places = np.array([[0.3], [0.8], [1.5], [1.9]])
+    frf = exact_frf(linear_axis(upright=True), places, FREQUENCY_HZ, relative_noise=0.003, seed=5)
+    options = ElasticOptions(free=("load_damping",))
+    (told,) = fit_elastic(linear_axis(upright=True), frf, options, 0.0).estimate.undetermined
+    # 80 kg on 5 MN/m.
+    assert "bent nearly alike in all configurations (0.16 to 0.16 mm)" in told
 
 
 def test_bristles_that_stick_are_part_of_the_spring_and_the_fit_says_so():
