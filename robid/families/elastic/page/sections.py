@@ -22,8 +22,8 @@ _CONVENTIONS = "Stiffness and damping are arm side."
 _OF_LOADS = "Dampers of gears with `load_damping` are those without load."
 _OF_BRISTLES = (
     "`hysteresis` is the torque at which bristles beside a gear slip, a tenth as stiff as it: as this campaign swings"
-    " the gear. It holds for this amplitude; what sticks there is part of the spring. Dampers of these gears come out low, and their"
-    " intervals hold less than they say."
+    " the gear. It holds for this amplitude; what sticks there is part of the spring. Dampers of these gears come out"
+    " low, and their intervals hold less than they say."
 )
 
 
