@@ -14,7 +14,6 @@ from robid.robot.gear_effects import GearEffects
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import Rest
 
-_SLOW = 0.1  # of the step before, from where on gravity's gradient is taken anew
 _GRADIENT_STEP_RAD = 1e-5
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE_RAD = 1e-12
@@ -225,13 +224,12 @@ def _settle(
     position = np.zeros(model.mujoco.nv)
     position[model.motor] = model.robot.motor_per_arm @ configuration / model.turns
     position[model.arm] = configuration
-    free, gravity, last = model.passive, None, np.inf
+    free = model.passive
     for _ in range(_NEWTON_STEPS):
         deflection = model.deflection @ position
         slope = linear + 3 * cubic * deflection**2
         torque = linear * deflection + cubic * deflection**3
-        besides = _gravity(model, data, position)
-        gradient = gravity = _gravity_gradient(model, data, position) if gravity is None else gravity
+        besides, gradient = _gravity(model, data, position), _gravity_gradient(model, data, position)
         if model.varying:
             energy = 0.5 * linear * deflection**2 + 0.25 * cubic * deflection**4
             besides = besides + model.varying.load(position, energy)
@@ -243,12 +241,8 @@ def _settle(
         jacobian = (hessian + gradient)[np.ix_(free, free)]
         step = np.linalg.solve(jacobian, residual)
         position[free] -= step
-        size = float(np.abs(step).max(initial=0.0))
-        if size < _NEWTON_TOLERANCE_RAD:
+        if np.abs(step).max(initial=0.0) < _NEWTON_TOLERANCE_RAD:
             return position
-        if size > _SLOW * last:
-            gravity = None
-        last = size
     shown = model.robot.shown(configuration)
     message = f"no equilibrium under gravity in configuration {shown}; the springs give way"
     raise DataError(message, where=model.robot.name, remedy="check stiffness values and payload of the robot file")
