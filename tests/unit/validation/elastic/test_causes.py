@@ -78,10 +78,17 @@ def test_a_torque_constant_that_is_off_is_measured(true_arm):
     assert solution.model_error.share_above > 0.3
 
 
-@pytest.mark.parametrize("spring", ["bearing_1", "forearm"])
-def test_a_spring_that_the_file_lacks_is_found(true_arm, spring):
-    _, found = explained(without(two_joint_robot(), spring), measured(true_arm))
+def test_a_spring_that_the_file_lacks_is_found(true_arm):
+    _, found = explained(without(two_joint_robot(), "bearing_1"), measured(true_arm))
     assert found[0].cause == "missing_spring"
+    assert found[0].share > 0.99
+
+
+def test_a_forearm_that_bends_is_one_of_two_that_explain_nearly_alike(true_arm):
+    """On two joints a centre of mass and an inertia that are off by two deviations do much of what it does."""
+    _, found = explained(without(two_joint_robot(), "forearm"), measured(true_arm))
+    assert "missing_spring" in [each.cause for each in found[:2]]
+    assert found[1].share > 0.9 * found[0].share
 
 
 def with_twist(robot, stiffness):
