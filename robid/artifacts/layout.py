@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import signal
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,28 +29,25 @@ _CHUNK_BYTES = 1 << 18
 
 
 class _File:
-    """A file that never fails towards HDF5, which reports a full disk late and in destructors; it keeps the error.
-
-    An interrupt that comes while HDF5 writes is kept as well.
-    """
+    """A file that never fails towards HDF5, which reports a full disk late and in destructors; it keeps the error."""
 
     def __init__(self, path: Path) -> None:
         self._raw = path.open("w+b", buffering=0)
-        self.error: BaseException | None = None
+        self.error: OSError | None = None
 
     def write(self, data: bytes | memoryview) -> int:
         left = memoryview(data)
         while self.error is None and left:
             try:
                 left = left[self._raw.write(left) :]
-            except (OSError, KeyboardInterrupt) as error:
+            except OSError as error:
                 self.error = error
         return len(data)
 
     def truncate(self, size: int) -> None:
         try:
             self._raw.truncate(size)
-        except (OSError, KeyboardInterrupt) as error:
+        except OSError as error:
             self.error = self.error or error
 
     def read(self, size: int = -1) -> bytes:
@@ -75,15 +74,31 @@ class _File:
 
 
 @contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Holds an interrupt back to the end: raised within HDF5, it would come out as an error of HDF5."""
+    before, held = signal.getsignal(signal.SIGINT), []
+    if before is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, _frame: held.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if held:
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
 def create_file(path: Path) -> Iterator[h5py.File]:
-    """Yields a new HDF5 file to write to.
+    """Yields a new HDF5 file to write to; an interrupt waits until it is closed.
 
     Raises:
         OSError: If it cannot be written, the first error that the system gave.
     """
     stream = _File(path)
     try:
-        with h5py.File(stream, "w", libver=("v110", "v110")) as file:
+        with _uninterrupted(), h5py.File(stream, "w", libver=("v110", "v110")) as file:
             yield file
         stream.check()
     except DAMAGE:

@@ -276,7 +276,7 @@ def test_a_stopped_run_resumes_and_gives_the_same_content(shop, number, code):
         time.sleep(0.005)
     process.send_signal(number)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == code
+    assert process.returncode == code, err
     assert not (shop.runs / "estimation" / "record.h5").exists()
     if number == signal.SIGINT:
         assert err.decode().strip().endswith("the same command goes on from there")
