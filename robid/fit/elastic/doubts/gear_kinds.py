@@ -23,8 +23,8 @@ _TORQUE_NM = 2e3  # where nobody says what the motor can give
 
 
 @dataclass(frozen=True)
-class LoadDamping:
-    """A damper that grows with its gear's deflection, amounts in shares per deflection.
+class _OfGear:
+    """What a fit frees of a gear.
 
     Attributes:
         spring: Index of the gear.
@@ -37,19 +37,12 @@ class LoadDamping:
         return np.zeros(scene.problem.frf.response.shape, complex)
 
 
-@dataclass(frozen=True)
-class SlipTorque:
-    """Bristles beside a gear, a tenth as stiff, amounts in the torque at which they slip.
+class LoadDamping(_OfGear):
+    """A damper that grows with its gear's deflection, amounts in shares per deflection."""
 
-    Attributes:
-        spring: Index of the gear.
-    """
 
-    spring: int
-
-    def column(self, scene: Scene) -> ComplexArray:
-        """Derivative (n_conf, n_freq, n_out, n_in) of the log response; nothing but where a fit frees it."""
-        return np.zeros(scene.problem.frf.response.shape, complex)
+class SlipTorque(_OfGear):
+    """Bristles beside a gear, a tenth as stiff, amounts in the torque at which they slip."""
 
 
 def gear_kinds(robot: Robot) -> Iterator[DoubtColumn]:
