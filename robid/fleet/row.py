@@ -1,0 +1,262 @@
+"""One row of a manifest: its chain in a folder aside, which then takes the place of the row's folder."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+
+from robid.artifacts.provenance import utc_now
+from robid.errors import ArtifactError, DataError, RobidError, SettingsError
+from robid.families.files import load_row
+from robid.fleet.ledger import LEDGER, FileKey, Ledger, RowError, file_key, read_ledger, write_ledger
+from robid.fleet.results import results_of
+from robid.fleet.rows import chain_of, logs_of, settings_hash_of
+from robid.pipeline import Node, Result, Run, run_all
+from robid.settings.load import LoadedExperiment
+from robid.settings.placeholders import Row
+from robid.settings.problems import raise_problems
+from robid.settings.yaml import Document, parse_yaml
+
+_KINDS = {SettingsError: "settings", DataError: "data"}
+_TRY_AGAIN = "`--force` tries the row again"
+
+
+@dataclass(frozen=True)
+class RowTask:
+    """A row to run.
+
+    Attributes:
+        row: The row.
+        template: The experiment file.
+        text: Its text when the rows were checked.
+        rows: Folder of the rows' folders.
+        keep: Whether records and responses stay.
+    """
+
+    row: Row
+    template: Path
+    text: str
+    rows: Path
+    keep: bool
+
+    @property
+    def folder(self) -> Path:
+        """The row's folder."""
+        return self.rows / self.row.id
+
+    @property
+    def work(self) -> Path:
+        """Where it is made."""
+        return self.rows / f".{self.row.id}.work"
+
+
+@dataclass
+class _Told:
+    """Keeps what the stages of a row warn of."""
+
+    warnings: list[str] = field(default_factory=list)
+
+    def expect(self, total: int, unit: str, done: int = 0) -> None:
+        """Leaves it to the progress over the rows."""
+
+    def advance(self) -> None:
+        """Leaves it to the progress over the rows."""
+
+    def warn(self, text: str) -> None:
+        self.warnings.append(text)
+
+    @contextmanager
+    def of(self, _: Node) -> Iterator[_Told]:
+        yield self
+
+
+def run_row(task: RowTask) -> Ledger:
+    """Runs the chain of a row and puts its results in place; what is wrong with the row is in its ledger.
+
+    Raises:
+        ArtifactError: If the folder cannot be written; the row is as it was.
+    """
+    begun = time.monotonic()
+    _remove(task.work)
+    told = _Told()
+    loaded, inputs, results, error = None, {}, [], None
+    try:
+        loaded = _load(task)
+        inputs = _inputs(loaded)
+        results = _run_chain(loaded, task.work, told)
+        problem = next((result.problem for result in results if result.problem), "")
+        error = RowError("fit", "", problem, "look at its model.h5") if problem else None
+    except ArtifactError:
+        _remove(task.work)
+        raise
+    except RobidError as caught:
+        error = RowError(_KINDS.get(type(caught), "data"), caught.where, caught.what, caught.remedy)
+    except OSError as caught:
+        error = RowError("data", str(caught.filename or ""), f"cannot be read: {caught.strerror or caught}", _TRY_AGAIN)
+    except MemoryError:
+        error = RowError("memory", "", "there is not enough memory for it", f"use fewer --workers; {_TRY_AGAIN}")
+    except Exception as caught:  # noqa: BLE001  a row that runs into a defect of ours leaves the others alone
+        first = (str(caught) or "no message").splitlines()[0]
+        error = RowError(
+            "defect", "", f"a defect of ours: {type(caught).__name__}: {first}", f"report it; {_TRY_AGAIN}"
+        )
+    ledger = _finish(task, loaded, inputs, results, told, error, begun)
+    _trim_memory()
+    return ledger
+
+
+def _load(task: RowTask) -> LoadedExperiment:
+    loaded, problems = load_row(_template(task.template, task.text), task.row)
+    raise_problems(problems)
+    if loaded is None:
+        message = "a row without a problem has an experiment"
+        raise RuntimeError(message)
+    return loaded
+
+
+@lru_cache(maxsize=2)
+def _template(path: Path, text: str) -> Document:
+    return parse_yaml(path, text)
+
+
+def _inputs(loaded: LoadedExperiment) -> dict[str, FileKey]:
+    robot = {} if loaded.robot_path is None else {"robot": loaded.robot_path}
+    return {name: file_key(path) for name, path in {**robot, **logs_of(chain_of(loaded))}.items()}
+
+
+def _run_chain(loaded: LoadedExperiment, folder: Path, told: _Told) -> list[Result]:
+    outputs = [node.output for node in chain_of(loaded)]
+    return run_all(Run(loaded, folder, "serial", 1), told.of, lambda _: None, outputs)
+
+
+def _finish(
+    task: RowTask,
+    loaded: LoadedExperiment | None,
+    inputs: dict[str, FileKey],
+    results: list[Result],
+    told: _Told,
+    error: RowError | None,
+    begun: float,
+) -> Ledger:
+    """Leaves what is to stay, writes the ledger, and puts the folder in place."""
+    task.work.mkdir(parents=True, exist_ok=True)
+    made = _keep(task.work, all_files=task.keep)
+    ledger = Ledger(
+        id=task.row.id,
+        settings_hash="" if loaded is None else settings_hash_of(chain_of(loaded)),
+        settings={} if loaded is None else _settings(loaded),
+        inputs=inputs,
+        outputs={str(path.relative_to(task.work)): file_key(path) for path in made},
+        status="done" if error is None else "failed",
+        error=_without_folders(error, task),
+        warnings=tuple(_shortened(text, task) for text in told.warnings),
+        grades={result.node.owner: (result.grade.value, result.grade.sentence) for result in results if result.grade},
+        results=() if loaded is None or error is not None else tuple(results_of(loaded, task.work)),
+        kept=task.keep,
+        seconds=round(time.monotonic() - begun, 3),
+        finished_utc=utc_now(),
+    )
+    write_ledger(task.work, ledger)
+    put_in_place(task.work, task.folder)
+    return replace(ledger, settings={})
+
+
+def _settings(loaded: LoadedExperiment) -> dict[str, object]:
+    """What may change the result; a study and how it is computed do not."""
+    return {key: value for key, value in loaded.plain.items() if key not in ("execution", "study")}
+
+
+def _keep(folder: Path, *, all_files: bool) -> list[Path]:
+    """Removes what is not to stay; returns what is there."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    stay = [path for path in files if all_files or path.name in ("model.h5", "validation.h5")]
+    for path in set(files).difference(stay):
+        path.unlink()
+    for path in sorted(folder.rglob("*"), reverse=True):
+        if path.is_dir():
+            with suppress(OSError):
+                path.rmdir()
+    return stay
+
+
+def put_in_place(made: Path, folder: Path) -> None:
+    """Lets a finished folder take the place of the row's; files that somebody else put there move with it.
+
+    Raises:
+        ArtifactError: If it cannot be.
+    """
+    old = folder.with_name(f".{folder.name}.old")
+    try:
+        if folder.exists():
+            _carry_over(folder, made)
+            folder.replace(old)
+        made.replace(folder)
+        descriptor = os.open(folder.parent, os.O_RDONLY)
+        os.fsync(descriptor)
+        os.close(descriptor)
+    except OSError as error:
+        remedy = "check that the folder may be written to and that the disk has room"
+        raise ArtifactError(
+            f"The row's folder cannot be replaced: {error.strerror or error}.", where=str(folder), remedy=remedy
+        ) from error
+    _remove(old)
+
+
+def _carry_over(old: Path, made: Path) -> None:
+    """Copies files that are not of the row's last run; of a ledger that cannot be read none are told apart."""
+    before = read_ledger(old)
+    if before is None:
+        return
+    for path in sorted(old.rglob("*")):
+        name = path.relative_to(old)
+        if path.is_file() and str(name) not in (LEDGER, *before.outputs) and not (made / name).exists():
+            (made / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(path, made / name)
+
+
+def recover(rows: Path) -> None:
+    """Finishes or takes back what a killed run has left half done between two folders."""
+    for old in rows.glob(".*.old"):
+        folder = rows / old.name[1:].removesuffix(".old")
+        if folder.exists():
+            _remove(old)
+        else:
+            old.replace(folder)
+    for work in rows.glob(".*.work"):
+        _remove(work)
+
+
+def _remove(folder: Path) -> None:
+    if folder.exists():
+        shutil.rmtree(folder)
+
+
+def _without_folders(error: RowError | None, task: RowTask) -> RowError | None:
+    if error is None:
+        return None
+    return RowError(error.kind, _shortened(error.where, task), _shortened(error.message, task), error.remedy)
+
+
+def _shortened(text: str, task: RowTask) -> str:
+    """A message without the folders of this machine: the manifest's, the row's and the experiment file's."""
+    folders: Mapping[str, str] = {
+        f"{task.row.folder}{os.sep}": "",
+        str(task.work): task.row.id,
+        str(task.template): task.template.name,
+    }
+    for long, short in folders.items():
+        text = text.replace(long, short)
+    return text
+
+
+def _trim_memory() -> None:
+    """Gives free memory back, where the C library keeps it otherwise."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
