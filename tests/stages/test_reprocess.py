@@ -183,7 +183,11 @@ def test_an_interrupt_keeps_what_is_finished_and_tables_the_rest_as_pending(floo
     monkeypatch.setattr(fleet_run, "run_row", interrupted)
     answer = floor.robid()
     assert answer.code == 130
-    assert {row["id"]: row["status"] for row in floor.results()} == {"soft": "done", "mean": "pending", "hard": "pending"}
+    assert {row["id"]: row["status"] for row in floor.results()} == {
+        "soft": "done",
+        "mean": "pending",
+        "hard": "pending",
+    }
     monkeypatch.setattr(fleet_run, "run_row", run_row)
     assert floor.json()["made"] == 2
     assert {path.name for path in floor.rows.iterdir()} == set(FACTORS)
@@ -223,7 +227,10 @@ HEAD = "id,log,step_s,hall"
         (f"{HEAD}\na,logs/soft.mat,1e-3,n\nA,logs/mean.mat,1e-3,n", ["`A` and `a` are the same"]),
         (f"{HEAD}\na,logs/soft.mat,1e-3,n\nb,logs/soft.mat,1e-3,n", ["robots.csv:3: row b says the same as row a"]),
         (f"{HEAD}\n../a,logs/soft.mat,1e-3,n", ["`../a` is no name of a folder"]),
-        (f"{HEAD}\na,../bench.mat,1e-3,n", ["row a, column `log`", "`../bench.mat` lies outside the manifest's folder"]),
+        (
+            f"{HEAD}\na,../bench.mat,1e-3,n",
+            ["row a, column `log`", "`../bench.mat` lies outside the manifest's folder"],
+        ),
         (f"{HEAD}\na,/etc/bench.mat,1e-3,n", ["`/etc/bench.mat` lies outside"]),
         (f"{HEAD}\na,logs/link/soft.mat,1e-3,n", ["logs/link/soft.mat` lies outside", "through a link"]),
         (f"{HEAD}\na,,1e-3,n", ["file: `log` is empty in this row"]),
@@ -280,7 +287,7 @@ def test_files_of_somebody_else_are_not_replaced(floor):
 
 def test_without_the_extra_one_message_says_what_to_install(floor, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.setattr("robid.errors.find_spec", lambda name: None)
+    monkeypatch.setattr("robid.errors.find_spec", lambda _: None)
     floor.shop.refuse(2, "needs the package pyarrow", "robid[fleet]", command=COMMAND)
 
 
@@ -293,5 +300,3 @@ def test_a_full_disk_stops_the_batch_and_fails_no_row(floor, monkeypatch):
     assert answer.code == 3
     assert "The disk has 0 MB left" in answer.err
     assert not list(floor.rows.glob("*/row.json"))
-
-
