@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
 from robid.artifacts.lock import FOLDER_LOCK, locked
-from robid.backends.map import make_map
+from robid.backends.map import Map, make_map
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM
 from robid.errors import SettingsError
@@ -53,13 +54,13 @@ def reprocess(
 
     run_dir = folder or Path("runs") / fleet.experiment.name
     count = workers or execution.workers or os.cpu_count() or 1
+
+    def open_map(*, one: bool) -> AbstractContextManager[Map]:
+        return make_map(backend or execution.backend, 1 if one else count)
+
     does = f"robid reprocess {manifest} {experiment}"
-    with (
-        locked(run_dir / FOLDER_LOCK, does),
-        make_map(backend or execution.backend, count) as parallel_map,
-        shell.progress(fleet.experiment.name) as progress,
-    ):
-        batch = run_fleet(fleet, run_dir, options, parallel_map, progress, tell)
+    with locked(run_dir / FOLDER_LOCK, does), shell.progress(fleet.experiment.name) as progress:
+        batch = run_fleet(fleet, run_dir, options, open_map, progress, tell)
     if as_json:
         print_json(summary(batch), one_line=stream)
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import os
 import shutil
 import time
@@ -25,6 +26,7 @@ from robid.settings.problems import raise_problems
 from robid.settings.yaml import Document, parse_yaml
 
 _KINDS = {SettingsError: "settings", DataError: "data"}
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 _TRY_AGAIN = "`--force` tries the row again"
 
 
@@ -84,7 +86,7 @@ def run_row(task: RowTask) -> Ledger:
         ArtifactError: If the folder cannot be written; the row is as it was.
     """
     begun = time.monotonic()
-    _remove(task.work)
+    _begin(task)
     told = _Told()
     loaded, inputs, results, error = None, {}, [], None
     try:
@@ -99,6 +101,9 @@ def run_row(task: RowTask) -> Ledger:
     except RobidError as caught:
         error = RowError(_KINDS.get(type(caught), "data"), caught.where, caught.what, caught.remedy)
     except OSError as caught:
+        if caught.errno in _FULL:
+            with _writing(task.work):
+                raise
         error = RowError("data", str(caught.filename or ""), f"cannot be read: {caught.strerror or caught}", _TRY_AGAIN)
     except MemoryError:
         error = RowError("memory", "", "there is not enough memory for it", f"use fewer --workers; {_TRY_AGAIN}")
@@ -110,6 +115,34 @@ def run_row(task: RowTask) -> Ledger:
     ledger = _finish(task, loaded, inputs, results, told, error, begun)
     _trim_memory()
     return ledger
+
+
+def fail_row(task: RowTask) -> Ledger:
+    """Puts a row in place that has killed its worker, alone there, as one that has failed."""
+    begun = time.monotonic()
+    _begin(task)
+    loaded = _load(task)
+    message = "its worker process ended, most often because memory ran out"
+    error = RowError("memory", "", message, f"look at its log, or give it more memory; {_TRY_AGAIN}")
+    return _finish(task, loaded, _inputs(loaded), [], _Told(), error, begun)
+
+
+def _begin(task: RowTask) -> None:
+    """Makes an empty folder, which also says that the row is at work."""
+    with _writing(task.work):
+        _remove(task.work)
+        task.work.mkdir(parents=True)
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    """Tells of a folder that cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        remedy = "check that the folder may be written to and that the disk has room"
+        message = f"The folder cannot be written: {error.strerror or error}."
+        raise ArtifactError(message, where=str(folder), remedy=remedy) from error
 
 
 def _load(task: RowTask) -> LoadedExperiment:
@@ -146,8 +179,8 @@ def _finish(
     begun: float,
 ) -> Ledger:
     """Leaves what is to stay, writes the ledger, and puts the folder in place."""
-    task.work.mkdir(parents=True, exist_ok=True)
-    made = _keep(task.work, all_files=task.keep)
+    with _writing(task.work):
+        made = _keep(task.work, all_files=task.keep)
     ledger = Ledger(
         id=task.row.id,
         settings_hash="" if loaded is None else settings_hash_of(chain_of(loaded)),
@@ -193,7 +226,7 @@ def put_in_place(made: Path, folder: Path) -> None:
         ArtifactError: If it cannot be.
     """
     old = folder.with_name(f".{folder.name}.old")
-    try:
+    with _writing(folder):
         if folder.exists():
             _carry_over(folder, made)
             folder.replace(old)
@@ -201,12 +234,7 @@ def put_in_place(made: Path, folder: Path) -> None:
         descriptor = os.open(folder.parent, os.O_RDONLY)
         os.fsync(descriptor)
         os.close(descriptor)
-    except OSError as error:
-        remedy = "check that the folder may be written to and that the disk has room"
-        raise ArtifactError(
-            f"The row's folder cannot be replaced: {error.strerror or error}.", where=str(folder), remedy=remedy
-        ) from error
-    _remove(old)
+        _remove(old)
 
 
 def _carry_over(old: Path, made: Path) -> None:

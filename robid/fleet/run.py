@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from robid.errors import RobidError
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger, why_stale
-from robid.fleet.row import RowTask, recover, run_row
+from robid.fleet.row import RowTask, fail_row, recover, run_row
 from robid.fleet.rows import Fleet, PlannedRow
 from robid.fleet.table import check_table, write_table
 from robid.stages.stage import check_room
@@ -22,6 +22,13 @@ if TYPE_CHECKING:
 ROWS, TABLE = "rows", "results.parquet"
 _SMALL_BYTES = 1e6
 Outcome = Literal["made", "fresh"]
+
+
+class OpenMap(Protocol):
+    """Opens a map; of a worker that dies, the map raises a plain `RobidError`."""
+
+    def __call__(self, *, one: bool) -> AbstractContextManager[Map]:
+        """Opens it with a single worker, or with as many as were asked for."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +77,7 @@ def run_fleet(
     fleet: Fleet,
     folder: Path,
     options: Options,
-    parallel_map: Map,
+    open_map: OpenMap,
     progress: Progress,
     tell: Callable[[Ledger, Outcome], None],
 ) -> Batch:
@@ -80,7 +87,7 @@ def run_fleet(
         fleet: The rows.
         folder: The run folder, which nobody else works in.
         options: How.
-        parallel_map: Runs the rows, each whole.
+        open_map: Opens what runs the rows, each whole, on one worker or on as many as were asked for.
         progress: Is told how far it is.
         tell: Is told what became of each row, those that are fresh first.
 
@@ -100,21 +107,55 @@ def run_fleet(
             tell(ledgers[planned.row.id], "fresh")
     progress.expect(len(fleet.rows), "rows", len(fleet.rows) - len(todo))
 
-    def note(_: int, ledger: Ledger) -> None:
+    def note(ledger: Ledger) -> None:
         ledgers[ledger.id] = ledger
         progress.advance()
         tell(ledger, "made")
 
     tasks = [RowTask(planned.row, fleet.template.path, fleet.text, rows, options.keep) for planned in todo]
     try:
-        parallel_map(run_row, tasks, note)
+        _run(tasks, open_map, note)
     except BaseException:
-        with suppress(RobidError):
+        with suppress(Exception):
             write_table(folder / TABLE, fleet, ledgers)
         raise
     outcome = write_table(folder / TABLE, fleet, ledgers)
     in_order = tuple(ledgers[planned.row.id] for planned in fleet.rows)
     return Batch(in_order, len(todo), _removed(rows, fleet), folder / TABLE, outcome)
+
+
+def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], None]) -> None:
+    """Runs rows; those at work when a worker died run alone, and one that kills its worker again has failed."""
+    done: set[str] = set()
+
+    def finished(_: int, ledger: Ledger) -> None:
+        done.add(ledger.id)
+        note(ledger)
+
+    try:
+        with open_map(one=False) as parallel_map:
+            parallel_map(run_row, tasks, finished)
+    except RobidError as error:
+        if type(error) is not RobidError:
+            raise
+        left = [task for task in tasks if task.row.id not in done]
+        suspects = [task for task in left if task.work.exists()]
+        if not suspects:
+            raise
+        for task in suspects:
+            _run_alone(task, open_map, lambda ledger: finished(0, ledger))
+        _run([task for task in left if task not in suspects], open_map, note)
+
+
+def _run_alone(task: RowTask, open_map: OpenMap, note: Callable[[Ledger], None]) -> None:
+    try:
+        with open_map(one=True) as single_map:
+            [ledger] = single_map(run_row, [task])
+    except RobidError as error:
+        if type(error) is not RobidError:
+            raise
+        ledger = fail_row(task)
+    note(ledger)
 
 
 def _is_due(planned: PlannedRow, ledger: Ledger | None, rows: Path, options: Options) -> bool:

@@ -101,8 +101,14 @@ def write_table(path: Path, fleet: Fleet, ledgers: Mapping[str, Ledger]) -> Lite
 
     own = {f"{_MANIFEST}{name}": name for name in fleet.manifest.columns if name != ID}
     values = {shown: [planned.row.values[name] for planned in fleet.rows] for shown, name in own.items()}
-    types = ROW_COLUMNS | {shown: _type(column) for shown, column in values.items()} | PARAMETER_COLUMNS | LAST_COLUMNS
-    entries = list(_entries(fleet, ledgers, {shown: _cells(column) for shown, column in values.items()}))
+    types = (
+        ROW_COLUMNS
+        | {shown: column_type(column) for shown, column in values.items()}
+        | PARAMETER_COLUMNS
+        | LAST_COLUMNS
+    )
+    cells = {shown: _cells(column) for shown, column in values.items()}
+    entries = list(_entries(fleet, ledgers, cells))
     content = canonical_hash([TABLE_VERSION, types, entries])
     if path.exists() and _about(path).get("content_sha256") == content:
         return "fresh"
@@ -160,15 +166,13 @@ def _graded(ledger: Ledger, fit: str) -> dict[str, Any]:
 
 def _cells(column: Sequence[Value]) -> list[Value]:
     """The values of a column of the manifest as its type has them."""
-    kind = _type(column)
-    typed = [read_as_yaml(value) for value in column]
-    if kind == "string":
+    if column_type(column) == "string":
         return [None if value is None or value == "" else str(value) for value in column]
-    return [float(value) if kind == "double" and value is not None else value for value in typed]
+    return [read_as_yaml(value) for value in column]
 
 
-def _type(column: Sequence[Value]) -> str:
-    """The type of a column of the manifest: the narrowest that holds all that is written in it."""
+def column_type(column: Sequence[Value]) -> str:
+    """Returns the type of a column of the manifest: the narrowest that holds all that is written in it."""
     kinds = {type(value) for value in map(read_as_yaml, column) if value is not None}
     for kind, name in ((bool, "bool"), (int, "int64"), (float, "double")):
         if kinds and kinds <= ({int, float} if kind is float else {kind}):

@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -11,6 +12,7 @@ from scipy.io import savemat
 
 from robid.artifacts.lock import locked
 from robid.artifacts.store import read_header
+from robid.errors import RobidError
 from robid.fleet import run as fleet_run
 from two_mass_log import STIFFNESS, bench_log
 
@@ -300,3 +302,33 @@ def test_a_full_disk_stops_the_batch_and_fails_no_row(floor, monkeypatch):
     assert answer.code == 3
     assert "The disk has 0 MB left" in answer.err
     assert not list(floor.rows.glob("*/row.json"))
+
+
+def test_a_row_that_kills_its_worker_fails_alone(floor, monkeypatch):
+    """The map of a backend raises when a worker dies, whichever row it was at."""
+    opened = []
+
+    @contextmanager
+    def make_map(_, workers):
+        opened.append(workers)
+
+        def run(function, tasks, on_done=None):
+            results = []
+            for index, task in enumerate(tasks):
+                if task.row.id == "mean":
+                    task.work.mkdir(exist_ok=True)
+                    raise RobidError("A worker process ended before its task was done.")
+                results.append(function(task))
+                if on_done is not None:
+                    on_done(index, results[-1])
+            return results
+
+        yield run
+
+    monkeypatch.setattr("robid.commands.reprocess.make_map", make_map)
+    answer = floor.json("--workers", "3", code=5)
+    assert [error["id"] for error in answer["failed"]] == ["mean"]
+    assert "its worker process ended" in answer["failed"][0]["message"]
+    assert {row["id"]: row["status"] for row in floor.results()} == {"soft": "done", "mean": "failed", "hard": "done"}
+    assert opened == [3, 1, 3]
+    assert floor.json(code=5)["made"] == 0
