@@ -15,13 +15,14 @@ from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM
 from robid.errors import SettingsError
 from robid.fleet.ledger import Ledger
+from robid.fleet.report import causes, listed
 from robid.fleet.rows import load_fleet
 from robid.fleet.run import Batch, Options, run_fleet
 from robid.fleet.table import require_table
 from robid.stages.stage import counted
 from robid.stages.terminal import Shell, make_console
 
-_SHOWN = 10
+_SHOWN_CAUSES = 10
 
 
 def reprocess(
@@ -85,33 +86,21 @@ def summary(batch: Batch) -> dict[str, Any]:
         "do_not_use": [ledger.id for ledger in batch.not_to_be_used],
         "removed": list(batch.removed),
         "table": str(batch.table),
-        "table_outcome": batch.table_outcome,
+        "report": str(batch.report),
+        "outcome": batch.outcome,
     }
 
 
 def _show(shell: Shell, batch: Batch) -> None:
     rows, failed = counted(len(batch.ledgers), "row"), len(batch.failed)
     shell.say(f"{rows}: {batch.made} made, {len(batch.ledgers) - batch.made} fresh; {failed} failed")
-    for message, names in _by_cause(batch.failed):
-        shell.say(f"  {_listed(names)}: {message}")
+    for _, message, _, names in causes(batch.failed)[:_SHOWN_CAUSES]:
+        shell.say(f"  {listed(names)}: {message}")
     if batch.not_to_be_used:
-        shell.say(f"  graded do not use: {_listed([ledger.id for ledger in batch.not_to_be_used])}")
+        shell.say(f"  graded do not use: {listed([ledger.id for ledger in batch.not_to_be_used])}")
     if batch.removed:
-        shell.say(f"  no longer in the manifest, left on the disk: {_listed(batch.removed)}")
+        shell.say(f"  no longer in the manifest, left on the disk: {listed(batch.removed)}")
     if failed > 0 and batch.made == 0:
         shell.say("  failed rows are tried again when their settings or logs change, or with --force")
-    shell.say(f"{batch.table}  {batch.table_outcome}")
-
-
-def _by_cause(failed: Sequence[Ledger]) -> list[tuple[str, list[str]]]:
-    """Failures by their message, the most frequent first."""
-    found: dict[str, list[str]] = {}
-    for ledger in failed:
-        if ledger.error is not None:
-            found.setdefault(ledger.error.message, []).append(ledger.id)
-    return sorted(found.items(), key=lambda each: -len(each[1]))[:_SHOWN]
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
+    shell.say(f"{batch.table}  {batch.outcome}")
+    shell.say(f"report: {batch.report}")

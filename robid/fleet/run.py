@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 from robid.errors import RobidError
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger, why_stale
+from robid.fleet.report import check_report, write_report
 from robid.fleet.row import RowTask, fail_row, recover, run_row
 from robid.fleet.rows import Fleet, PlannedRow
 from robid.fleet.table import check_table, write_table
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from robid.backends.map import Map
     from robid.backends.progress import Progress
 
-ROWS, TABLE = "rows", "results.parquet"
+ROWS, TABLE, REPORT = "rows", "results.parquet", "report.html"
 _SMALL_BYTES = 1e6
 Outcome = Literal["made", "fresh"]
 
@@ -53,14 +54,16 @@ class Batch:
         made: How many of them ran.
         removed: Rows that have a folder, but are not in the manifest any more.
         table: The table.
-        table_outcome: Whether it was written.
+        report: The page.
+        outcome: Whether table or page was written.
     """
 
     ledgers: tuple[Ledger, ...]
     made: int
     removed: tuple[str, ...]
     table: Path
-    table_outcome: Outcome
+    report: Path
+    outcome: Outcome
 
     @property
     def failed(self) -> tuple[Ledger, ...]:
@@ -96,6 +99,7 @@ def run_fleet(
     """
     rows = folder / ROWS
     check_table(folder / TABLE)
+    check_report(folder / REPORT)
     check_room(rows / "row", _SMALL_BYTES)
     recover(rows)
     found = {planned.row.id: read_ledger(rows / planned.row.id) for planned in fleet.rows}
@@ -119,9 +123,13 @@ def run_fleet(
         with suppress(Exception):
             write_table(folder / TABLE, fleet, ledgers)
         raise
-    outcome = write_table(folder / TABLE, fleet, ledgers)
     in_order = tuple(ledgers[planned.row.id] for planned in fleet.rows)
-    return Batch(in_order, len(todo), _removed(rows, fleet), folder / TABLE, outcome)
+    written = (
+        write_table(folder / TABLE, fleet, ledgers),
+        write_report(folder / REPORT, fleet.experiment.name, in_order),
+    )
+    outcome: Outcome = "made" if "made" in written else "fresh"
+    return Batch(in_order, len(todo), _removed(rows, fleet), folder / TABLE, folder / REPORT, outcome)
 
 
 def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], None]) -> None:

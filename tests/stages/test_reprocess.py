@@ -113,7 +113,7 @@ def test_a_row_leaves_its_model_and_a_ledger_without_paths_of_this_machine(done,
 def test_a_second_run_does_and_rewrites_nothing(done):
     before = done.times()
     answer = done.json()
-    assert (answer["made"], answer["fresh"], answer["table_outcome"]) == (0, 3, "fresh")
+    assert (answer["made"], answer["fresh"], answer["outcome"]) == (0, 3, "fresh")
     assert {path: time for path, time in done.times().items() if path.is_file()} == {
         path: time for path, time in before.items() if path.is_file()
     }
@@ -163,6 +163,9 @@ def test_a_bad_log_fails_its_row_alone(done):
     assert failed["hard"]["remedy"]
     assert str(done.folder) not in json.dumps([done.ledger("soft"), done.ledger("hard")])
     assert len([row for row in done.results() if row["id"] == "mean"]) > 3
+    page = (done.table.parent / "report.html").read_text()
+    assert "1 of 3 rows done; 2 failed." in page
+    assert all(text in page for text in ("Failures by cause", *(error["message"] for error in answer["failed"])))
     answer = done.robid()
     assert (answer.code, "0 made, 3 fresh; 2 failed" in answer.out) == (5, True)
     assert "--force" in answer.out
@@ -283,6 +286,9 @@ def test_files_of_somebody_else_are_not_replaced(floor):
     floor.table.write_text("mine")
     floor.shop.refuse(3, "no table of robid", command=COMMAND)
     floor.table.unlink()
+    (floor.table.parent / "report.html").write_text("<html>mine</html>")
+    floor.shop.refuse(3, "no report of robid", command=COMMAND)
+    (floor.table.parent / "report.html").unlink()
     (floor.rows / "soft").mkdir(parents=True)
     floor.shop.refuse(3, "it has no row.json", command=COMMAND)
 
