@@ -163,7 +163,7 @@ def _figure(name: str, robots: Mapping[str, Mapping[str, Any]]) -> Figure:
         x_title="Robot",
         y_title=f"{kind_title(entries[0]['kind'])}{unit}",
         curves=(
-            Curve("estimated", places, tuple(middles), tuple(robots), points=True, shade=0),
+            Curve("estimated", places, tuple(middles), _texts(robots), points=True, shade=0),
             Curve(
                 f"{percent(level)} interval",
                 tuple(place for place in places for _ in range(3)),
@@ -176,6 +176,17 @@ def _figure(name: str, robots: Mapping[str, Mapping[str, Any]]) -> Figure:
         x_labels=tuple(robots) if len(robots) <= _FEW_ROBOTS else (),
         lines=tuple(Line("y", each, "robot file") for each in nominal if each is not None) if len(nominal) == 1 else (),
     )
+
+
+def _texts(robots: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+    """What is said of each robot's point."""
+    found = []
+    for name, entry in robots.items():
+        half = (entry["physical_high"] - entry["physical_low"]) / 2 if _bounded(entry) else None
+        scale = scale_for(_middle(entry), entry["unit"] if entry["unit"] != "1" else "", half)
+        ends = f", {scale.text(entry['physical_low'])} to {scale.text(entry['physical_high'])}" if half else ""
+        found.append(f"{name}: {scale.text(_middle(entry))}{ends} {scale.unit}")
+    return tuple(found)
 
 
 def _middle(entry: Mapping[str, Any]) -> float:

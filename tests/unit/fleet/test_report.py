@@ -51,7 +51,8 @@ def test_the_page_says_what_failed_and_shows_every_robot_with_its_interval():
     choice = next(part for part in parameters.parts if isinstance(part, Choice))
     figure = choice.options[0][1][0]
     points, intervals = figure.curves
-    assert (points.y, points.texts) == ((1e6, 0.7e6), ("r1", "r2"))
+    assert points.y == (1e6, 0.7e6)
+    assert points.texts == ("r1: 1.000, 0.980 to 1.020 MN m/rad", "r2: 700.0, 680.0 to 720.0 kN m/rad")
     assert intervals.x == (0, 0, 0, 1, 1, 1)
     assert intervals.y[:2] + intervals.y[3:5] == (0.98e6, 1.02e6, 0.68e6, 0.72e6)
     assert figure.lines[0].at == 1e6
