@@ -300,14 +300,15 @@ def test_without_the_extra_one_message_says_what_to_install(floor, monkeypatch):
 
 
 def test_a_full_disk_stops_the_batch_and_fails_no_row(floor, monkeypatch):
-    class Usage:
-        free = 1000
-
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage)
+    """It is full once the first row begins."""
+    free = [1e12]
+    usage = shutil.disk_usage(floor.folder)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=free.pop() if free else 1e3))
     answer = floor.robid()
     assert answer.code == 3
     assert "The disk has 0 MB left" in answer.err
-    assert not list(floor.rows.glob("*/row.json"))
+    assert list(floor.rows.iterdir()) == []
+    assert {row["status"] for row in floor.results()} == {"pending"}
 
 
 def test_a_row_that_kills_its_worker_fails_alone(floor, monkeypatch):
