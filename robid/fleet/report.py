@@ -16,7 +16,7 @@ from robid.fleet.ledger import Ledger
 from robid.report.content import ReportContent, Verdict
 from robid.report.numbers import MISSING, percent, scale_for
 from robid.report.parameters import kind_title
-from robid.report.section import Choice, Curve, Figure, Line, Section, Table
+from robid.report.section import Choice, ColumnStyle, Curve, Figure, Line, Section, Table
 from robid.robot.parameters import DOUBT, NUISANCE
 from robid.stages.replacing import check_replaceable
 from robid.stages.report import write_page
@@ -144,7 +144,17 @@ def _table(parameters: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Table:
         numbers = (scale.text(each) for each in (first["nominal"], centre, min(values), max(values)))
         rows.append((name, kind_title(first["kind"]), scale.unit, str(len(robots)), *numbers, half))
     columns = ("Parameter", "Kind", "Unit", "Robots", "Robot file", "Median", "Lowest", "Highest", "Half interval")
-    styles = ("name", "text", "text", *("number",) * 6)
+    styles: tuple[ColumnStyle, ...] = (
+        "name",
+        "text",
+        "text",
+        "number",
+        "number",
+        "number",
+        "number",
+        "number",
+        "number",
+    )
     return Table(columns, tuple(rows), styles=styles, fit="compact")
 
 

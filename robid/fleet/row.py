@@ -20,6 +20,7 @@ from robid.fleet.ledger import LEDGER, FileKey, Ledger, RowError, file_key, read
 from robid.fleet.results import results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
 from robid.pipeline import Node, Result, Run, run_all
+from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.load import LoadedExperiment
 from robid.settings.placeholders import Row
 from robid.settings.problems import raise_problems
@@ -273,9 +274,10 @@ def _without_folders(error: RowError | None, task: RowTask) -> RowError | None:
 
 
 def _shortened(text: str, task: RowTask) -> str:
-    """A message without the folders of this machine: the manifest's, the row's and the experiment file's."""
+    """A message without the folders of this machine: the manifest's, the data's, the row's, the experiment file's."""
     folders: Mapping[str, str] = {
         f"{task.row.folder}{os.sep}": "",
+        f"{data_path(DATA_VARIABLE, Path())}{os.sep}": f"{DATA_VARIABLE}/",
         str(task.work): task.row.id,
         str(task.template): task.template.name,
     }

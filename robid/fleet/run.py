@@ -156,13 +156,13 @@ def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], N
 
 
 def _run_alone(task: RowTask, open_map: OpenMap, note: Callable[[Ledger], None]) -> None:
-    try:
-        with open_map(one=True) as single_map:
+    with open_map(one=True) as single_map:
+        try:
             [ledger] = single_map(run_row, [task])
-    except RobidError as error:
-        if type(error) is not RobidError:
-            raise
-        ledger = fail_row(task)
+        except RobidError as error:
+            if type(error) is not RobidError:
+                raise
+            ledger = fail_row(task)
     note(ledger)
 
 

@@ -6,8 +6,10 @@ Schema history:
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -63,7 +65,7 @@ LAST_COLUMNS = {"settings_sha256": "string", "seconds": "double"}
 
 _KEY = b"robid"
 _MANIFEST = "row."
-_ENTRIES = 100_000
+_ENTRIES = 10_000
 
 
 def require_table() -> None:
@@ -108,8 +110,7 @@ def write_table(path: Path, fleet: Fleet, ledgers: Mapping[str, Ledger]) -> Lite
         | LAST_COLUMNS
     )
     cells = {shown: _cells(column) for shown, column in values.items()}
-    entries = list(_entries(fleet, ledgers, cells))
-    content = canonical_hash([TABLE_VERSION, types, entries])
+    content = _content_sha256(types, _entries(fleet, ledgers, cells))
     if path.exists() and _about(path).get("content_sha256") == content:
         return "fresh"
     about = {
@@ -122,9 +123,17 @@ def write_table(path: Path, fleet: Fleet, ledgers: Mapping[str, Ledger]) -> Lite
     schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in types.items()])
     schema = schema.with_metadata({_KEY: json.dumps(about).encode()})
     with replacing(path) as partial, pq.ParquetWriter(partial, schema) as writer:
-        for start in range(0, len(entries), _ENTRIES):
-            writer.write_table(pa.Table.from_pylist(entries[start : start + _ENTRIES], schema=schema))
+        entries = _entries(fleet, ledgers, cells)
+        while some := list(islice(entries, _ENTRIES)):
+            writer.write_table(pa.Table.from_pylist(some, schema=schema))
     return "made"
+
+
+def _content_sha256(types: Mapping[str, str], entries: Iterator[dict[str, Any]]) -> str:
+    digest = hashlib.sha256(canonical_hash([TABLE_VERSION, dict(types)]).encode())
+    for entry in entries:
+        digest.update(canonical_hash(entry).encode())
+    return digest.hexdigest()
 
 
 def _about(path: Path) -> dict[str, Any]:
@@ -144,7 +153,7 @@ def _entries(
 ) -> Iterator[dict[str, Any]]:
     for index, planned in enumerate(fleet.rows):
         row, ledger = planned.row, ledgers.get(planned.row.id)
-        common = {"id": row.id, "status": "pending" if ledger is None else ledger.status}
+        common: dict[str, Any] = {"id": row.id, "status": "pending" if ledger is None else ledger.status}
         common |= {name: column[index] for name, column in values.items()}
         if ledger is None:
             yield common

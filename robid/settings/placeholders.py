@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -163,14 +163,19 @@ def read_as_yaml(value: Value) -> Value:
     return _read(value.strip()) if isinstance(value, str) else value
 
 
-@cache
+@lru_cache(maxsize=4096)
 def _read(text: str) -> Value:
-    yaml = YAML(typ="safe", pure=True)
+    yaml = _scalars()
     tag = str(yaml.resolver.resolve(ScalarNode, text, (True, False)))
     if tag.rpartition(":")[2] not in _TYPED:
         return text
     value: Value = yaml.constructor.construct_object(ScalarNode(tag, text))
     return value
+
+
+@cache
+def _scalars() -> YAML:
+    return YAML(typ="safe", pure=True)
 
 
 def _text(value: Value) -> str:
