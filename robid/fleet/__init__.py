@@ -1,1 +1,4 @@
-"""An experiment file over the rows of a manifest. Read `manifest`, `rows`, `ledger`, `row`, `run`, `table`."""
+"""An experiment file over the rows of a manifest.
+
+Read `manifest`, `rows`, `ledger`, `folders`, `row`, `run`; what comes out is in `results`, `table` and `report`.
+"""

@@ -47,7 +47,7 @@ def read_manifest(path: Path) -> Manifest:
         problems.append("it has no rows")
     if problems:
         raise SettingsError("; ".join(problems), where=str(path), remedy=_REMEDY)
-    folder, named = path.resolve().parent, ID in columns
+    folder, named = path.parent.resolve(), ID in columns
     rows = []
     for number, (place, cells) in enumerate(lines, start=1):
         values = dict(zip(columns, cells, strict=True))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
-import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,7 +15,8 @@ from pathlib import Path
 from robid.artifacts.provenance import utc_now
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.families.files import load_row
-from robid.fleet.ledger import LEDGER, FileKey, Ledger, RowError, file_key, read_ledger, write_ledger
+from robid.fleet.folders import keep_files, put_in_place, remove, writing
+from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
 from robid.fleet.results import results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
 from robid.pipeline import Node, Result, Run, run_all
@@ -97,13 +97,13 @@ def run_row(task: RowTask) -> Ledger:
         problem = next((result.problem for result in results if result.problem), "")
         error = RowError("fit", "", problem, "look at its model.h5") if problem else None
     except ArtifactError:
-        _remove(task.work)
+        remove(task.work)
         raise
     except RobidError as caught:
         error = RowError(_KINDS.get(type(caught), "data"), caught.where, caught.what, caught.remedy)
     except OSError as caught:
         if caught.errno in _FULL:
-            with _writing(task.work):
+            with writing(task.work):
                 raise
         error = RowError("data", str(caught.filename or ""), f"cannot be read: {caught.strerror or caught}", _TRY_AGAIN)
     except MemoryError:
@@ -130,20 +130,9 @@ def fail_row(task: RowTask) -> Ledger:
 
 def _begin(task: RowTask) -> None:
     """Makes an empty folder, which also says that the row is at work."""
-    with _writing(task.work):
-        _remove(task.work)
+    with writing(task.work):
+        remove(task.work)
         task.work.mkdir(parents=True)
-
-
-@contextmanager
-def _writing(folder: Path) -> Iterator[None]:
-    """Tells of a folder that cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        remedy = "check that the folder may be written to and that the disk has room"
-        message = f"The folder cannot be written: {error.strerror or error}."
-        raise ArtifactError(message, where=str(folder), remedy=remedy) from error
 
 
 def _load(task: RowTask) -> LoadedExperiment:
@@ -180,8 +169,8 @@ def _finish(
     begun: float,
 ) -> Ledger:
     """Leaves what is to stay, writes the ledger, and puts the folder in place."""
-    with _writing(task.work):
-        made = _keep(task.work, all_files=task.keep)
+    with writing(task.work):
+        made = keep_files(task.work, all_files=task.keep)
     ledger = Ledger(
         id=task.row.id,
         settings_hash="" if loaded is None else settings_hash_of(chain_of(loaded)),
@@ -205,66 +194,6 @@ def _finish(
 def _settings(loaded: LoadedExperiment) -> dict[str, object]:
     """What may change the result; a study and how it is computed do not."""
     return {key: value for key, value in loaded.plain.items() if key not in ("execution", "study")}
-
-
-def _keep(folder: Path, *, all_files: bool) -> list[Path]:
-    """Removes what is not to stay; returns what is there."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    stay = [path for path in files if all_files or path.name in ("model.h5", "validation.h5")]
-    for path in set(files).difference(stay):
-        path.unlink()
-    for path in sorted(folder.rglob("*"), reverse=True):
-        if path.is_dir():
-            with suppress(OSError):
-                path.rmdir()
-    return stay
-
-
-def put_in_place(made: Path, folder: Path) -> None:
-    """Lets a finished folder take the place of the row's; files that somebody else put there move with it.
-
-    Raises:
-        ArtifactError: If it cannot be.
-    """
-    old = folder.with_name(f".{folder.name}.old")
-    with _writing(folder):
-        if folder.exists():
-            _carry_over(folder, made)
-            folder.replace(old)
-        made.replace(folder)
-        descriptor = os.open(folder.parent, os.O_RDONLY)
-        os.fsync(descriptor)
-        os.close(descriptor)
-        _remove(old)
-
-
-def _carry_over(old: Path, made: Path) -> None:
-    """Copies files that are not of the row's last run; of a ledger that cannot be read none are told apart."""
-    before = read_ledger(old)
-    if before is None:
-        return
-    for path in sorted(old.rglob("*")):
-        name = path.relative_to(old)
-        if path.is_file() and str(name) not in (LEDGER, *before.outputs) and not (made / name).exists():
-            (made / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(path, made / name)
-
-
-def recover(rows: Path) -> None:
-    """Finishes or takes back what a killed run has left half done between two folders."""
-    for old in rows.glob(".*.old"):
-        folder = rows / old.name[1:].removesuffix(".old")
-        if folder.exists():
-            _remove(old)
-        else:
-            old.replace(folder)
-    for work in rows.glob(".*.work"):
-        _remove(work)
-
-
-def _remove(folder: Path) -> None:
-    if folder.exists():
-        shutil.rmtree(folder)
 
 
 def _without_folders(error: RowError | None, task: RowTask) -> RowError | None:

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from robid.errors import RobidError
+from robid.fleet.folders import recover, writing
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger, why_stale
 from robid.fleet.report import check_report, write_report
-from robid.fleet.row import RowTask, fail_row, recover, run_row
+from robid.fleet.row import RowTask, fail_row, run_row
 from robid.fleet.rows import Fleet, PlannedRow
 from robid.fleet.table import check_table, write_table
 from robid.stages.stage import check_room
@@ -101,7 +102,8 @@ def run_fleet(
     check_table(folder / TABLE)
     check_report(folder / REPORT)
     check_room(rows / "row", _SMALL_BYTES)
-    recover(rows)
+    with writing(rows):
+        recover(rows)
     found = {planned.row.id: read_ledger(rows / planned.row.id) for planned in fleet.rows}
     todo = [planned for planned in fleet.rows if _is_due(planned, found[planned.row.id], rows, options)]
     due = {planned.row.id for planned in todo}

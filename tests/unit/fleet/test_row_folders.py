@@ -7,8 +7,8 @@ import pytest
 
 from robid.errors import ArtifactError
 from robid.fleet import ledger as ledgers
+from robid.fleet.folders import put_in_place, recover
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, read_ledger, why_stale, write_ledger
-from robid.fleet.row import put_in_place, recover
 
 LEDGER = Ledger(
     id="r1", settings_hash="s", settings={"name": "x"}, inputs={}, outputs={}, status="done", error=None,
@@ -43,10 +43,13 @@ def test_a_folder_of_somebody_else_is_refused(tmp_path):
         read_ledger(tmp_path)
 
 
-def test_a_new_folder_takes_the_place_and_foreign_files_come_along(tmp_path):
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_new_folder_takes_the_place_and_foreign_files_come_along(tmp_path, damaged):
     put_in_place(make(tmp_path / ".r1.work", "old"), tmp_path / "r1")
     (tmp_path / "r1/notes").mkdir()
     (tmp_path / "r1/notes/mine.txt").write_text("mine")
+    if damaged:
+        (tmp_path / "r1/row.json").write_text("{")
     put_in_place(make(tmp_path / ".r1.work", "new"), tmp_path / "r1")
     assert (tmp_path / "r1/model.h5").read_text() == "new"
     assert (tmp_path / "r1/notes/mine.txt").read_text() == "mine"
