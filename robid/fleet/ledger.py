@@ -149,7 +149,8 @@ def read_ledger(folder: Path) -> Ledger | None:
             return None
         keys = {name: _file_keys(found.pop(name)) for name in ("inputs", "outputs")}
         error = found.pop("error")
-        made = {name: tuple(found.pop(name)) for name in ("warnings", "results")}
+        made: dict[str, Any] = {name: tuple(found.pop(name)) for name in ("warnings", "results")}
+        made["grades"] = {fit: (value, sentence) for fit, (value, sentence) in found["grades"].items()}
         return Ledger(**{**found, **keys, **made, "settings": {}, "error": error and RowError(**error)})
     except (ArtifactError, AttributeError, KeyError, TypeError, ValueError):
         return None

@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from robid.artifacts.provenance import utc_now
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
@@ -19,7 +20,7 @@ from robid.fleet.folders import keep_files, put_in_place, remove, writing
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
 from robid.fleet.results import results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
-from robid.pipeline import Node, Result, Run, run_all
+from robid.pipeline import Node, Run, run_all
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.load import LoadedExperiment
 from robid.settings.placeholders import Row
@@ -80,6 +81,15 @@ class _Told:
         yield self
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What the chain of a row found; `problem` says that a fit has not converged."""
+
+    problem: str = ""
+    grades: dict[str, tuple[int, str]] = field(default_factory=dict)
+    results: tuple[dict[str, Any], ...] = ()
+
+
 def run_row(task: RowTask) -> Ledger:
     """Runs the chain of a row and puts its results in place; what is wrong with the row is in its ledger.
 
@@ -89,13 +99,12 @@ def run_row(task: RowTask) -> Ledger:
     begun = time.monotonic()
     _begin(task)
     told = _Told()
-    loaded, inputs, results, error = None, {}, [], None
+    loaded, inputs, found, error = None, {}, _Found(), None
     try:
         loaded = _load(task)
         inputs = _inputs(loaded)
-        results = _run_chain(loaded, task.work, told)
-        problem = next((result.problem for result in results if result.problem), "")
-        error = RowError("fit", "", problem, "look at its model.h5") if problem else None
+        found = _run_chain(loaded, task.work, told)
+        error = RowError("fit", "", found.problem, "look at its model.h5") if found.problem else None
     except ArtifactError:
         remove(task.work)
         raise
@@ -113,7 +122,7 @@ def run_row(task: RowTask) -> Ledger:
         error = RowError(
             "defect", "", f"a defect of ours: {type(caught).__name__}: {first}", f"report it; {_TRY_AGAIN}"
         )
-    ledger = _finish(task, loaded, inputs, results, told, error, begun)
+    ledger = _finish(task, loaded, inputs, found, told, error, begun)
     _trim_memory()
     return ledger
 
@@ -125,7 +134,7 @@ def fail_row(task: RowTask) -> Ledger:
     loaded = _load(task)
     message = "its worker process ended, most often because memory ran out"
     error = RowError("memory", "", message, f"look at its log, or give it more memory; {_TRY_AGAIN}")
-    return _finish(task, loaded, _inputs(loaded), [], _Told(), error, begun)
+    return _finish(task, loaded, _inputs(loaded), _Found(), _Told(), error, begun)
 
 
 def _begin(task: RowTask) -> None:
@@ -154,16 +163,19 @@ def _inputs(loaded: LoadedExperiment) -> dict[str, FileKey]:
     return {name: file_key(path) for name, path in {**robot, **logs_of(chain_of(loaded))}.items()}
 
 
-def _run_chain(loaded: LoadedExperiment, folder: Path, told: _Told) -> list[Result]:
+def _run_chain(loaded: LoadedExperiment, folder: Path, told: _Told) -> _Found:
     outputs = [node.output for node in chain_of(loaded)]
-    return run_all(Run(loaded, folder, "serial", 1), told.of, lambda _: None, outputs)
+    results = run_all(Run(loaded, folder, "serial", 1), told.of, lambda _: None, outputs)
+    problem = next((result.problem for result in results if result.problem), "")
+    grades = {result.node.owner: (result.grade.value, result.grade.sentence) for result in results if result.grade}
+    return _Found(problem, grades, () if problem else tuple(results_of(loaded, folder)))
 
 
 def _finish(
     task: RowTask,
     loaded: LoadedExperiment | None,
     inputs: dict[str, FileKey],
-    results: list[Result],
+    found: _Found,
     told: _Told,
     error: RowError | None,
     begun: float,
@@ -180,8 +192,8 @@ def _finish(
         status="done" if error is None else "failed",
         error=_without_folders(error, task),
         warnings=tuple(_shortened(text, task) for text in told.warnings),
-        grades={result.node.owner: (result.grade.value, result.grade.sentence) for result in results if result.grade},
-        results=() if loaded is None or error is not None else tuple(results_of(loaded, task.work)),
+        grades=found.grades,
+        results=found.results,
         kept=task.keep,
         seconds=round(time.monotonic() - begun, 3),
         finished_utc=utc_now(),
@@ -204,9 +216,10 @@ def _without_folders(error: RowError | None, task: RowTask) -> RowError | None:
 
 def _shortened(text: str, task: RowTask) -> str:
     """A message without the folders of this machine: the manifest's, the data's, the row's, the experiment file's."""
+    data = data_path(DATA_VARIABLE, Path())
     folders: Mapping[str, str] = {
         f"{task.row.folder}{os.sep}": "",
-        f"{data_path(DATA_VARIABLE, Path())}{os.sep}": f"{DATA_VARIABLE}/",
+        **({f"{data}{os.sep}": f"{DATA_VARIABLE}/"} if data.is_absolute() else {}),
         str(task.work): task.row.id,
         str(task.template): task.template.name,
     }
