@@ -339,3 +339,19 @@ def test_a_row_that_kills_its_worker_fails_alone(floor, monkeypatch):
     assert {row["id"]: row["status"] for row in floor.results()} == {"soft": "done", "mean": "failed", "hard": "done"}
     assert opened == [3, 1, 3]
     assert floor.json(code=5)["made"] == 0
+
+
+def test_a_fit_that_has_not_converged_and_a_defect_fail_their_rows(floor, monkeypatch):
+    floor.shop.change("starts: 1", 'starts: 1, max_iterations: "${row.limit}"', "fleet.yaml")
+    (floor.folder / MANIFEST).write_text("id;log;step_s;limit\nsoft;logs/soft.mat;1e-3;1\nhard;logs/hard.mat;1e-3;99\n")
+
+    def broken(*_):
+        raise KeyError("estimate")
+
+    monkeypatch.setattr("robid.fleet.row.results_of", broken)
+    failed = {error["id"]: error for error in floor.json(code=5)["failed"]}
+    assert failed["soft"]["kind"] == "fit"
+    assert "has not converged (iteration_limit)" in failed["soft"]["message"]
+    assert (floor.rows / "soft/fits/two_mass/model.h5").exists()
+    assert failed["hard"]["kind"] == "defect"
+    assert "a defect of ours: KeyError" in failed["hard"]["message"]
