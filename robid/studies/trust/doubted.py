@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, TorqueScale
-from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness, bristle_share
+from robid.fit.elastic.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.options import ElasticOptions
@@ -178,10 +178,14 @@ def _with(values: tuple[_Value, ...], index: int, value: _Value) -> tuple[_Value
 
 
 def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Returns each spring's load in each place (n_conf, n_spring) from its mean, over the largest such distance."""
+    """Returns each spring's load in each place (n_conf, n_spring) from its mean, over the largest such distance.
+
+    Zero for springs whose loads are alike, as those of an upright axis are.
+    """
     load = np.abs(solve_statics(build_model(robot), configurations).deflection)
     spread = load - load.mean(axis=0)
-    return np.asarray(spread / np.maximum(np.abs(spread).max(axis=0), np.finfo(float).tiny))
+    most = np.abs(spread).max(axis=0)
+    return np.asarray(np.where(most > NO_LOAD_RAD, spread, 0.0) / np.maximum(most, NO_LOAD_RAD))
 
 
 def _recorded(

@@ -117,6 +117,7 @@ def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[st
         "trusted_wrong": trusted_wrong(rows),
         "robots": float(len(rows)),
         "refused": _share([row.random is None for row in rows]),
+        "pairs": float(sum(row.random is not None and row.fresh is not None for row in rows)),
         "springs_counted": float(np.mean([each.counted.mean() for each in fitted])) if fitted else np.nan,
     }
     ratios = [found["effective.width_ratio"], found["physical.width_ratio"] if listed else np.nan]

@@ -52,8 +52,8 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     study = study_of(run.loaded)
     rows = {one.key: row for one, row in _rows(individuals(study), results)}
     summary = summarise(study, rows, results)
-    asked = bars(study, summary)
-    reached = [is_reached(summary[name], limits) for name, limits in asked.items()]
+    asked = bars(study)
+    reached = [is_reached(summary.get(name, math.nan), limits) for name, limits in asked.items()]
     judged = study.use == "judge" and study.chosen.robots is None
     text = f"{sum(reached)} of {len(reached)} figures are within what is asked."
     missed = [name for name, good in zip(asked, reached, strict=True) if not good]
@@ -86,8 +86,8 @@ def summarise(study: TrustStudy, rows: Mapping[str, RobotRow], results: Earlier)
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
-def bars(study: TrustStudy, summary: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Returns what is asked of the figures that there are, by their names."""
+def bars(study: TrustStudy) -> dict[str, tuple[float, float]]:
+    """Returns what is asked of a study's figures, by their names; a figure that could not be computed is missed."""
     found = {}
     for name, defects in study.sets.items():
         light = "light." if defects.robot == "light" else ""
@@ -98,9 +98,13 @@ def bars(study: TrustStudy, summary: Mapping[str, float]) -> dict[str, tuple[flo
             found |= {f"{name}.physical.{key}": ASKED[f"listed.physical.{key}"] for key in ("coverage_95", "worst")}
         else:
             found[f"{name}.trusted_wrong"] = ASKED["unlisted.trusted_wrong"]
-    named = ("effective.coverage_95", "width_ratio", "linear.coverage_95", "linear.file.coverage_95")
-    found |= {name: ASKED[name] for name in (*named, "causes.first", "causes.first_three")}
-    return {name: limits for name, limits in found.items() if name in summary}
+    named = ["effective.coverage_95", "width_ratio"]
+    if study.linear is not None:
+        named += ["linear.coverage_95"] * (study.linear.drawn > 0) + ["linear.file.coverage_95"] * (
+            study.linear.file > 0
+        )
+    named += ["causes.first", "causes.first_three"] * bool(study.causes)
+    return found | {name: ASKED[name] for name in named}
 
 
 def _of(study: TrustStudy, group: str) -> list[Individual]:
@@ -140,6 +144,7 @@ def _linear_figures(robots: Sequence[Individual], rows: Mapping[str, RobotRow]) 
             f"{name}.coverage_std": held.coverage_std,
             f"{name}.width_ratio": held.width_ratio,
             f"{name}.worst": held.worst,
+            f"{name}.refused": sum(fit is None for fit in fits) / len(fits) if fits else math.nan,
         }
     return found
 
@@ -177,8 +182,9 @@ def _asked_section(summary: Mapping[str, float], asked: Mapping[str, tuple[float
         if least > 0 and most < 1:
             said = f"{significant(least)} to {significant(most)}"
         deviation = summary.get(name.replace("coverage_95", "coverage_std")) if "coverage_95" in name else None
-        good = "reached" if is_reached(summary[name], (least, most)) else "missed"
-        rows.append((name, significant(summary[name]), significant(deviation), said, good))
+        value = summary.get(name)
+        good = "reached" if value is not None and is_reached(value, (least, most)) else "missed"
+        rows.append((name, significant(value), significant(deviation), said, good))
     table = Table(("Figure", "Found", "Monte Carlo deviation", "Asked", ""), tuple(rows))
     return Section("What is asked", "Fixed before any of these robots was looked at.", (table,))
 

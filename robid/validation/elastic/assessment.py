@@ -13,7 +13,7 @@ from robid.fit.estimate import Estimate
 from robid.frf.frf import Frf
 from robid.robot.description import Robot
 from robid.validation.doubt import Doubt
-from robid.validation.elastic.balanced import balanced
+from robid.validation.elastic.carried import fitted_carrier
 from robid.validation.elastic.causes import misfit_doubts
 from robid.validation.elastic.fitted import fitted_model
 from robid.validation.elastic.grading import grade_fit, is_unexplained
@@ -67,7 +67,7 @@ def validation_doubts(
     Args:
         doubts: Doubts about the fit, the first to blame first.
         robot: The robot file that the fit started from, with the validation campaign's payload.
-        estimate: What the fit found: with counterbalances that it freed, the robot carries its weight otherwise.
+        estimate: What the fit found: with masses or counterbalances that it freed, weight is carried otherwise.
         frf: The response of the validation campaign.
         campaign: Its name.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
@@ -79,6 +79,5 @@ def validation_doubts(
 
 
 def _data_doubts(robot: Robot, estimate: Estimate, frf: Frf, delay_s: float) -> tuple[Doubt, ...]:
-    """What data contradict, mean torques held against the robot with the counterbalances that the fit freed."""
-    carrying, unsure_nm = balanced(robot, estimate)
-    return data_doubts(carrying, frf, delay_s, unsure_nm)
+    """What data contradict, mean torques held against the robot with what the fit freed."""
+    return data_doubts(robot, frf, delay_s, fitted_carrier(robot, estimate))

@@ -12,6 +12,7 @@ from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
 from robid.robot.description import Robot
 from robid.validation.doubt import Doubt, two_digits
 from robid.validation.plausible.angles import judge_angles
+from robid.validation.plausible.carrier import Fitted
 from robid.validation.plausible.evidence import CLEAR, Evidence, gather_evidence
 from robid.validation.plausible.gravity import gravity_signs, judge_gravity, judge_places, weigh
 from robid.validation.plausible.signs import judge_signs
@@ -21,37 +22,37 @@ _LOST = 2.0
 _HALF_TURN = 0.5
 
 
-def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0, unsure_nm: FloatArray | None = None) -> tuple[Doubt, ...]:
+def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0, fitted: Fitted | None = None) -> tuple[Doubt, ...]:
     """Returns what of a campaign's data contradicts the robot file, strongest first, before any fit.
 
     Args:
         robot: The robot file's, with the campaign's payload.
         frf: The campaign's response.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
-        unsure_nm (n_joint, 2): Standard deviations of the robot's counterbalances, by sine and cosine of each angle,
-            where a fit found them [N m]; None where it has none.
+        fitted: What a fit found of it that mean torques are held against instead.
     """
-    return evidence_doubts(robot, gather_evidence(frf), delay_s, unsure_nm)[0]
+    return evidence_doubts(robot, gather_evidence(frf), delay_s, fitted)[0]
 
 
 def evidence_doubts(
-    robot: Robot, evidence: Evidence, delay_s: float = 0.0, unsure_nm: FloatArray | None = None
+    robot: Robot, evidence: Evidence, delay_s: float = 0.0, fitted: Fitted | None = None
 ) -> tuple[tuple[Doubt, ...], tuple[str, ...]]:
     """Returns doubts about a campaign's data, strongest first, and notes on what its data cannot tell."""
     if not evidence.belongs_to(robot):
         return (), ()
     evidence, late = _without_delay(evidence, delay_s)
     angles = judge_angles(robot, evidence)
-    weights = weigh(robot, evidence, angles.ratio_fits, unsure_nm) if angles.placed else None
+    weights = weigh(robot, evidence, angles.ratio_fits, fitted) if angles.placed else None
     none: FloatArray = np.zeros(len(evidence.names))
     signs = judge_signs(robot, evidence, angles.sign, none)
     loads: tuple[Doubt, ...] = ()
+    carrying = robot if fitted is None else fitted.found.robot
     if weights is not None:
         # Swapped files can turn gravity around, so they are looked for before gravity may speak of signs.
         swapped = None if signs.doubts or angles.sign.any() else judge_places(weights)
         if swapped is None:
             signs = judge_signs(robot, evidence, angles.sign, gravity_signs(weights))
-        loads = judge_gravity(robot, evidence, weights, signs.torque) if swapped is None else (swapped,)
+        loads = judge_gravity(carrying, evidence, weights, signs.torque) if swapped is None else (swapped,)
     told = {doubt.message.partition(":")[0] for doubt in angles.doubts if doubt.cause == "angle_sign"}
     turned = [
         doubt for doubt in signs.doubts if doubt.cause != "angle_sign" or doubt.message.partition(":")[0] not in told

@@ -10,10 +10,9 @@ from scipy.optimize import linear_sum_assignment
 
 from robid.arrays import BoolArray, FloatArray
 from robid.robot.description import Robot
-from robid.robot.linearize import solve_statics
-from robid.robot.model import build_model
 from robid.validation.doubt import Doubt
-from robid.validation.plausible.balances import BALANCE, wave_columns
+from robid.validation.plausible.balances import BALANCE
+from robid.validation.plausible.carrier import Carrier, Fitted
 from robid.validation.plausible.evidence import Evidence
 from robid.validation.plausible.loads import LoadCause, doubt_of, is_possible, load_causes
 
@@ -40,8 +39,8 @@ class GravityTorques:
     """Mean torques under gravity.
 
     Attributes:
-        measured (n_conf, n_motor): Mean torques [N m].
-        expected (n_conf, n_motor): The robot file's [N m].
+        measured (n_conf, n_motor): Mean torques, true ones as far as their scale is known [N m].
+        expected (n_conf, n_motor): The robot's [N m].
         root (n_motor, n_conf, n_conf): What whitens a motor's residual over configurations.
         names: The motors.
         usable (n_motor,): Motors whose torque can be judged.
@@ -59,30 +58,30 @@ class GravityTorques:
         return np.asarray(white.reshape(*torque.shape[:-2], -1))
 
 
-def weigh(
-    robot: Robot, evidence: Evidence, usable: BoolArray, unsure_nm: FloatArray | None = None
-) -> GravityTorques | None:
+def weigh(robot: Robot, evidence: Evidence, usable: BoolArray, fitted: Fitted | None = None) -> GravityTorques | None:
     """Prepares the comparison of mean torques with gravity; None where there is nothing to compare.
 
     Friction holds a part of the weight, which depends on how the motor came to rest: all of the Coulomb level for a
-    motor that sticks, hardly any for one that slides to and fro, alike in all configurations or not. Counterbalances
-    are taken where a fit found them, by sine and cosine of deviations (n_joint, 2) [N m].
+    motor that sticks, hardly any for one that slides to and fro, alike in all configurations or not. What a fit found
+    takes the place of the robot file, as far as it is known.
     """
     if evidence.mean_torque is None or evidence.torque_unit != "N m":
         return None
-    model = build_model(robot, balanced=unsure_nm is not None)
-    expected = solve_statics(model, evidence.configurations).motor_torque[:, evidence.joints(robot)]
+    motors = evidence.joints(robot)
+    carrier = Carrier(robot, np.ones(len(robot.joints))) if fitted is None else fitted.found
+    expected = carrier.holds(evidence.configurations, motors)
     usable = usable & (np.abs(expected).max(axis=0, initial=0.0) > _LEAST_TORQUE)
     if not usable.any():
         return None
-    friction, balances = _friction(robot, evidence), _balances(robot, evidence, unsure_nm)
-    root = np.zeros((len(usable), len(expected), len(expected)))
+    friction, root = _friction(robot, evidence), np.zeros((len(usable), len(expected), len(expected)))
+    unsure = np.zeros_like(root) if fitted is None else fitted.scatter(evidence.configurations, motors)
     for motor in range(len(usable)):
         own = friction[:, motor]
         scatter = np.diag(own**2 + (_MASS_STD * expected[:, motor]) ** 2) + np.outer(own, own)
-        scatter += balances[motor]
+        scatter += unsure[motor]
         root[motor] = np.linalg.inv(np.linalg.cholesky(scatter + _LEAST_TORQUE**2 * np.eye(len(own))))
-    return GravityTorques(evidence.mean_torque, expected, root, evidence.names, usable)
+    measured = evidence.mean_torque / carrier.torque_factor[motors]
+    return GravityTorques(measured, expected, root, evidence.names, usable)
 
 
 def gravity_signs(weights: GravityTorques) -> FloatArray:
@@ -207,16 +206,6 @@ def _friction(robot: Robot, evidence: Evidence) -> FloatArray:
     presliding = np.array([law.presliding_rad for law in laws])
     swings = np.maximum(evidence.motion_rms / presliding, np.finfo(float).tiny)
     return np.asarray(level * np.clip(_PRESLIDING_SHARE / swings**2, _LEAST_FRICTION_SHARE, 1.0))
-
-
-def _balances(robot: Robot, evidence: Evidence, unsure_nm: FloatArray | None) -> FloatArray:
-    """Covariance (n_motor, n_conf, n_conf) of mean torques by what is open of counterbalances [N^2 m^2]."""
-    n_conf, joints = len(evidence.configurations), evidence.joints(robot)
-    found = np.zeros((len(joints), n_conf, n_conf))
-    for index, deviations in enumerate(() if unsure_nm is None else unsure_nm):
-        columns = wave_columns(robot, index, evidence.configurations)[:, :, joints]
-        found += np.einsum("w,wcm,wdm->mcd", deviations**2, columns, columns)
-    return found
 
 
 def _explained(

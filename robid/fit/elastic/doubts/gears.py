@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 _PERCENT = 100.0
 _MEAN_SIZE = np.sqrt(2 / np.pi)  # of a normal variable, over its deviation
-_NO_LOAD_RAD = 1e-9
+NO_LOAD_RAD = 1e-9
+"""Difference of deflections below which loads are alike [rad]."""
 _SLIPS = {"early": 0.5, "late": 2.0, "never": 1e3}  # over the swing: early ones mostly lose, late ones stiffen
 
 
@@ -89,7 +90,7 @@ class LoadStiffness:
         load = np.abs(scene.problem.model.rest.deflection[:, self.spring])
         spread = load - load.mean()
         most = np.abs(spread).max()
-        share = spread / most if most > _NO_LOAD_RAD else np.zeros_like(spread)
+        share = spread / most if most > NO_LOAD_RAD else np.zeros_like(spread)
         return np.asarray(share[:, None, None, None] * scene.stiffness_slopes[..., self.spring] / _PERCENT)
 
 

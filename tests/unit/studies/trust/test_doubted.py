@@ -1,18 +1,21 @@
 """Robots that are off by what they are doubted for: exact responses against the doubts' own derivatives."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
+from robid.families.files import load_experiment
 from robid.fit.elastic.doubts.gears import Hysteresis
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.fitting import set_up
 from robid.fit.elastic.options import ElasticOptions
-from robid.studies.trust.doubted import Doubted, as_file, doubted_responses, draw_doubted
+from robid.studies.trust.doubted import Doubted, as_file, doubted_responses, draw_doubted, load_shares
 
+CONFIGS = Path(__file__).parents[4] / "configs"
 OPTIONS = ElasticOptions(free=("stiffness", "damping"))
 PLACES = np.array([[0.3, -0.8], [0.9, 0.4], [-0.5, 1.2]])
 FREQUENCY_HZ = np.geomspace(2, 60, 12)
@@ -74,3 +77,12 @@ def test_every_place_has_its_own_torque_constants():
     ratio = responses(Doubted(doubts, amounts)) / responses(plain)
     np.testing.assert_allclose(ratio[..., 0], 1.0)
     np.testing.assert_allclose(ratio[:, 0, 0, 1], 1 / np.array([1.0, 1.05, 0.8]))
+
+
+def test_an_upright_axis_bears_the_same_load_everywhere():
+    robot = load_experiment(CONFIGS / "kr300.yaml").robot.to_robot()
+    places = np.random.default_rng(1).uniform(-1, 1, (8, 6))
+    most = np.abs(load_shares(robot, places)).max(axis=0)
+    names = [spring.name for spring in robot.springs]
+    assert most[names.index("gear_1")] == 0  # rounding alone: no load
+    assert most[names.index("gear_2")] == 1

@@ -13,7 +13,7 @@ from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.validation.doubt import Doubt
 from robid.validation.elastic.assessment import assess_fit, validation_doubts
-from robid.validation.elastic.balanced import balanced
+from robid.validation.elastic.carried import fitted_carrier
 from robid.validation.elastic.grading import grade_validation
 
 FREQUENCY_HZ = np.geomspace(1, 60, 40)
@@ -140,15 +140,72 @@ def test_freeing_the_counterbalance_that_mean_torques_name_ends_their_doubt(stat
     freed = fit_elastic(robot, frf, options, DELAY_S)
     grade = assess_fit(robot, freed, frf, options, DELAY_S)
     assert (grade.value, grade.doubts) == (1, ())
-    carrying, unsure_nm = balanced(robot, freed.estimate)
-    assert carrying.joints[0].counterbalance.torque_nm(0.7) == pytest.approx(
+    fitted = fitted_carrier(robot, freed.estimate)
+    assert fitted.found.robot.joints[0].counterbalance.torque_nm(0.7) == pytest.approx(
         60 * np.sin(0.7) - 150 * np.cos(0.7), abs=9
     )
-    widths = [
-        freed.estimate.upper[row] - freed.estimate.value[row]
-        for row in np.flatnonzero(np.array(freed.estimate.kinds) == "doubt")
-    ]
-    np.testing.assert_allclose(unsure_nm, [np.array(widths) / 1.959964, [0, 0]], rtol=0.2)
-    assert balanced(robot, plain.estimate) == (robot, None)
+    assert fitted_carrier(robot, plain.estimate) is None
     assert validation_doubts((), robot, freed.estimate, frf, "monday", DELAY_S) == ()
     assert validation_doubts((), robot, plain.estimate, frf, "monday", DELAY_S) != ()
+
+
+def rubbing(robot):
+    law = Friction(0.0, 0.03, 0.03, 1.0, 0.02)
+    joints = tuple(replace(joint, motor=replace(joint.motor, friction=law)) for joint in robot.joints)
+    return replace(robot, joints=joints)
+
+
+def recorded(true, scale=1.0):
+    """Responses and mean torques of an arm, the torques recorded too large by a factor."""
+    found = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=5)
+    torque = solve_statics(build_model(true, balanced=True), PLACES).motor_torque
+    angle = PLACES @ true.motor_per_arm.T
+    return replace(
+        found,
+        response=found.response / scale,
+        mean_input=torque * scale,
+        mean_output=angle,
+        motion_rms=np.full_like(angle, 0.3),
+    )
+
+
+WRONG = {
+    "payload": (lambda robot: replace(robot, payload=replace(robot.payload, mass_kg=robot.payload.mass_kg + 2)), 1.0),
+    "torque_constant": (lambda robot: robot, np.array([1.2, 1.0])),
+}
+
+
+@pytest.mark.parametrize("cause", WRONG)
+def test_what_a_fit_freed_is_what_mean_torques_are_held_against(stated, cause):
+    change, scale = WRONG[cause]
+    robot = rubbing(stated)
+    frf = recorded(change(robot), scale)
+    options = replace(OPTIONS, free=(cause,))
+    freed = fit_elastic(robot, frf, options, DELAY_S)
+    plain = fit_elastic(robot, frf, OPTIONS, DELAY_S)
+    told = [validation_doubts((), robot, each.estimate, frf, "monday", DELAY_S) for each in (plain, freed)]
+    assert [doubt.cause for doubt in told[0]] == [cause]
+    assert told[1] == ()
+    # A freed payload vouches for itself alone: what the fit cannot have found is still seen.
+    heavier = recorded(WRONG["payload"][0](WRONG["payload"][0](change(robot))), scale)
+    assert [doubt.cause for doubt in validation_doubts((), robot, freed.estimate, heavier, "monday", DELAY_S)] == [
+        "payload"
+    ]
+
+
+def test_how_far_what_a_fit_freed_may_be_off_is_as_far_as_its_intervals_reach(stated):
+    robot = rubbing(stated)
+    options = replace(OPTIONS, free=("payload", "torque_constant"))
+    estimate = fit_elastic(robot, recorded(robot), options, DELAY_S).estimate
+    fitted = fitted_carrier(robot, estimate)
+    ends = {}
+    for name in ("shoulder.torque_constant", "elbow.torque_constant"):
+        row = estimate.names.index(name)
+        ends[name] = max(abs(estimate.upper[row] - estimate.value[row]), abs(estimate.lower[row] - estimate.value[row]))
+    logs = np.array([np.log(off.torque_factor / fitted.found.torque_factor) for off in fitted.off]) / fitted.share
+    np.testing.assert_allclose(100 * np.sqrt((logs**2).sum(axis=0)), np.array([*ends.values()]) / 1.959964, rtol=1e-6)
+    kilograms = [off.robot.payload.mass_kg - fitted.found.robot.payload.mass_kg for off in fitted.off]
+    row = next(row for row, name in enumerate(estimate.names) if name.startswith("payload") and "mass" in name)
+    assert np.linalg.norm(kilograms) / fitted.share == pytest.approx(
+        max(estimate.upper[row] - estimate.value[row], estimate.value[row] - estimate.lower[row]) / 1.959964, rel=1e-6
+    )

@@ -9,6 +9,7 @@ from exact_systems import exact_frf, two_joint_robot
 from robid.robot.description import Friction, HarmonicBalance
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
+from robid.validation.plausible.carrier import Carrier, Fitted
 from robid.validation.plausible.doubts import data_doubts
 
 PLACES = np.array([[0.3, -0.7], [-0.5, 0.9], [1.1, 0.2], [-1.2, -1.5], [0.8, -1.4], [-0.1, 1.8]])
@@ -48,8 +49,18 @@ def held(robot, places=PLACES, scale=1.0):
     return replace(frf, mean_input=torque, mean_output=angle, motion_rms=np.full_like(angle, 0.3))
 
 
-def named(frf, robot=None, unsure_nm=None):
-    return [doubt.cause for doubt in data_doubts(robot or arm(), frf, 0.0, unsure_nm)]
+def named(frf, fitted=None):
+    return [doubt.cause for doubt in data_doubts(arm(), frf, 0.0, fitted)]
+
+
+def found(waves, deviation_nm):
+    """A shoulder's counterbalance as a fit found it."""
+
+    def carrier(*waves):
+        return Carrier(with_balance(arm(), 0, waves), np.ones(2))
+
+    off = [carrier(*(np.array(waves) + deviation_nm * each)) for each in np.eye(2)]
+    return Fitted(carrier(*waves), tuple(off), 1.0)
 
 
 @pytest.mark.parametrize(("index", "joint"), [(0, "shoulder"), (1, "elbow")])
@@ -98,11 +109,19 @@ def test_three_angles_of_a_joint_show_no_counterbalance():
 
 def test_a_counterbalance_that_a_fit_found_carries_its_part_as_far_as_it_is_known():
     frf = held(with_balance(arm(), 0, (60.0, -150.0)))
-    unsure_nm = np.array([[5.0, 5.0], [0.0, 0.0]])
-    assert named(frf, with_balance(arm(), 0, (60.0, -150.0)), unsure_nm) == []
-    far = with_balance(arm(), 0, (30.0, -90.0))
-    assert named(frf, far, unsure_nm) != []
-    assert named(frf, far, 10 * unsure_nm) == []
+    assert named(frf, found((60.0, -150.0), 5.0)) == []
+    far = (30.0, -90.0)
+    assert named(frf, found(far, 5.0)) != []
+    assert named(frf, found(far, 50.0)) == []
     # What another motor carries is held against it all the same.
     heavy = held(heavier_payload(with_balance(arm(), 0, (60.0, -150.0)), 2.0))
-    assert named(heavy, far, 10 * unsure_nm) == ["payload"]
+    assert named(heavy, found(far, 50.0)) == ["payload"]
+
+
+def test_a_torque_constant_that_a_fit_found_scales_what_was_recorded():
+    frf = held(arm(), scale=np.array([1.2, 1.0]))
+    nothing = Fitted(Carrier(arm(), np.ones(2)), (), 1.0)
+    assert named(frf) == named(frf, nothing) == ["torque_constant"]
+    assert named(frf, Fitted(Carrier(arm(), np.array([1.2, 1.0])), (), 1.0)) == []
+    off = Carrier(arm(), np.array([1.05, 1.0]))
+    assert named(frf, Fitted(Carrier(arm(), np.ones(2)), (off,), 1.0)) == []  # 20 % are four deviations

@@ -1,0 +1,144 @@
+"""Populations, outliers and drifts: closed forms, known truths, statsmodels."""
+
+import numpy as np
+import pytest
+import statsmodels.api as sm
+from statsmodels.stats.multitest import multipletests
+
+from robid.validation.fleet.drift import find_drifts
+from robid.validation.fleet.outliers import Figure, find_outliers, holm, populations
+from robid.validation.fleet.population import population
+
+CUT = 0.973337  # variance of a standard normal distribution within three deviations
+
+
+@pytest.fixture
+def generator():
+    return np.random.default_rng(3)
+
+
+def names(count):
+    return [f"r{number}" for number in range(count)]
+
+
+def accused(value, std, robots=None):
+    figures = [Figure("k", value, std)]
+    return [each.row for each in find_outliers(figures, populations(figures, robots or names(len(value))))]
+
+
+def test_the_spread_is_the_variance_less_that_of_the_errors(generator):
+    value = generator.uniform(-1, 1, 200)
+    found = population(value, np.full(200, 0.2))
+    assert found.centre == pytest.approx(value.mean())
+    assert found.spread == pytest.approx(np.sqrt(value.var(ddof=1) / CUT - 0.04), rel=1e-5)
+    assert found.centre_std == pytest.approx(np.sqrt((found.spread**2 + 0.04) / 200))
+    assert found.kept.all()
+
+
+def test_values_of_one_robot_are_alike_where_errors_explain_them(generator):
+    assert population(0.1 * generator.standard_normal(30), np.ones(30)).spread == 0
+    same = population(np.full(5, 2.0), np.zeros(5))
+    assert (same.centre, same.spread) == (2.0, 0.0)
+
+
+def test_a_third_of_strangers_moves_neither_centre_nor_spread(generator):
+    own, std = 5 + 0.1 * generator.standard_normal(200), np.full(300, 0.02)
+    found = population(np.concatenate([own, generator.uniform(7, 12, 100)]), std)
+    assert found.centre == pytest.approx(5, abs=0.03)
+    assert found.spread == pytest.approx(0.1, rel=0.15)
+    assert not found.kept[200:].any()
+
+
+def test_precise_values_count_more(generator):
+    std = np.where(np.arange(400) < 40, 0.01, 3.0)
+    value = std * generator.standard_normal(400)
+    found = population(value, std)
+    assert abs(found.centre) < 0.02
+    assert found.spread < 0.02
+
+
+def test_a_robot_that_was_measured_often_counts_once(generator):
+    value = np.concatenate([generator.standard_normal(30), np.full(60, 2.0)])
+    robots = [*names(30), *["often"] * 60]
+    figures = [Figure("k", value, np.full(90, 0.01))]
+    (found,) = populations(figures, robots)
+    once = population(value[:31], np.full(31, 0.01))
+    assert found.centre == pytest.approx(once.centre, abs=1e-6)
+    assert found.spread == pytest.approx(once.spread, rel=1e-6)
+
+
+@pytest.mark.parametrize(("count", "fleets"), [(5, 200), (40, 400)])
+def test_hardly_a_sound_fleet_has_a_robot_accused(generator, count, fleets):
+    wrong = 0
+    for _ in range(fleets):
+        std = 0.3 * generator.uniform(0.5, 1.5, count)
+        wrong += bool(accused(generator.standard_normal(count) + std * generator.standard_normal(count), std))
+    assert wrong <= 0.025 * fleets
+
+
+def test_the_softened_robots_are_found_and_those_alone_that_are_known_well_enough(generator):
+    value, std = np.log(generator.uniform(0.95, 1.05, 300)), np.full(300, 0.01)
+    value[[7, 100, 250]] += np.log(0.7)
+    std[100] = 0.5
+    assert sorted(accused(value, std)) == [7, 250]
+
+
+def test_a_row_without_a_figure_is_left_out(generator):
+    value = 0.01 * generator.standard_normal(50)
+    value[3], value[4] = np.nan, 1.0
+    assert accused(value, np.full(50, 0.01)) == [4]
+    nothing = [Figure("k", np.full(4, np.nan), np.ones(4))]
+    assert populations(nothing, names(4)) == (None,)
+    assert find_outliers(nothing, (None,)) == ()
+
+
+def test_two_robots_accuse_nobody():
+    assert accused(np.array([0.0, 100.0]), np.full(2, 0.01)) == []
+
+
+def test_chances_are_adjusted_as_holm_has_it(generator):
+    chance = generator.uniform(0, 0.2, 50) ** 3
+    np.testing.assert_allclose(holm(chance), multipletests(chance, method="holm")[1])
+
+
+def measured(generator, robots, times, scatter, slope=0.0):
+    """Rows of robots at some times; the first robot changes."""
+    time = np.tile(np.arange(times, dtype=float), robots)
+    own = np.repeat(np.arange(robots), times)
+    level = 5 * generator.standard_normal(robots)
+    value = level[own] + scatter * generator.standard_normal(own.size) + slope * time * (own == 0)
+    return value, [f"r{robot}" for robot in own], time
+
+
+def test_the_slope_of_a_drift_is_that_of_weighted_least_squares(generator):
+    value, robots, time = measured(generator, 1, 8, 0.0, slope=0.5)
+    std = generator.uniform(0.1, 0.3, 8)
+    value = value + 0.2 * std * generator.standard_normal(8)
+    (drift,) = find_drifts([Figure("k", value, std)], robots, time)
+    line = sm.WLS(value, sm.add_constant(time), 1 / std**2).fit(cov_type="fixed scale")
+    assert drift.slope == pytest.approx(line.params[1])
+    assert drift.slope_std == pytest.approx(line.bse[1])
+    assert drift.change == pytest.approx(7 * drift.slope)
+    assert drift.count == 8
+
+
+@pytest.mark.parametrize("times", [2, 5])
+def test_the_robot_that_changes_is_found_among_those_that_differ_from_day_to_day(generator, times):
+    value, robots, time = measured(generator, 20, times, 0.1, slope=2.0)
+    drifts = find_drifts([Figure("k", value, np.full(value.size, 0.01))], robots, time)
+    assert [drift.robot for drift in drifts if drift.is_clear] == ["r0"]
+    assert drifts[0].slope == pytest.approx(2.0, abs=0.3)
+
+
+def test_what_differs_from_day_to_day_alone_is_no_drift(generator):
+    clear = 0
+    for _ in range(100):
+        value, robots, time = measured(generator, 15, 4, 0.1)
+        found = find_drifts([Figure("k", value, np.full(value.size, 0.01))], robots, time)
+        clear += any(drift.is_clear for drift in found)
+    assert clear <= 4
+
+
+def test_robots_that_were_measured_once_do_not_drift(generator):
+    value, robots, time = measured(generator, 5, 1, 0.1)
+    assert find_drifts([Figure("k", value, np.full(5, 0.01))], robots, time) == ()
