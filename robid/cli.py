@@ -157,7 +157,16 @@ def reprocess_rows(
     run_dir: RunFolder = None,
     keep: Annotated[bool, typer.Option("--keep", help="Keep records and responses of every row.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Try rows again that have failed.")] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 5 if a row is graded *do not use*.")] = False,
+    pages: Annotated[
+        Literal["all", "none", "flagged"],
+        typer.Option("--pages", help="Rows that get a page of their own; `flagged` are outliers and failures."),
+    ] = "flagged",
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Exit with 5 if a row is graded *do not use* or off the fleet, or a robot drifts."
+        ),
+    ] = False,
     as_json: AsJson = False,
     stream: Annotated[
         bool, typer.Option("--stream", help="With --json: one object a row as it finishes, each on a line.")
@@ -171,7 +180,7 @@ def reprocess_rows(
     from robid.commands.reprocess import reprocess
     from robid.fleet.run import Options
 
-    options = Options(keep, force)
+    options = Options(keep, force, pages)
     return reprocess(
         manifest, experiment, run_dir, options, backend, workers, strict=strict, as_json=as_json, stream=stream
     )

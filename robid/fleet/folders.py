@@ -11,6 +11,9 @@ from pathlib import Path
 from robid.errors import ArtifactError
 from robid.fleet.ledger import LEDGER, read_ledger
 
+PAGE = "report.html"
+"""A row's own page, which goes when the row is made again."""
+
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
@@ -57,11 +60,13 @@ def put_in_place(made: Path, folder: Path) -> None:
 def _carry_over(old: Path, made: Path) -> None:
     """Copies files that no run of the row has made."""
     before = read_ledger(old)
-    own = None if before is None else {LEDGER, *before.outputs}
+    own = None if before is None else {LEDGER, PAGE, *before.outputs}
     for path in sorted(old.rglob("*")):
         name = path.relative_to(old)
         # Without a ledger that can be read, what looks like ours is ours.
-        is_own = str(name) in own if own is not None else path.suffix == ".h5" or path.name in (LEDGER, "truth.json")
+        is_own = (
+            str(name) in own if own is not None else path.suffix == ".h5" or path.name in (LEDGER, PAGE, "truth.json")
+        )
         if path.is_file() and not is_own and not (made / name).exists():
             (made / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(path, made / name)
@@ -75,8 +80,9 @@ def recover(rows: Path) -> None:
             remove(old)
         else:
             old.replace(folder)
-    for work in rows.glob(".*.work"):
-        remove(work)
+    for pattern in (".*.work", ".*.page"):
+        for work in rows.glob(pattern):
+            remove(work)
 
 
 def remove(folder: Path) -> None:

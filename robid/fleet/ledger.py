@@ -1,6 +1,7 @@
 """The ledger of a row, `row.json`: what it was made from, what became of it, and whether that still holds.
 
 Schema history:
+    2: `misfits`.
     1: the first.
 """
 
@@ -8,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,7 +20,7 @@ from robid.pipeline import CHAIN
 from robid.stages.freshness import file_sha256
 
 LEDGER = "row.json"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 FORMATS = {"row": str(SCHEMA_VERSION)} | {stage.kind.name: stage.kind.version for stage in CHAIN if stage.kind}
 """Versions of what a row is made of; one that differs makes it stale."""
 
@@ -103,6 +104,7 @@ class Ledger:
         warnings: What its stages warned of.
         grades: Grade of each fit: 2 to trust, 1, or 0 not to be used; and its sentence.
         results: Its parameters, see `robid.fleet.results`.
+        misfits: How badly the model of each fit describes data, by fit and name, see `Family.misfits`.
         kept: Whether records and responses were to stay.
         seconds: Time that it took [s].
         finished_utc: When it was finished.
@@ -120,11 +122,17 @@ class Ledger:
     warnings: tuple[str, ...]
     grades: dict[str, tuple[int, str]]
     results: tuple[dict[str, Any], ...]
+    misfits: dict[str, dict[str, float]]
     kept: bool
     seconds: float
     finished_utc: str
     formats: dict[str, str] = field(default_factory=lambda: dict(FORMATS))
     robid_version: str = robid.__version__
+
+    @property
+    def outline(self) -> Ledger:
+        """What a batch keeps of it in memory: neither parameters nor files."""
+        return replace(self, settings={}, inputs={}, outputs={}, warnings=(), results=())
 
 
 def write_ledger(folder: Path, ledger: Ledger) -> None:

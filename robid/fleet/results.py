@@ -1,4 +1,4 @@
-"""What a row found: one entry for each parameter of each fit, as plain values."""
+"""What a row found: one entry for each parameter of each fit, and how badly each fits, as plain values."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 
 from robid.artifacts.model import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact, read_header
+from robid.artifacts.validation import VALIDATION
+from robid.families.family import family_of
 from robid.fit.estimate import Estimate
 from robid.robot.parameters import owner_of
 from robid.settings.load import LoadedExperiment
@@ -33,6 +35,17 @@ def results_of(loaded: LoadedExperiment, folder: Path) -> list[dict[str, Any]]:
         for entry in [*_own(estimate), *_tied(estimate)]:
             owner = owner_of(entry["parameter"], entry["kind"])
             found.append({"fit": fit, **entry, "joint": joints.get(owner, ""), "model_sha256": digest})
+    return found
+
+
+def misfits_of(loaded: LoadedExperiment, folder: Path) -> dict[str, dict[str, float]]:
+    """Reads how badly the model of each fit of a row describes data; see `Family.misfits`."""
+    found = {}
+    for fit in loaded.experiment.fits:
+        path = folder / "fits" / fit / "validation.h5"
+        validation = read_artifact(path, VALIDATION) if path.exists() else None
+        told = family_of(loaded, fit).misfits(read_artifact(path.with_name("model.h5"), MODEL), validation)
+        found[fit] = {name: float(value) for name, value in told.items() if np.isfinite(value) and value > 0}
     return found
 
 

@@ -18,7 +18,7 @@ from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.families.files import load_row
 from robid.fleet.folders import keep_files, put_in_place, remove, writing
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
-from robid.fleet.results import results_of
+from robid.fleet.results import misfits_of, results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
 from robid.pipeline import Node, Run, run_all
 from robid.settings.base import DATA_VARIABLE, data_path
@@ -62,7 +62,7 @@ class RowTask:
 
 
 @dataclass
-class _Told:
+class Told:
     """Keeps what the stages of a row warn of."""
 
     warnings: list[str] = field(default_factory=list)
@@ -74,10 +74,12 @@ class _Told:
         """Leaves it to the progress over the rows."""
 
     def warn(self, text: str) -> None:
+        """Keeps a warning."""
         self.warnings.append(text)
 
     @contextmanager
-    def of(self, _: Node) -> Iterator[_Told]:
+    def of(self, _: Node) -> Iterator[Told]:
+        """Returns itself for every stage."""
         yield self
 
 
@@ -88,6 +90,7 @@ class _Found:
     problem: str = ""
     grades: dict[str, tuple[int, str]] = field(default_factory=dict)
     results: tuple[dict[str, Any], ...] = ()
+    misfits: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 def run_row(task: RowTask) -> Ledger:
@@ -98,10 +101,10 @@ def run_row(task: RowTask) -> Ledger:
     """
     begun = time.monotonic()
     _begin(task)
-    told = _Told()
+    told = Told()
     loaded, inputs, found, error = None, {}, _Found(), None
     try:
-        loaded = _load(task)
+        loaded = load_task(task)
         inputs = _inputs(loaded)
         found = _run_chain(loaded, task.work, told)
         error = RowError("fit", "", found.problem, "look at its model.h5") if found.problem else None
@@ -131,10 +134,10 @@ def fail_row(task: RowTask) -> Ledger:
     """Puts a row in place that has killed its worker, alone there, as one that has failed."""
     begun = time.monotonic()
     _begin(task)
-    loaded = _load(task)
+    loaded = load_task(task)
     message = "its worker process ended, most often because memory ran out"
     error = RowError("memory", "", message, f"look at its log, or give it more memory; {_TRY_AGAIN}")
-    return _finish(task, loaded, _inputs(loaded), _Found(), _Told(), error, begun)
+    return _finish(task, loaded, _inputs(loaded), _Found(), Told(), error, begun)
 
 
 def _begin(task: RowTask) -> None:
@@ -144,7 +147,12 @@ def _begin(task: RowTask) -> None:
         task.work.mkdir(parents=True)
 
 
-def _load(task: RowTask) -> LoadedExperiment:
+def load_task(task: RowTask) -> LoadedExperiment:
+    """Returns the experiment of a row.
+
+    Raises:
+        SettingsError: If it has a problem.
+    """
     loaded, problems = load_row(_template(task.template, task.text), task.row)
     raise_problems(problems)
     if loaded is None:
@@ -163,12 +171,14 @@ def _inputs(loaded: LoadedExperiment) -> dict[str, FileKey]:
     return {name: file_key(path) for name, path in {**robot, **logs_of(chain_of(loaded))}.items()}
 
 
-def _run_chain(loaded: LoadedExperiment, folder: Path, told: _Told) -> _Found:
+def _run_chain(loaded: LoadedExperiment, folder: Path, told: Told) -> _Found:
     outputs = [node.output for node in chain_of(loaded)]
     results = run_all(Run(loaded, folder, "serial", 1), told.of, lambda _: None, outputs)
     problem = next((result.problem for result in results if result.problem), "")
     grades = {result.node.owner: (result.grade.value, result.grade.sentence) for result in results if result.grade}
-    return _Found(problem, grades, () if problem else tuple(results_of(loaded, folder)))
+    if problem:
+        return _Found(problem, grades)
+    return _Found(problem, grades, tuple(results_of(loaded, folder)), misfits_of(loaded, folder))
 
 
 def _finish(
@@ -176,7 +186,7 @@ def _finish(
     loaded: LoadedExperiment | None,
     inputs: dict[str, FileKey],
     found: _Found,
-    told: _Told,
+    told: Told,
     error: RowError | None,
     begun: float,
 ) -> Ledger:
@@ -194,6 +204,7 @@ def _finish(
         warnings=tuple(_shortened(text, task) for text in told.warnings),
         grades=found.grades,
         results=found.results,
+        misfits=found.misfits,
         kept=task.keep,
         seconds=round(time.monotonic() - begun, 3),
         finished_utc=utc_now(),

@@ -13,6 +13,7 @@ from robid.artifacts.provenance import canonical_hash
 from robid.errors import SettingsError
 from robid.families.files import load_row
 from robid.fleet.manifest import ID, Manifest, read_manifest, wrong_rows
+from robid.fleet.robots import COLUMNS, Robots, robots_of, wrong_times
 from robid.pipeline import Node, asked_for
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.experiment import Experiment
@@ -50,6 +51,7 @@ class Fleet:
         text: Its text.
         manifest: The manifest.
         rows: Its rows.
+        robots: Whose measurements the rows are.
         experiment: The experiment of the first row; name, backend and workers are those of all.
         warnings: What is odd, but no problem.
     """
@@ -58,6 +60,7 @@ class Fleet:
     text: str
     manifest: Manifest
     rows: tuple[PlannedRow, ...]
+    robots: Robots
     experiment: Experiment
     warnings: tuple[str, ...]
 
@@ -73,14 +76,15 @@ def load_fleet(manifest_path: Path, template_path: Path) -> Fleet:
     asked = placeholders(template)
     used = {column for columns in asked.values() for column in columns}
     problems = [str(problem) for problem in check_placeholders(template, manifest.columns)]
-    problems += wrong_rows(manifest, used)
+    problems += [*wrong_rows(manifest, used), *wrong_times(manifest)]
     _refuse(problems)
     first, rows = _check_rows(manifest, template, asked)
-    unused = [f"`{column}`" for column in manifest.columns if column not in used and column != ID]
+    unused = [f"`{column}`" for column in manifest.columns if column not in {ID, *COLUMNS, *used}]
     warnings = [f"{manifest_path}: no placeholder asks for {', '.join(unused)}"] if unused else []
     if not used:
         warnings.append(f"{template_path}: it has no placeholder, so that all rows are the same")
-    return Fleet(template, text, manifest, rows, first.experiment, tuple(warnings))
+    robots = robots_of(manifest, asked.get(("robot",), ()))
+    return Fleet(template, text, manifest, rows, robots, first.experiment, tuple(warnings))
 
 
 def chain_of(loaded: LoadedExperiment) -> tuple[Node, ...]:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from robid.errors import RobidError
+from robid.fleet.collected import collect
+from robid.fleet.comparison import Comparison, compare
 from robid.fleet.folders import recover, writing
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger, why_stale
-from robid.fleet.report import check_report, write_report
+from robid.fleet.page.found import Found, Pages, flagged
+from robid.fleet.page.report import check_report, write_report
+from robid.fleet.pages import make_pages
 from robid.fleet.row import RowTask, fail_row, run_row
 from robid.fleet.rows import Fleet, PlannedRow
+from robid.fleet.summary import check_summary, write_summary
 from robid.fleet.table import check_table, write_table
 from robid.stages.stage import check_room
 
@@ -21,7 +26,7 @@ if TYPE_CHECKING:
     from robid.backends.map import Map
     from robid.backends.progress import Progress
 
-ROWS, TABLE, REPORT = "rows", "results.parquet", "report.html"
+ROWS, TABLE, SUMMARY, REPORT = "rows", "results.parquet", "fleet.json", "report.html"
 _SMALL_BYTES = 1e6
 Outcome = Literal["made", "fresh"]
 
@@ -40,10 +45,12 @@ class Options:
     Attributes:
         keep: Whether records and responses stay.
         force: Whether rows that have failed are tried again.
+        pages: Which rows get a page of their own: `flagged` are outliers and failures.
     """
 
     keep: bool = False
     force: bool = False
+    pages: Pages = "flagged"
 
 
 @dataclass(frozen=True)
@@ -51,18 +58,22 @@ class Batch:
     """What became of a batch.
 
     Attributes:
-        ledgers: Of all rows, in the order of the manifest.
+        ledgers: Of all rows, in the order of the manifest, in outline.
+        comparison: The rows against each other.
         made: How many of them ran.
         removed: Rows that have a folder, but are not in the manifest any more.
         table: The table.
+        summary: The same for programs.
         report: The page.
-        outcome: Whether table or page was written.
+        outcome: Whether any of these was written.
     """
 
     ledgers: tuple[Ledger, ...]
+    comparison: Comparison
     made: int
     removed: tuple[str, ...]
     table: Path
+    summary: Path
     report: Path
     outcome: Outcome
 
@@ -100,38 +111,62 @@ def run_fleet(
     """
     rows = folder / ROWS
     check_table(folder / TABLE)
+    check_summary(folder / SUMMARY)
     check_report(folder / REPORT)
     check_room(rows / "row", _SMALL_BYTES)
     with writing(rows):
         recover(rows)
-    found = {planned.row.id: read_ledger(rows / planned.row.id) for planned in fleet.rows}
-    todo = [planned for planned in fleet.rows if _is_due(planned, found[planned.row.id], rows, options)]
-    due = {planned.row.id for planned in todo}
-    ledgers = {name: ledger for name, ledger in found.items() if ledger is not None and name not in due}
-    for planned in fleet.rows:
-        if planned.row.id not in due:
-            tell(ledgers[planned.row.id], "fresh")
+    todo, ledgers = _look(fleet, rows, options)
+    for ledger in ledgers.values():
+        tell(ledger, "fresh")
     progress.expect(len(fleet.rows), "rows", len(fleet.rows) - len(todo))
 
     def note(ledger: Ledger) -> None:
-        ledgers[ledger.id] = ledger
+        ledgers[ledger.id] = ledger.outline
         progress.advance()
         tell(ledger, "made")
 
-    tasks = [RowTask(planned.row, fleet.template.path, fleet.text, rows, options.keep) for planned in todo]
+    def whole() -> Iterator[Ledger | None]:
+        for planned in fleet.rows:
+            yield read_ledger(rows / planned.row.id) if planned.row.id in ledgers else None
+
     try:
-        _run(tasks, open_map, note)
+        _run([_task(fleet, planned, rows, options) for planned in todo], open_map, note)
     except BaseException:
         with suppress(Exception):
-            write_table(folder / TABLE, fleet, ledgers)
+            write_table(folder / TABLE, fleet, whole)
         raise
     in_order = tuple(ledgers[planned.row.id] for planned in fleet.rows)
-    written = (
-        write_table(folder / TABLE, fleet, ledgers),
-        write_report(folder / REPORT, fleet.experiment.name, in_order),
-    )
+    collected = collect(whole())
+    comparison = compare(collected, fleet.robots)
+    found = Found(fleet.experiment.name, in_order, comparison, collected, rows)
+    written = [
+        write_table(folder / TABLE, fleet, whole, comparison),
+        write_summary(folder / SUMMARY, fleet.experiment.name, in_order, comparison),
+    ]
+    paged = flagged(found) if options.pages == "flagged" else range(len(in_order)) if options.pages == "all" else ()
+    make_pages([_task(fleet, fleet.rows[row], rows, options) for row in paged], open_map, progress)
+    written.append(write_report(folder / REPORT, found))
     outcome: Outcome = "made" if "made" in written else "fresh"
-    return Batch(in_order, len(todo), _removed(rows, fleet), folder / TABLE, folder / REPORT, outcome)
+    removed = _removed(rows, fleet)
+    paths = folder / TABLE, folder / SUMMARY, folder / REPORT
+    return Batch(in_order, comparison, len(todo), removed, *paths, outcome)
+
+
+def _look(fleet: Fleet, rows: Path, options: Options) -> tuple[list[PlannedRow], dict[str, Ledger]]:
+    """Tells the rows that are to be made from those that are fresh, with the outlines of the latter's ledgers."""
+    todo, fresh = [], {}
+    for planned in fleet.rows:
+        ledger = read_ledger(rows / planned.row.id)
+        if ledger is None or _is_due(planned, ledger, rows, options):
+            todo.append(planned)
+        else:
+            fresh[planned.row.id] = ledger.outline
+    return todo, fresh
+
+
+def _task(fleet: Fleet, planned: PlannedRow, rows: Path, options: Options) -> RowTask:
+    return RowTask(planned.row, fleet.template.path, fleet.text, rows, options.keep)
 
 
 def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], None]) -> None:

@@ -1,6 +1,7 @@
 """The table of results: a Parquet file with a row for each robot and parameter.
 
 Schema history:
+    1.1: `away`, `outlier`, `outlier_row`.
     1.0: the first.
 """
 
@@ -8,7 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -22,11 +24,12 @@ from robid.settings.placeholders import read_as_yaml
 from robid.validation.grade import WORDS
 
 if TYPE_CHECKING:
+    from robid.fleet.comparison import Comparison
     from robid.fleet.ledger import Ledger
     from robid.fleet.rows import Fleet
     from robid.settings.placeholders import Value
 
-TABLE_VERSION = "1.0"
+TABLE_VERSION = "1.1"
 ROW_COLUMNS = {
     "id": "string",
     "status": "string",
@@ -55,17 +58,22 @@ PARAMETER_COLUMNS = {
     "confidence": "double",
     "identifiable": "bool",
     "identified": "bool",
+    "away": "double",
+    "outlier": "bool",
     "grade": "int8",
     "grade_word": "string",
     "verdict": "string",
     "model_sha256": "string",
 }
-LAST_COLUMNS = {"settings_sha256": "string", "seconds": "double"}
+LAST_COLUMNS = {"outlier_row": "bool", "settings_sha256": "string", "seconds": "double"}
 """Names and types of the columns; those of the manifest, `row.<name>`, follow those of the row."""
 
 _KEY = b"robid"
 _MANIFEST = "row."
 _ENTRIES = 10_000
+
+Ledgers = Callable[[], Iterable["Ledger | None"]]
+"""Reads the ledgers of all rows, in the order of the manifest; None for a row that has not been made."""
 
 
 def require_table() -> None:
@@ -90,13 +98,16 @@ def check_table(path: Path) -> None:
         )
 
 
-def write_table(path: Path, fleet: Fleet, ledgers: Mapping[str, Ledger]) -> Literal["made", "fresh"]:
+def write_table(
+    path: Path, fleet: Fleet, ledgers: Ledgers, comparison: Comparison | None = None
+) -> Literal["made", "fresh"]:
     """Writes the table unless the one that is there says the same.
 
     Args:
         path: Where to.
         fleet: The rows, in their order.
-        ledgers: What became of each, by its id; a row without one is `pending`.
+        ledgers: What became of each, read anew whenever it is called; a row without one is `pending`.
+        comparison: The rows against each other, where all of them are there.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -110,7 +121,7 @@ def write_table(path: Path, fleet: Fleet, ledgers: Mapping[str, Ledger]) -> Lite
         | LAST_COLUMNS
     )
     cells = {shown: _cells(column) for shown, column in values.items()}
-    content = _content_sha256(types, _entries(fleet, ledgers, cells))
+    content = _content_sha256(types, _entries(fleet, ledgers(), cells, comparison))
     if path.exists() and _about(path).get("content_sha256") == content:
         return "fresh"
     about = {
@@ -123,7 +134,7 @@ def write_table(path: Path, fleet: Fleet, ledgers: Mapping[str, Ledger]) -> Lite
     schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in types.items()])
     schema = schema.with_metadata({_KEY: json.dumps(about).encode()})
     with replacing(path) as partial, pq.ParquetWriter(partial, schema) as writer:
-        entries = _entries(fleet, ledgers, cells)
+        entries = _entries(fleet, ledgers(), cells, comparison)
         while some := list(islice(entries, _ENTRIES)):
             writer.write_table(pa.Table.from_pylist(some, schema=schema))
     return "made"
@@ -149,11 +160,13 @@ def _about(path: Path) -> dict[str, Any]:
 
 
 def _entries(
-    fleet: Fleet, ledgers: Mapping[str, Ledger], values: Mapping[str, Sequence[Value]]
+    fleet: Fleet,
+    ledgers: Iterable[Ledger | None],
+    values: Mapping[str, Sequence[Value]],
+    comparison: Comparison | None,
 ) -> Iterator[dict[str, Any]]:
-    for index, planned in enumerate(fleet.rows):
-        row, ledger = planned.row, ledgers.get(planned.row.id)
-        common: dict[str, Any] = {"id": row.id, "status": "pending" if ledger is None else ledger.status}
+    for index, (planned, ledger) in enumerate(zip(fleet.rows, ledgers, strict=True)):
+        common: dict[str, Any] = {"id": planned.row.id, "status": "pending" if ledger is None else ledger.status}
         common |= {name: column[index] for name, column in values.items()}
         if ledger is None:
             yield common
@@ -162,8 +175,18 @@ def _entries(
         if ledger.error is not None:
             error = ledger.error
             yield {**common, "error_kind": error.kind, "error": str(error), "remedy": error.remedy}
+        elif comparison is not None:
+            common["outlier_row"] = index in comparison.off
         for entry in ledger.results:
-            yield {**common, **entry, **_graded(ledger, entry["fit"])}
+            off = {} if comparison is None else _off(comparison, index, entry)
+            yield {**common, **entry, **off, **_graded(ledger, entry["fit"])}
+
+
+def _off(comparison: Comparison, row: int, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """How far a parameter is off its population; nothing where that is not told."""
+    key = entry["fit"], entry["parameter"]
+    away = float(comparison.away[key][row]) if key in comparison.away else math.nan
+    return {} if math.isnan(away) else {"away": away, "outlier": (row, *key) in comparison.accused}
 
 
 def _graded(ledger: Ledger, fit: str) -> dict[str, Any]:

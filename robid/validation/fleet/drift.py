@@ -44,9 +44,7 @@ class Drift:
     chance: float
 
 
-def find_drifts(
-    traits: Sequence[Trait], robots: IntArray, time: FloatArray, level: float = LEVEL
-) -> tuple[Drift, ...]:
+def find_drifts(traits: Sequence[Trait], robots: IntArray, time: FloatArray, level: float = LEVEL) -> tuple[Drift, ...]:
     """Finds robots that were measured several times and change, the least likely to be chance first.
 
     A line is laid through each robot's values. They scatter by their own errors and by what measurements of one robot
@@ -106,7 +104,7 @@ class Measured:
 
     def sums(self, numbers: FloatArray) -> FloatArray:
         """Returns the sum over each robot's measurements (n_robot,)."""
-        return np.bincount(self.robot, numbers, len(self.count))
+        return np.bincount(self.robot, numbers, len(self.count)).astype(float)
 
     def line(self, spread: float) -> tuple[FloatArray, FloatArray]:
         """Returns each robot's slope (n_robot,) and its standard deviation."""

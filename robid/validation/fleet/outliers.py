@@ -50,8 +50,8 @@ class Outlier:
     chance: float
 
 
-def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population, ...]:
-    """Finds each trait's population.
+def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population | None, ...]:
+    """Finds each trait's population; None where fewer than eight robots have it.
 
     Args:
         traits: The traits.
@@ -60,15 +60,8 @@ def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population, 
     return tuple(_population(trait, robots[trait.rows]) for trait in traits)
 
 
-def away_of(trait: Trait, about: Population) -> FloatArray | None:
-    """Returns by how many deviations each value (n,) is off; None where too few robots tell."""
-    if about.robots < FEWEST_ROBOTS or about.degrees_of_freedom <= 0:
-        return None
-    return about.away(trait.value, trait.std)
-
-
 def find_outliers(
-    traits: Sequence[Trait], found: Sequence[Population], level: float = LEVEL
+    traits: Sequence[Trait], found: Sequence[Population | None], level: float = LEVEL
 ) -> tuple[Outlier, ...]:
     """Finds rows that are off their population, the least likely first.
 
@@ -80,21 +73,17 @@ def find_outliers(
     Source:
         Holm (1979), Scand. J. Statist. 6.
     """
-    away = [away_of(*each) for each in zip(traits, found, strict=True)]
-    tested = [index for index, each in enumerate(away) if each is not None]
+    tested = [(index, trait, about) for index, (trait, about) in enumerate(zip(traits, found, strict=True)) if about]
     if not tested:
         return ()
-    chances = [
-        found[index].chance(traits[index].value, traits[index].std, only_large=traits[index].only_large)
-        for index in tested
-    ]
+    chances = [about.chance(trait.value, trait.std, only_large=trait.only_large) for _, trait, about in tested]
     chance = holm(np.concatenate(chances))
-    rows = np.concatenate([traits[index].rows for index in tested])
-    far = np.concatenate([np.asarray(away[index]) for index in tested])
-    of = np.repeat(tested, [len(each) for each in chances])
+    rows = np.concatenate([trait.rows for _, trait, _ in tested])
+    away = np.concatenate([about.away(trait.value, trait.std) for _, trait, about in tested])
+    of = np.repeat([index for index, _, _ in tested], [len(each) for each in chances])
     kept = np.flatnonzero(chance <= level)
-    kept = kept[np.lexsort((-np.abs(far[kept]), chance[kept]))]
-    return tuple(Outlier(int(rows[k]), int(of[k]), float(far[k]), float(chance[k])) for k in kept)
+    kept = kept[np.lexsort((-np.abs(away[kept]), chance[kept]))]
+    return tuple(Outlier(int(rows[k]), int(of[k]), float(away[k]), float(chance[k])) for k in kept)
 
 
 def holm(chance: FloatArray) -> FloatArray:
@@ -106,6 +95,6 @@ def holm(chance: FloatArray) -> FloatArray:
     return adjusted
 
 
-def _population(trait: Trait, robots: IntArray) -> Population:
-    _, own, times = np.unique(robots, return_inverse=True, return_counts=True)
-    return population(trait.value, trait.std, 1 / times[own])
+def _population(trait: Trait, robots: IntArray) -> Population | None:
+    names, own, times = np.unique(robots, return_inverse=True, return_counts=True)
+    return population(trait.value, trait.std, 1 / times[own]) if len(names) >= FEWEST_ROBOTS else None
