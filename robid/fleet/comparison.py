@@ -43,6 +43,10 @@ class Compared:
         """Returns a value in its unit."""
         return math.exp(value) if self.of.is_logarithmic else value
 
+    def change(self, difference: float) -> float:
+        """Returns a difference as what it changes: relative where the values are compared by logarithms."""
+        return math.expm1(difference) if self.of.is_logarithmic else difference
+
     def interval(self, row: int) -> tuple[float, float, float]:
         """Returns a row's value in its unit and the ends of its interval, of 95 %."""
         place = int(np.searchsorted(self.trait.rows, row))

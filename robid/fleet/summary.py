@@ -13,7 +13,7 @@ from typing import Any, Literal
 import robid
 from robid.artifacts.atomic import json_text, read_json, write_json
 from robid.errors import ArtifactError
-from robid.fleet.comparison import Comparison
+from robid.fleet.comparison import Compared, Comparison
 from robid.fleet.ledger import Ledger
 from robid.validation.fleet.drift import Drift
 from robid.validation.fleet.outliers import LEVEL, Outlier
@@ -127,7 +127,7 @@ def _outlier(comparison: Comparison, outlier: Outlier, ledgers: Sequence[Ledger]
 
 
 def _drift(comparison: Comparison, drift: Drift) -> dict[str, Any]:
-    """Slope and change, relative (of the logarithm) where the values are compared by logarithms."""
+    """Slope and change, relative where the values are compared by logarithms."""
     of, robots = comparison.compared[drift.trait], comparison.robots
     return {
         "robot": robots.names[drift.robot],
@@ -137,11 +137,12 @@ def _drift(comparison: Comparison, drift: Drift) -> dict[str, Any]:
         "unit": of.of.unit,
         "relative": of.of.is_logarithmic,
         "measurements": drift.count,
-        "slope": drift.slope,
-        "slope_low": drift.slope - drift.slope_half_width,
-        "slope_high": drift.slope + drift.slope_half_width,
-        "change": drift.change,
-        "change_low": drift.change - drift.change_half_width,
-        "change_high": drift.change + drift.change_half_width,
+        **_with_ends("slope", of, drift.slope, drift.slope_half_width),
+        **_with_ends("change", of, drift.change, drift.change_half_width),
         "chance": drift.chance,
     }
+
+
+def _with_ends(name: str, of: Compared, middle: float, half: float) -> dict[str, float]:
+    ends = {name: middle, f"{name}_low": middle - half, f"{name}_high": middle + half}
+    return {end: of.change(value) for end, value in ends.items()}

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 
-import numpy as np
-
 from robid.fleet.comparison import Compared
 from robid.fleet.page.found import MOST_SHOWN, Found, listed
-from robid.fleet.page.sentences import centre_and_spread, changes, outlier_sentence, short
-from robid.report.numbers import percent, significant
+from robid.fleet.page.sentences import centre_and_spread, changes, known_to, outlier_sentence, short
 from robid.report.section import Cell, ColumnStyle, Row, Section, Table
 from robid.validation.fleet.outliers import FEWEST_ROBOTS, LEVEL
 
 _MANY_ROWS = 300
 _OTHERS = 6
+_MIXED = 0.2
+_LEVEL = f"{100 * LEVEL:g} %"
 
 
 def outlier_sections(found: Found) -> tuple[Section, ...]:
@@ -25,7 +24,7 @@ def outlier_sections(found: Found) -> tuple[Section, ...]:
     untold = untold_sentence(found)
     if len(comparison.untold) == len(comparison.robots.groups):
         return (Section("Outliers", untold),)
-    level = f"a chance of {percent(LEVEL)} for a sound fleet to have any row named here"
+    level = f"a chance of {_LEVEL} for a sound fleet to have any row named here"
     if not comparison.off:
         return (Section("Outliers", f"No row is off the fleet: {level}. {untold}".strip()),)
     rows = tuple(_row(found, row) for row in list(comparison.off)[:MOST_SHOWN])
@@ -36,9 +35,19 @@ def outlier_sections(found: Found) -> tuple[Section, ...]:
     )
     lead = (
         f"Rows whose parameters or misfit are none of their population, the clearest first: {level}. Deviations hold"
-        f" what robots differ by and how well each value is known. {untold}"
+        f" what robots differ by and how well each value is known. {_mixture(found)}{untold}"
     )
     return (Section("Outliers", lead.strip(), (table,)),)
+
+
+def _mixture(found: Found) -> str:
+    """Asks whether there are two populations, where very many rows are off."""
+    [(trait, count)] = Counter(outlier.trait for outlier in found.comparison.outliers).most_common(1)
+    of = found.comparison.compared[trait]
+    if count <= _MIXED * len(of.trait.rows):
+        return ""
+    told = f"Of {of.name}, {count} of {len(of.trait.rows)} rows are off."
+    return f"{told} Are these two types? A column `group` tells them apart. "
 
 
 def untold_sentence(found: Found) -> str:
@@ -57,7 +66,7 @@ def drift_sections(found: Found) -> tuple[Section, ...]:
     if not comparison.robots.repeated:
         return ()
     counted = _counted(comparison.robots.repeated, "robot")
-    level = f"a chance of {percent(LEVEL)} for a fleet that does not change to have any robot named here"
+    level = f"a chance of {_LEVEL} for a fleet that does not change to have any robot named here"
     if not comparison.drifts:
         lead = f"Of {counted} that were measured more than once, none changes clearly: {level}."
         return (Section("Drift", lead),)
@@ -105,9 +114,7 @@ def _row(found: Found, row: int) -> tuple[Cell | str, ...]:
 def _numbers(of: Compared) -> tuple[str, ...]:
     if of.population is None:
         return ()
-    std = float(np.median(of.trait.std))
-    known = "" if of.of.is_misfit else percent(std) if of.of.is_logarithmic else significant(std, 2)
-    return (str(of.population.robots), *centre_and_spread(of), known)
+    return (str(of.population.robots), *centre_and_spread(of), known_to(of))
 
 
 def _with_fit(found: Found, of: Compared) -> str:

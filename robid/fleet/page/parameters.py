@@ -55,9 +55,8 @@ def _table(parameters: dict[str, Collected]) -> Table:
 
 
 def _figure(found: Found, fit: str, name: str, of: Collected) -> Figure:
-    draw = _distribution if len(of.rows) > _MANY_ROWS else _rows
-    x_title, curves = draw(found, fit, name, of)
-    nominal = set(of.nominal)
+    nominal, many = set(of.nominal), len(of.rows) > _MANY_ROWS
+    x_title, curves = (_distribution if many else _rows)(found, fit, name, of)
     unit = f" [{of.unit}]" if _unit(of) else ""
     labels = tuple(found.ledgers[row].id for row in of.rows) if len(of.rows) <= _FEW_ROWS else ()
     return Figure(
@@ -68,6 +67,7 @@ def _figure(found: Found, fit: str, name: str, of: Collected) -> Figure:
         log_x=False,
         log_y=False,
         x_labels=labels,
+        x_range=(-1.0, 101.0) if many else None,
         lines=tuple(Line("y", each, "robot file") for each in nominal if np.isfinite(each))
         if len(nominal) == 1
         else (),

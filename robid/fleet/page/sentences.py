@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from robid.fleet.comparison import Compared, Comparison
 from robid.report.numbers import percent, scale_for
@@ -19,10 +19,9 @@ def outlier_sentence(comparison: Comparison, outlier: Outlier) -> str:
     about, (value, low, high) = of.population, of.interval(outlier.row)
     known = "" if low == high else f" ({_range(of, low, high)})"
     centre = of.natural(about.centre)
-    off = _away(of, value, centre)
     return (
-        f"{of.name} is {_number(of, value)}{known}, {off} the fleet's {_number(of, centre)},"
-        f" within which robots differ by {_spread(of, about.spread)}: {deviations(outlier.away)}"
+        f"{of.name} is {_number(of, value)}{known}, {_away(of, value, centre)} the fleet's {_number(of, centre)};"
+        f" robots differ by {_spread(of, about.spread)}: {deviations(outlier.away)}"
     )
 
 
@@ -55,6 +54,11 @@ def centre_and_spread(of: Compared) -> tuple[str, str]:
     return _number(of, of.natural(of.population.centre)), _spread(of, of.population.spread)
 
 
+def known_to(of: Compared) -> str:
+    """Writes how well the median row knows its value; nothing of a misfit."""
+    return "" if of.of.is_misfit else _spread(of, float(np.median(of.trait.std)))
+
+
 def _away(of: Compared, value: float, centre: float) -> str:
     side = "above" if value > centre else "below"
     if not of.of.is_logarithmic:
@@ -68,12 +72,11 @@ def _factor(ratio: float) -> str:
 
 
 def _change(of: Compared, change: float, half: float) -> str:
-    if of.of.is_logarithmic and abs(change) < 1:
-        return f"{percent(change, signed=True)} (± {percent(half)})"
+    middle, low, high = (of.change(change + part) for part in (0.0, -half, half))
     if of.of.is_logarithmic:
-        return f"{math.exp(change):.3g} times"
-    scale = scale_for(change, _unit(of), half)
-    return f"{scale.text(change)} ± {scale.text(half)} {scale.unit}".strip()
+        return f"{percent(middle, signed=True)} ({percent(low, signed=True)} to {percent(high, signed=True)})"
+    scale = scale_for(middle, _unit(of), half)
+    return f"{scale.text(middle)} {scale.unit} ({scale.text(low)} to {scale.text(high)})"
 
 
 def _spread(of: Compared, spread: float) -> str:
@@ -86,7 +89,7 @@ def _range(of: Compared, low: float, high: float) -> str:
 
 
 def _number(of: Compared, value: float) -> str:
-    scale = scale_for(value, _unit(of), abs(value) / 200)
+    scale = scale_for(value, _unit(of), abs(value) / 20)
     return f"{scale.text(value)} {scale.unit}".strip()
 
 
