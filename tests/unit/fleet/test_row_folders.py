@@ -12,8 +12,8 @@ from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, read_ledger,
 
 LEDGER = Ledger(
     id="r1", settings_hash="s", settings={"name": "x"}, inputs={}, outputs={}, status="done", error=None,
-    warnings=("a warning",), grades={"elastic": (1, "It predicts.")}, results=({"estimate": 1.0},), kept=False, misfits={},
-    seconds=1.0, finished_utc="2024-01-31T00:00:00+00:00",
+    warnings=("a warning",), grades={"elastic": (1, "It predicts.")}, results=({"estimate": 1.0},), misfits={},
+    kept=False, seconds=1.0, finished_utc="2024-01-31T00:00:00+00:00",
 )  # fmt: skip
 
 
