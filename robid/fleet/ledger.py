@@ -132,7 +132,7 @@ class Ledger:
     @property
     def outline(self) -> Ledger:
         """What a batch keeps of it in memory: neither parameters nor files."""
-        return replace(self, settings={}, inputs={}, outputs={}, warnings=(), results=())
+        return replace(self, settings={}, inputs={}, outputs={}, warnings=(), results=(), formats={})
 
 
 def write_ledger(folder: Path, ledger: Ledger) -> None:
