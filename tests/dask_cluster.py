@@ -37,13 +37,9 @@ class Cluster:
 
     def close(self) -> None:
         for process in reversed(self._started):
-            process.terminate()
-        for process in self._started:
-            try:
-                process.wait(timeout=10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            # A worker ends with the nanny above it.
+            process.kill()
+            process.wait()
 
     def _dask(self, what: str, *options: str, **environment: str) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", "dask", what, "--scheduler-file", str(self._file), *options]

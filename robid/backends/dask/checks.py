@@ -86,16 +86,19 @@ def _check_scheduler(client: Client, address: str) -> None:
     try:
         client.run_on_scheduler(versions_here)
     except Exception as error:
-        lacks = isinstance(error, ImportError)
-        what = "The scheduler cannot import robid" if lacks else "The scheduler refuses to run robid"
+        what = "The scheduler cannot import robid" if _lacks_robid(error) else "The scheduler refuses to run robid"
         raise BackendError(f"{what}: {error}.", where=address, remedy=_REMEDIES[VERSIONS]) from error
 
 
 def _complaint(answer: Complaint | Exception) -> Complaint:
     if isinstance(answer, Complaint):
         return answer
-    what = "cannot import robid" if isinstance(answer, ImportError) else "does not answer"
-    return Complaint(VERSIONS, f"{what} ({type(answer).__name__}: {answer})")
+    return Complaint(VERSIONS, f"{'cannot import robid' if _lacks_robid(answer) else 'does not answer'} ({answer})")
+
+
+def _lacks_robid(error: Exception) -> bool:
+    """An error that arises while a message is read arrives as its text."""
+    return isinstance(error, ImportError) or "ModuleNotFoundError" in str(error) or "ImportError" in str(error)
 
 
 def _refuse(complaints: Mapping[str, Complaint], count: int, address: str) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import queue
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
@@ -76,24 +78,38 @@ def dask_map(workers: int, scheduler: str | None, folder: Path | None) -> Iterat
 
 @contextmanager
 def _remote(address: str) -> Iterator[Client]:
-    try:
-        client = Client(address, timeout=_CONNECT_S, set_as_default=False)
-    except ValueError as error:
+    found = _connected(address)
+    if isinstance(found, ValueError):
         remedy = "write it as in tcp://10.0.0.1:8786"
-        raise SettingsError(
-            f"`{address}` is no address of a scheduler: {error}", where="scheduler", remedy=remedy
-        ) from error
-    except (OSError, ImportError) as error:
+        raise SettingsError(f"`{address}` is no address of a scheduler: {found}", where="scheduler", remedy=remedy)
+    if isinstance(found, Exception):
         raise BackendError(
             f"The scheduler does not answer within {_CONNECT_S} s.",
             where=address,
             remedy=f"check the address, and that `dask scheduler` runs there in the same versions; {GUIDE}",
-        ) from error
+        ) from found
     try:
-        yield client
+        yield found
     finally:
         with suppress(Exception):
-            client.close(timeout=2)
+            found.close(timeout=2)
+
+
+def _connected(address: str) -> Client | Exception:
+    """Connects in a thread: towards a server that accepts and says nothing, `Client` waits for ever."""
+    answer: queue.SimpleQueue[Client | Exception] = queue.SimpleQueue()
+
+    def connect() -> None:
+        try:
+            answer.put(Client(address, timeout=_CONNECT_S, set_as_default=False))
+        except Exception as error:  # noqa: BLE001  raised by the one that waits
+            answer.put(error)
+
+    threading.Thread(target=connect, daemon=True).start()
+    try:
+        return answer.get(timeout=_CONNECT_S + 1)
+    except queue.Empty:
+        return TimeoutError(address)
 
 
 @contextmanager
