@@ -141,10 +141,12 @@ class DaskMap:
         self, error: KilledWorker, flying: dict[str, _InFlight], tasks: Sequence[object], where: str
     ) -> BackendError:
         """The task that was at work when the worker ended; those that waited beside it are not to blame."""
-        waiting = flying.get(str(error.task))
         index = self._exchange.last_on(error.last_worker.address)
-        index = index if index is not None else None if waiting is None else waiting.index
-        named = "A task" if index is None else f"Task {index + 1} of {len(tasks)}{_label(tasks[index])}"
+        if index is None and str(error.task) in flying:
+            index = flying[str(error.task)].index
+        named = "A task"
+        if index is not None and index < len(tasks):
+            named = f"Task {index + 1} of {len(tasks)}{_label(tasks[index])}"
         times = error.allowed_failures + 1
         return BackendError(
             f"{named} ended its worker {times} times; {where}.",
