@@ -98,6 +98,12 @@ def read_and_wait(path: str) -> str:
         return file.read()
 
 
+def take_memory(n_bytes: int) -> None:
+    held = np.ones(n_bytes, np.uint8)
+    time.sleep(30)
+    del held
+
+
 class StrangeError(Exception):
     """Cannot be rebuilt from its arguments, so that pickle cannot carry it."""
 

@@ -13,6 +13,7 @@ import pytest
 
 import backend_tasks
 from dask_cluster import wait_for
+from robid.backends.dask import cluster
 from robid.backends.map import Map, make_map
 from robid.errors import DataError, RobidError
 
@@ -126,6 +127,17 @@ def test_a_task_that_ends_its_worker_again_and_again_is_named(ordered: Map) -> N
     assert caught.value.exit_code == 3
     assert "memory ran out: a worker has" in caught.value.remedy
     assert ordered(backend_tasks.slow_first, [3]) == [9]
+
+
+def test_a_worker_that_takes_more_than_its_share_of_memory_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "MEMORY_LIMIT", 2**30)
+    with make_map("dask", 1, folder=tmp_path) as small:
+        assert small(backend_tasks.slow_first, [2]) == [4]
+        with pytest.raises(RobidError, match="Task 1 of 1 ended its worker 3 times") as caught:
+            small(backend_tasks.take_memory, [2**29])
+    assert "memory ran out: a worker has 0.5 GiB, use fewer --workers" in caught.value.remedy
 
 
 _PARENT = """
