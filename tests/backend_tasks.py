@@ -54,6 +54,12 @@ def process_id(_: int) -> int:
     return os.getpid()
 
 
+def slow_process_id(_: int) -> int:
+    """So slow that all workers get some."""
+    time.sleep(0.1)
+    return os.getpid()
+
+
 def sleep_long(path: str) -> None:
     with open(path, "w", encoding="utf-8") as file:  # noqa: PTH123
         file.write(str(os.getpid()))

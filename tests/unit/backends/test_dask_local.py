@@ -115,6 +115,13 @@ def test_large_arrays_pass_through_the_folder_and_belong_to_the_task(ordered: Ma
     assert list(folder.glob(".dask-*/*.npy")) == []
 
 
+def test_interrupts_are_left_to_the_client(ordered: Map) -> None:
+    workers = set(ordered(backend_tasks.slow_process_id, range(8)))
+    for process in workers:
+        os.kill(process, signal.SIGINT)
+    assert set(ordered(backend_tasks.slow_process_id, range(8))) == workers
+
+
 def test_a_task_whose_worker_ends_is_done_again_on_another_one(ordered: Map, tmp_path: Path) -> None:
     notes = [str(tmp_path / str(index)) for index in range(2)]
     first, second = ordered(backend_tasks.die_once, notes)
