@@ -117,7 +117,8 @@ def _local(workers: int, exchange: Exchange) -> Iterator[tuple[Client, str]]:
     """A cluster on the loopback interface; what it may use of memory is said in words."""
     limit = MEMORY_LIMIT // (workers + 1)
     memory = f": a worker has {limit / 2**30:.1f} GiB, use fewer --workers"
-    with environment({**ONE_THREAD, **_QUIET}), dask.config.set(_LOCAL), ExitStack() as stack:
+    scratch = {"temporary-directory": str(exchange.scratch)}
+    with environment({**ONE_THREAD, **_QUIET}), dask.config.set({**_LOCAL, **scratch}), ExitStack() as stack:
         try:
             cluster = LocalCluster(
                 n_workers=workers,
@@ -127,7 +128,6 @@ def _local(workers: int, exchange: Exchange) -> Iterator[tuple[Client, str]]:
                 dashboard_address="127.0.0.1:0",
                 memory_limit=limit,
                 silence_logs=SILENT,
-                local_directory=str(exchange.scratch),
                 preload=["robid.backends.dask.worker"],
             )
             stack.callback(cluster.close, timeout=10)

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -24,11 +25,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def ordered(folder: Path) -> Iterator[Map]:
-    before = dict(os.environ)
-    with make_map("dask", 2, folder=folder) as made:
-        yield made
+def ordered(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Map]:
+    before, elsewhere = dict(os.environ), tmp_path_factory.mktemp("elsewhere")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(tempfile, "tempdir", str(elsewhere))
+        with make_map("dask", 2, folder=folder) as made:
+            yield made
     assert list(folder.iterdir()) == []
+    assert list(elsewhere.glob("*dask*")) == []
     assert {name: os.environ.get(name) for name in before if name != "PYTEST_CURRENT_TEST"} == {
         name: value for name, value in before.items() if name != "PYTEST_CURRENT_TEST"
     }
