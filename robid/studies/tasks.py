@@ -80,6 +80,11 @@ class _Work:
     task: Task
     path: Path
 
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return self.task.name
+
 
 def run_tasks(
     folder: Path,
