@@ -147,4 +147,4 @@ def _do(work: _Work) -> None:
         started_utc=started,
         finished_utc=utc_now(),
     )
-    write_artifact(work.path, Artifact(TASK, found.datasets, found.attributes, provenance))
+    write_artifact(work.path, Artifact(TASK, found.datasets, found.attributes, provenance), alone=False)
