@@ -33,13 +33,13 @@ def uncoupled_doubts(fitted: FittedModel) -> tuple[Doubt, ...]:
     rows = [frf.output_names.index(name) if name in frf.output_names else None for name in frf.input_names]
     found = []
     for column, name in enumerate(frf.input_names):
-        for other, row in enumerate(rows):
+        for at, row in enumerate(rows):
             own = rows[column]
             if row is None or own is None or seen[..., row, column].sum() < _FEW:
                 continue
-            both = power[..., row, other] * power[..., own, column]
+            both = power[..., row, at] * power[..., own, column]
             share = np.sqrt(np.median((power[..., row, column] / np.sqrt(both))[seen[..., row, column]]))
-            found.append((float(share), name, frf.input_names[other]))
+            found.append((float(share), name, frf.input_names[at]))
     share, name, other = max(found, default=(0.0, "", ""))
     told = (
         f"the torque of {name} moves {other} by {two_digits(100 * share)} % of what moves them themselves, and nothing "

@@ -138,4 +138,4 @@ def _signal_to_noise(frf: Frf) -> FloatArray | None:
     if frf.total_covariance is None:
         return None
     power, variance = np.abs(frf.response) ** 2, frf.element_variance()
-    return np.divide(power, variance, out=np.full_like(power, np.inf), where=variance > 0)
+    return np.asarray(np.divide(power, variance, out=np.full_like(power, np.inf), where=variance > 0))
