@@ -35,7 +35,13 @@ RunFolder = Annotated[Path | None, typer.Option("--run-dir", help="The run folde
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
 Backend = Annotated[
-    Literal["serial", "processes"] | None, typer.Option("--backend", help="Overrides execution.backend.")
+    Literal["serial", "processes", "dask"] | None, typer.Option("--backend", help="Overrides execution.backend.")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Overrides execution.scheduler: a Dask scheduler, for --backend dask."
+    ),
 ]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Overrides execution.workers.")]
 
@@ -78,11 +84,15 @@ def _fail(arguments: list[str], message: str, code: int) -> int:
 
 
 def _open(
-    path: Path, folder: Path | None, backend: Literal["serial", "processes"] | None = None, workers: int | None = None
+    path: Path,
+    folder: Path | None,
+    backend: Literal["serial", "processes", "dask"] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Run:
     from robid.commands.shared import open_run
 
-    return open_run(path, folder, backend, workers)
+    return open_run(path, folder, backend, workers, scheduler)
 
 
 def _add_stage(stage: Stage) -> None:
@@ -108,6 +118,7 @@ def _add_stage(stage: Stage) -> None:
         as_json: AsJson = False,
         backend: Backend = None,
         workers: Workers = None,
+        scheduler: Scheduler = None,
         debug: Debug = False,
     ) -> int:
         del debug
@@ -117,11 +128,11 @@ def _add_stage(stage: Stage) -> None:
             from robid.commands.fit_try import try_freeing
 
             check_try(stage, {"--input": inputs, "--strict": strict})
-            opened = _open(experiment, run_dir, backend, workers)
+            opened = _open(experiment, run_dir, backend, workers, scheduler)
             return try_freeing(opened, owner, tried, output, force=force, as_json=as_json)
         if strict:
             check_strict(stage)
-        run = _open(experiment, run_dir, backend, workers)
+        run = _open(experiment, run_dir, backend, workers, scheduler)
         return run_stage(run, stage, owner, inputs or [], output, force=force, strict=strict, as_json=as_json)
 
     app.command(stage.name, help=stage.does)(command)
@@ -139,13 +150,14 @@ def run_everything(
     as_json: AsJson = False,
     backend: Backend = None,
     workers: Workers = None,
+    scheduler: Scheduler = None,
     debug: Debug = False,
 ) -> int:
     """Runs everything that is not fresh, in order; goes on where a killed run stopped."""
     del debug
     from robid.commands.run import run_experiment
 
-    return run_experiment(_open(experiment, run_dir, backend, workers), strict=strict, as_json=as_json)
+    return run_experiment(_open(experiment, run_dir, backend, workers, scheduler), strict=strict, as_json=as_json)
 
 
 @app.command("reprocess")
@@ -194,13 +206,14 @@ def run_a_study(
     as_json: AsJson = False,
     backend: Backend = None,
     workers: Workers = None,
+    scheduler: Scheduler = None,
     debug: Debug = False,
 ) -> int:
     """Runs the study of an experiment file; goes on where a stopped one was."""
     del debug
     from robid.commands.study import study_experiment
 
-    return study_experiment(_open(experiment, run_dir, backend, workers), force=force, as_json=as_json)
+    return study_experiment(_open(experiment, run_dir, backend, workers, scheduler), force=force, as_json=as_json)
 
 
 @app.command("export")

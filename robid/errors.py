@@ -50,6 +50,12 @@ class DataError(RobidError):
     exit_code = 4
 
 
+class BackendError(RobidError):
+    """What computes cannot: a scheduler, its workers, or worker processes."""
+
+    exit_code = 3
+
+
 def require_module(module: str, extra: str, purpose: str) -> None:
     """Refuses what needs a module that is not installed, with the command that installs it.
 

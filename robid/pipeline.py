@@ -84,16 +84,24 @@ class Run:
         folder: The run folder.
         backend: How tasks are mapped to cores.
         workers: Number of processes, or of simulation threads in serial.
+        scheduler: Address of a Dask scheduler; None for a local cluster.
     """
 
     loaded: LoadedExperiment
     folder: Path
-    backend: Literal["serial", "processes"]
+    backend: Literal["serial", "processes", "dask"]
     workers: int
+    scheduler: str | None = None
 
     def path(self, relative: str) -> Path:
         """Returns where an output lies."""
         return self.folder / relative
+
+    def make_map(self) -> AbstractContextManager[Map]:
+        """Returns what maps tasks to cores."""
+        from robid.backends.map import make_map
+
+        return make_map(self.backend, self.workers, scheduler=self.scheduler, folder=self.folder)
 
     def command(self, node: Node) -> str:
         """Returns the command that makes a node's output."""
@@ -168,13 +176,11 @@ def run_all(
     Raises:
         RobidError: What the first node that cannot be made raised; what is finished stays.
     """
-    from robid.backends.map import make_map
-
     nodes = asked_for(run.loaded) if outputs is None else needed_for(graph(run.loaded), outputs)
     _preflight(run, nodes)
     states: dict[str, State] = {}
     results = []
-    with make_map(run.backend, run.workers) as parallel_map:
+    with run.make_map() as parallel_map:
         for node in nodes:
             state = _settle(run, node, states)
             if state.blocked:

@@ -54,7 +54,64 @@ def process_id(_: int) -> int:
     return os.getpid()
 
 
+def slow_process_id(_: int) -> int:
+    """So slow that all workers get some."""
+    time.sleep(0.1)
+    return os.getpid()
+
+
 def sleep_long(path: str) -> None:
     with open(path, "w", encoding="utf-8") as file:  # noqa: PTH123
         file.write(str(os.getpid()))
     time.sleep(600)
+
+
+def sum_and_spoil(task: tuple[np.ndarray, int]) -> float:
+    """Its argument is its own: what it writes there reaches nobody."""
+    values, factor = task
+    total = float(values.sum()) * factor
+    values[:] = 0
+    return total
+
+
+def describe(values: np.ndarray) -> tuple[str, tuple[int, ...], bool, bytes]:
+    return values.dtype.str, values.shape, values.flags.f_contiguous, values.tobytes()
+
+
+def die_once(note: str) -> int:
+    """Ends its process the first time, having said so."""
+    if not os.path.exists(note):  # noqa: PTH110
+        touch_slowly(note)
+        os._exit(3)
+    return os.getpid()
+
+
+def die_at_one(task: int) -> int:
+    """Task 1 ends its process; the others are still at work then, or wait."""
+    if task == 1:
+        os._exit(3)
+    time.sleep(0.3)
+    return task
+
+
+def fail_strangely(_: int) -> None:
+    raise StrangeError("one", "two")
+
+
+def read_and_wait(path: str) -> str:
+    time.sleep(0.3)
+    with open(path, encoding="utf-8") as file:  # noqa: PTH123
+        return file.read()
+
+
+def take_memory(n_bytes: int) -> None:
+    held = np.ones(n_bytes, np.uint8)
+    time.sleep(30)
+    del held
+
+
+class StrangeError(Exception):
+    """Cannot be rebuilt from its arguments, so that pickle cannot carry it."""
+
+    def __init__(self, first: str, second: str) -> None:
+        super().__init__(f"{first} and {second}")

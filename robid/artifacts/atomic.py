@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,13 +17,18 @@ from robid.errors import ArtifactError
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, alone: bool = True) -> Iterator[Path]:
     """Yields `<name>.partial` to write to, which takes the place of `path` at the end.
+
+    Args:
+        path: The file.
+        alone: Whether nobody else writes it now; otherwise the name is `<name>.<8 hexadecimal digits>.partial`.
 
     Raises:
         ArtifactError: If the file cannot be written; `path` is as it was.
     """
-    partial = path.with_name(path.name + ".partial")
+    writer = "" if alone else f".{secrets.token_hex(4)}"
+    partial = path.with_name(f"{path.name}{writer}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # One that a killed process left, or a link to something else, is not written through.

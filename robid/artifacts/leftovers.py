@@ -9,8 +9,8 @@ from pathlib import Path
 
 PARTS = ".parts"
 
-_PART = re.compile(r"\d{5,}\.[0-9a-f]{16}\.h5(\.partial)?")
-_UNFINISHED = re.compile(r".+\.(h5|json|html|xml|csv|mat|npz)\.partial")
+_PART = re.compile(r"\d{5,}\.[0-9a-f]{16}\.h5((\.[0-9a-f]{8})?\.partial)?")
+_UNFINISHED = re.compile(r".+\.(h5|json|html|xml|csv|mat|npz)(\.[0-9a-f]{8})?\.partial")
 _PLACES = ("", "*", "*/*", "fits/*/export")
 
 

@@ -64,7 +64,7 @@ class Parts:
 
     def write(self, index: int, part: Artifact) -> None:
         """Writes one part at once."""
-        write_artifact(self._path(index), part)
+        write_artifact(self._path(index), part, alone=False)
 
     def read(self, index: int) -> Artifact:
         """Reads one part; see `robid.artifacts.store.read_artifact` for errors."""

@@ -4,33 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import platform
 import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
 
 import robid
-
-_PACKAGES = ("numpy", "scipy", "mujoco-core", "nlopt", "h5py")
+from robid.versions import package_versions as package_versions
 
 
 def canonical_hash(value: object) -> str:
     """SHA-256 of a plain value (mappings, lists, scalars), whatever the order of its keys."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def package_versions() -> dict[str, str]:
-    """Versions of Python, robid and the packages that decide its numbers."""
-    from importlib import metadata
-
-    versions = {"python": platform.python_version(), "robid": robid.__version__}
-    for name in _PACKAGES:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "not installed"
-    return versions
 
 
 def git_commit() -> str:

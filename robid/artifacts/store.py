@@ -89,8 +89,13 @@ class Outline:
         return max((label.shape[0] for label in self.labels.values() if label.by_row), default=0)
 
 
-def write_artifact(path: Path, artifact: Artifact) -> str:
+def write_artifact(path: Path, artifact: Artifact, *, alone: bool = True) -> str:
     """Writes an artifact at once: a kill leaves the old file.
+
+    Args:
+        path: The file.
+        artifact: What is in it.
+        alone: Whether nobody else writes it now: a task that was given up may still be at work on another machine.
 
     Returns:
         Its content hash.
@@ -105,7 +110,7 @@ def write_artifact(path: Path, artifact: Artifact) -> str:
     encoded = {name: encode(dataset) for name, dataset in artifact.datasets.items()}
     digest = content_hash(artifact.kind.name, attributes, {name: label for name, (label, _) in encoded.items()})
     header = Header(artifact.kind.name, artifact.kind.version, digest, artifact.provenance)
-    with replacing(path) as unfinished, create_file(unfinished) as file:
+    with replacing(path, alone=alone) as unfinished, create_file(unfinished) as file:
         write_header(file, header, attributes)
         for name in sorted(encoded):
             write_dataset(file, name, *encoded[name])

@@ -11,22 +11,16 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Literal, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from robid.errors import RobidError
+from robid.backends.threads import ONE_THREAD, environment
+from robid.errors import BackendError
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-
-_THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
 
 
 class Map(Protocol):
@@ -41,26 +35,46 @@ class Map(Protocol):
         """Runs the tasks.
 
         Args:
-            function: What to do with each task; for processes, a function of a module.
+            function: What to do with each task; for processes and Dask, a function of a module.
             tasks: Its arguments.
             on_done: Called here with index and result as each task finishes, in any order.
 
         Raises:
-            RobidError: If a worker process dies.
+            BackendError: If a worker process dies, or a cluster is lost.
             Exception: What the first failing task or `on_done` raised; tasks not begun are dropped.
         """
 
 
 @contextmanager
-def make_map(backend: Literal["serial", "processes"], workers: int) -> Iterator[Map]:
-    """Yields a map; leaving the context by an exception, an interrupt included, kills the workers.
+def make_map(
+    backend: Literal["serial", "processes", "dask"],
+    workers: int,
+    *,
+    scheduler: str | None = None,
+    folder: Path | None = None,
+) -> Iterator[Map]:
+    """Yields a map; leaving the context by an exception, an interrupt included, kills the workers that it started.
 
     Args:
-        backend: `serial` runs in this process, `processes` in spawned ones, which stay for further maps.
-        workers: Number of processes.
+        backend: `serial` runs in this process, `processes` in spawned ones, which stay for further maps, `dask` on
+            the workers of a scheduler or of a local cluster.
+        workers: Number of processes; a scheduler has its own.
+        scheduler: Address of a Dask scheduler.
+        folder: The run folder, which Dask workers must see; large arrays of tasks pass through it.
+
+    Raises:
+        ArtifactError: If that folder cannot be written.
+        BackendError: If the scheduler does not answer, or its workers cannot be used.
+        SettingsError: If the address is none.
     """
     if backend == "serial":
         yield _map_serially
+        return
+    if backend == "dask":
+        from robid.backends.dask.cluster import dask_map
+
+        with dask_map(workers, scheduler, folder) as mapped:
+            yield mapped
         return
     executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker)
     try:
@@ -94,7 +108,7 @@ def _map_in_processes(
     indices = {}
     results: dict[int, Result] = {}
     try:
-        with _one_thread_each():
+        with environment(ONE_THREAD):
             for index, task in enumerate(tasks):
                 indices[executor.submit(function, task)] = index
         for future in as_completed(indices):
@@ -103,7 +117,7 @@ def _map_in_processes(
             if on_done is not None:
                 on_done(index, results[index])
     except BrokenProcessPool as error:
-        raise RobidError(
+        raise BackendError(
             "A worker process ended before its task was done.",
             where=f"{len(results)} of {len(tasks)} tasks were done",
             remedy="most often memory ran out: use fewer --workers or --backend serial; finished parts are kept",
@@ -112,21 +126,6 @@ def _map_in_processes(
         for future in indices:
             future.cancel()
     return [results[index] for index in range(len(tasks))]
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Lets processes that are started meanwhile load BLAS with one thread."""
-    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _start_worker() -> None:

@@ -13,7 +13,6 @@ from rich.text import Text
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.grade import grade_from_artifact
 from robid.artifacts.model import estimate_from_artifact
-from robid.backends.map import make_map
 from robid.commands.inputs import choose_node, require_inputs
 from robid.commands.output import print_json
 from robid.commands.shared import make_shell
@@ -47,7 +46,7 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
             raise SettingsError("the file is there already", where=f"--output {output}", remedy="`--force` replaces it")
     shell, begun = make_shell(run, as_json=as_json), time.monotonic()
     label = f"{node.owner} with {', '.join(names)}"
-    with make_map(run.backend, run.workers) as parallel_map, shell.progress(label) as progress:
+    with run.make_map() as parallel_map, shell.progress(label) as progress:
         trial = try_fit(tried, node.owner, inputs, Work(parallel_map, progress))
         if output is not None:
             read = {name: path for name, path in inputs.items() if name != "model"}

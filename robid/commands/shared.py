@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from robid.artifacts.lock import FOLDER_LOCK
+from robid.errors import SettingsError, require_module
 from robid.families.family import Graded
 from robid.pipeline import Result, Run
 from robid.report.numbers import duration
@@ -18,16 +19,32 @@ _TRUST = 2
 
 
 def open_run(
-    path: Path, folder: Path | None, backend: Literal["serial", "processes"] | None, workers: int | None
+    path: Path,
+    folder: Path | None,
+    backend: Literal["serial", "processes", "dask"] | None,
+    workers: int | None,
+    scheduler: str | None = None,
 ) -> Run:
-    """Loads an experiment; the backend and the workers are its own where none are given."""
+    """Loads an experiment; backend, workers and scheduler are its own where none are given.
+
+    Raises:
+        SettingsError: If the file cannot be used, a scheduler is given to another backend, or the backend is not
+            installed.
+    """
     loaded = load_with_study(path)
     execution = loaded.experiment.execution
+    chosen = backend or execution.backend
+    if chosen == "dask":
+        require_module("distributed", "dask", "The backend dask")
+    elif scheduler is not None:
+        remedy = "add `--backend dask`"
+        raise SettingsError(f"the backend {chosen} has no scheduler", where=f"--scheduler {scheduler}", remedy=remedy)
     return Run(
         loaded=loaded,
         folder=folder or Path("runs") / loaded.experiment.name,
-        backend=backend or execution.backend,
+        backend=chosen,
         workers=workers or execution.workers or os.cpu_count() or 1,
+        scheduler=scheduler or execution.scheduler,
     )
 
 

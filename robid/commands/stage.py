@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from robid.artifacts.lock import locked
-from robid.backends.map import make_map
 from robid.commands.inputs import choose_node, fresh_at, require_inputs
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, doubts, graded, lock_of, make_shell
@@ -72,7 +71,7 @@ def run_stage(
                     remedy="`--force` replaces it; what was made from it is stale then",
                 )
             begun = time.monotonic()
-            with make_map(run.backend, run.workers) as parallel_map, shell.progress(node.output) as progress:
+            with run.make_map() as parallel_map, shell.progress(node.output) as progress:
                 figures = execute(run, node, inputs, target, parallel_map, progress)
         outcome, text = "made", f"{figures} ({duration(time.monotonic() - begun)})"
     problem, grade = node.stage.problem(target), grade_of(run, node, target)

@@ -9,6 +9,9 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.frf.frf import Frf
 
+_ROUNDING = 1e-9
+"""Of a coefficient's torque, what counts as none at other motors."""
+
 
 @dataclass(frozen=True)
 class FrictionMove:
@@ -40,9 +43,41 @@ class FrictionMove:
         return np.asarray(np.swapaxes(changed.reshape(*shape, scales.size, -1), -1, -2))
 
     def _gain(self, scales: FloatArray) -> ComplexArray:
-        return np.asarray(
-            np.linalg.inv(np.eye(self.share.shape[-1]) - np.einsum("k,...ikj->...ij", scales, self.share))
-        )
+        return np.asarray(np.linalg.inv(np.eye(self.share.shape[-1]) - scales @ self.share))
+
+
+@dataclass(frozen=True)
+class MotorFrictionMove:
+    """The same where each coefficient is one motor's: `D_k` has that motor's row alone.
+
+    Attributes:
+        response (n_line, n_out, n_in): Measured response as it was compensated.
+        motors (n_in, n_coef): Ones where a coefficient is a motor's.
+        share (n_line, n_coef, n_in): The rows.
+    """
+
+    response: ComplexArray
+    motors: FloatArray
+    share: ComplexArray
+
+    def moved(self, scales: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Response (n_line, n_out, n_in) at some friction scales (n_coef,), and the rows (n_line, n_coef, n_in) there.
+
+        Its derivative by a coefficient is the column of its motor times its row.
+        """
+        gain = np.linalg.inv(np.eye(len(self.motors)) - (self.motors * scales) @ self.share)
+        return np.asarray(self.response @ gain), np.asarray(self.share @ gain)
+
+
+def motor_friction_move(move: FrictionMove) -> MotorFrictionMove | None:
+    """Returns the move of a response with lines in one axis if each of its coefficients is one motor's; else None."""
+    size = np.abs(move.share).max(axis=(0, 3), initial=0.0)
+    own = size.argmax(axis=0)
+    motors = np.zeros(size.shape)
+    motors[own, np.arange(len(own))] = 1.0
+    if (size * (1 - motors) > _ROUNDING * size.max(axis=0)).any():
+        return None
+    return MotorFrictionMove(move.response, motors, np.ascontiguousarray(move.share[:, own, np.arange(len(own))]))
 
 
 def friction_move(frf: Frf) -> FrictionMove:

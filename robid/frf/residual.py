@@ -59,15 +59,18 @@ class Residual(ABC):
 
 
 class _Logarithm(Residual):
-    """Logarithm of measured over modelled response: Wernholt and Moberg (2008), eq. 7c."""
+    """Logarithm of measured over modelled response: Wernholt and Moberg (2008), eq. 7c.
+
+    What is exactly zero has none and must not count; it is taken for one.
+    """
 
     def compare(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
-        return self.part(np.log(measured / modelled))
+        return self.part(np.log(_shown(measured) / _shown(modelled)))
 
     def transform(self, response: ComplexArray) -> ComplexArray | FloatArray:
         result = np.empty(response.shape, complex)
         result.real = _log_magnitude(response)
-        result.imag = np.arctan2(response.imag, response.real)
+        result.imag = np.arctan2(response.imag, response.real)  # of zero it is zero
         return result
 
     def subtract(
@@ -82,7 +85,7 @@ class _Logarithm(Residual):
         return values
 
     def divisor(self, response: ComplexArray) -> ComplexArray:
-        return response
+        return _shown(response)
 
     def per_relative(self, response: ComplexArray) -> ComplexArray:
         return np.ones_like(response)
@@ -134,4 +137,9 @@ RESIDUALS: dict[EstimatorKind, Residual] = {each.name: each for each in (LOGARIT
 
 
 def _log_magnitude(response: ComplexArray) -> FloatArray:
-    return np.asarray(0.5 * np.log(response.real**2 + response.imag**2))
+    square = response.real**2 + response.imag**2
+    return np.asarray(0.5 * np.log(square if square.all() else np.where(square == 0, 1.0, square)))
+
+
+def _shown(response: ComplexArray) -> ComplexArray:
+    return response if response.all() else np.where(response == 0, 1.0, response)

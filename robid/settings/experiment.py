@@ -274,8 +274,18 @@ class Design(CostOptions, InformationOptions, DesignOptions):
 class Execution(Section):
     """How the experiment is computed; nothing here changes a result."""
 
-    backend: Literal["serial", "processes"] = Field(default="processes", description="How tasks are mapped to cores.")
-    workers: int | None = Field(default=None, description="Number of processes; all cores when not given.", ge=1)
+    backend: Literal["serial", "processes", "dask"] = Field(
+        default="processes", description="How tasks are mapped to cores; `dask` needs the extra of that name."
+    )
+    workers: int | None = Field(
+        default=None, description="Number of processes; all cores when not given. A scheduler has its own.", ge=1
+    )
+    scheduler: str | None = Field(
+        default=None,
+        description="Address of a Dask scheduler, as in tcp://10.0.0.1:8786, for `backend: dask`; a local cluster when"
+        " not given.",
+        min_length=1,
+    )
     log_level: Literal["info", "warning"] = Field(
         default="info", description="What is told while it runs: progress, messages and warnings, or warnings alone."
     )

@@ -13,7 +13,6 @@ from robid.artifacts.atomic import write_json
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
 from robid.artifacts.store import read_header
 from robid.artifacts.task import TASK
-from robid.backends.map import make_map
 from robid.backends.progress import Progress
 from robid.errors import ArtifactError, SettingsError
 from robid.pipeline import Result, Run, run_all
@@ -75,7 +74,7 @@ def run_study(
     for other, outputs in ((run, study.needs(run.loaded)), *further):
         run_all(other, lambda node: progress(node.output), tell, outputs)
     results: Earlier = ()
-    with make_map(run.backend, run.workers) as parallel_map:
+    with run.make_map() as parallel_map:
         for step in study.steps:
             tasks = step.tasks(run, results)
             with progress(step.folder) as shown:

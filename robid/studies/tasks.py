@@ -80,6 +80,11 @@ class _Work:
     task: Task
     path: Path
 
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return self.task.name
+
 
 def run_tasks(
     folder: Path,
@@ -142,4 +147,4 @@ def _do(work: _Work) -> None:
         started_utc=started,
         finished_utc=utc_now(),
     )
-    write_artifact(work.path, Artifact(TASK, found.datasets, found.attributes, provenance))
+    write_artifact(work.path, Artifact(TASK, found.datasets, found.attributes, provenance), alone=False)

@@ -31,6 +31,7 @@ ALL = {"designs/best.h5"} | ESTIMATION | VALIDATION | FIT
 CASES = [
     ("small.yaml", "workers: 1", "workers: 2", set(), ""),
     ("small.yaml", "backend: serial", "backend: processes", set(), ""),
+    ("small.yaml", "backend: serial", "backend: dask, scheduler: 'tcp://10.0.0.1:8786'", set(), ""),
     ("small.yaml", "starts: 2", "starts: 3", FIT, "fits.elastic.starts"),
     ("small.yaml", "compensation: nominal", "compensation: none", {"estimation/frf.h5"} | FIT, "estimate.compensation"),
     ("small.yaml", "rms: 6, seed: 1", "rms: 6, seed: 3", ALL - VALIDATION, "campaigns.estimation.excitation.seed"),

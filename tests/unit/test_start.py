@@ -9,7 +9,7 @@ import pytest
 
 _ROOT = Path(__file__).parents[2]
 _REPORT = "import json, sys; print(json.dumps(sorted(sys.modules)))"
-HEAVY = ("scipy", "mujoco", "nlopt", "plotly", "jinja2", "matplotlib")
+HEAVY = ("scipy", "mujoco", "nlopt", "plotly", "jinja2", "matplotlib", "distributed", "dask")
 
 
 def modules_after(code):

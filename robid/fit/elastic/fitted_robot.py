@@ -20,7 +20,7 @@ def fitted_robot(robot: Robot, estimate: Estimate) -> Robot:
     """Puts estimates into a robot; what was not estimated stays as it is.
 
     Args:
-        robot: The robot file that the fit started from, with its campaign's payload.
+        robot: The robot file that the fit started from; with another payload, what the fit found of it is as much more.
         estimate: What the fit found.
 
     Returns:
@@ -31,7 +31,7 @@ def fitted_robot(robot: Robot, estimate: Estimate) -> Robot:
     doubts = (
         [doubt for doubt in movable_doubts(robot) if doubt.name in estimate.found] if DOUBT in estimate.kinds else []
     )
-    amounts = np.array([estimate.found[doubt.name] - doubt.stated for doubt in doubts])
+    amounts = np.array([estimate.found[doubt.name] - estimate.stated[doubt.name] for doubt in doubts])
     return with_estimates(moved_robot(robot, doubts, amounts), estimate.found, estimate.stated)
 
 

@@ -87,7 +87,7 @@ def find_spreads(
     """
     places = len(group_places(problem.frf.configurations))
     rule = "noise and assumed model error" if problem.model_error.any() else "noise"
-    if places < FEWEST_PLACES or not (problem.frf.element_variance().any() or problem.model_error.any()):
+    if places < FEWEST_PLACES:
         return _of_few_places(problem, internal, found, (excess, rule), confidence, suspicion)
     differing = f"what {places} places differ by"
     near = settle(problem, internal, found)
@@ -111,8 +111,8 @@ def _of_few_places(
 ) -> Spreads:
     """What noise and assumed errors give, widened by the misfit: too few places to see what they differ by."""
     excess, rule = widened
-    covariance = structured_covariance(problem, found) * max(1.0, excess)
-    covariance += load_doubt(problem, internal, found.inverse, found.weighted)
+    covariance = structured_covariance(problem, found) + load_doubt(problem, internal, found.inverse, found.weighted)
+    covariance *= max(1.0, excess)
     told = rule if excess <= 1 else f"{rule}, widened by the misfit"
     spread = Spread(internal, covariance, np.full(internal.size, np.inf), told)
     doubts = None if suspicion is None else name_doubts(problem, (internal,), suspicion)

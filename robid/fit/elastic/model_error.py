@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import f, norm
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.uncertainty import Influence, influence, structured_covariance
 from robid.frf.overlap import mean_correlation
@@ -62,15 +62,16 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     """
     frf = problem.frf
     modelled = problem.model_response(internal)
-    variance = frf.element_variance() / np.abs(modelled) ** 2
-    used = (problem.weight > 0) & (variance > 0)
+    shown = np.where(modelled == 0, 1.0, modelled)  # nothing is relative to zero: such elements do not count
+    variance = frf.element_variance() / np.abs(shown) ** 2
+    used = (problem.weight > 0) & (variance > 0) & (modelled != 0)
     if not used.any():
         return None
     kind = problem.residual_kind
-    residual = np.sqrt(2 / kind.parts) * problem.residual(internal, modelled) / kind.per_relative(modelled)
+    residual = np.sqrt(2 / kind.parts) * problem.residual(internal, modelled) / kind.per_relative(shown)
     variance = np.where(used, variance, 1.0)
     square = np.where(used, np.abs(residual) ** 2, 0.0)
-    kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0))
+    kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0), shown)
     bias = _inverse_bias(frf.degrees_of_freedom)
     ratio = bias * _ratio(square, variance, kept)
     n_line = used.sum(axis=1)
@@ -87,7 +88,7 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
 
 
 def _expected(
-    problem: Problem, internal: FloatArray, found: Influence, precision: FloatArray
+    problem: Problem, internal: FloatArray, found: Influence, precision: FloatArray, shown: ComplexArray
 ) -> tuple[FloatArray, FloatArray]:
     """Cost of each element (n_conf, n_out, n_in) that an exact model leaves, and the degrees of freedom behind it.
 
@@ -99,13 +100,14 @@ def _expected(
         internal (n_param,): The minimum.
         found: The estimator linearised there.
         precision (n_conf, n_freq, n_out, n_in): One over the relative variance; 0 where a line does not count.
+        shown (n_conf, n_freq, n_out, n_in): The model's response.
 
     Source:
         The residual covariance `(I - H) S (I - H)'` of a linear estimator; Satterthwaite (1946).
     """
     rows = problem.residual_kind.parts
     derivative = problem.linear(internal)[1]
-    derivative = derivative / problem.residual_kind.per_relative(problem.model_response(internal))[..., None]
+    derivative = derivative / problem.residual_kind.per_relative(shown)[..., None]
     noise = structured_covariance(replace(problem, model_error=np.zeros(())), found)
     count = (precision > 0).sum(axis=1)
     own = np.maximum(np.where(precision > 0, 1 - 2 * found.leverage / rows, 0.0).sum(axis=1), 0.0)

@@ -9,7 +9,7 @@ from scipy.linalg.blas import dsyrk
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.levenberg import Normal
-from robid.frf.friction import FrictionMove
+from robid.frf.friction import FrictionMove, motor_friction_move
 from robid.robot.collocated import Collocated, has_plain_inertias, is_collocated
 from robid.robot.parameters import DIRECT
 
@@ -41,14 +41,17 @@ class SymmetricNormal:
         self._sum = np.asarray(self._weight.sum(axis=0))
         self._root = np.sqrt(self._sum)
         self._inverse_root = np.divide(1, self._root, out=np.zeros_like(self._root), where=self._root > 0)
-        self._friction = None
+        self._weight_root = np.sqrt(self._weight)
+        self._friction, self._by_motor = None, None
         if problem.parameters.n_friction:
             self._friction = FrictionMove(frf.response[used], problem.friction.share[used])
+            self._by_motor = motor_friction_move(self._friction)
         self._measured = self._counted(frf.response[used])
         self._transformed = self._residuals.transform(self._measured)
         self._point: FloatArray | None = None
         self._residual: FloatArray | ComplexArray = np.empty(0)
         self._modelled = np.empty(0, complex)
+        self._moved = self._moved_rows = np.empty(0, complex)
         self._total = np.inf
 
     @staticmethod
@@ -85,7 +88,7 @@ class SymmetricNormal:
         hessian, gradient = _gram(rows, self._real), _project(rows, weighted, self._real)
         if self._friction is not None:
             scales = internal[-parameters.n_friction :]
-            hessian, gradient = self._with_friction(self._friction.slopes(scales), rows, hessian, gradient)
+            hessian, gradient = self._with_friction(self._slopes(self._friction, scales), rows, hessian, gradient)
         chain = parameters.chain(internal)
         return Normal(total, -(chain.T @ gradient), chain.T @ hessian @ chain)
 
@@ -97,24 +100,38 @@ class SymmetricNormal:
         parameters = self._problem.parameters
         self._modelled = self._collocated.response(parameters.parameters(internal))
         if self._friction is not None:
-            self._measured = self._counted(self._friction.moved(internal[-parameters.n_friction :]))
+            scales = internal[-parameters.n_friction :]
+            if self._by_motor is not None:
+                self._moved, self._moved_rows = self._by_motor.moved(scales)
+            else:
+                self._moved = self._friction.moved(scales)
+            self._measured = self._counted(self._moved)
             self._transformed = self._residuals.transform(self._measured)
         self._residual = self._residuals.subtract(self._transformed, self._residuals.transform(self._modelled))
         parts = [self._residual] if self._real else [self._residual.real, self._residual.imag]
         self._total = float(sum(np.vdot(self._weight, part * part) for part in parts))
         self._point = internal.copy()
 
+    def _slopes(self, friction: FrictionMove, scales: FloatArray) -> ComplexArray:
+        """Derivatives (n_friction, 2, n_pair, n_line) of the measured response by the friction scales."""
+        if self._by_motor is None:
+            return np.array([self._pairs(slope) for slope in np.moveaxis(friction.slopes(scales), -1, 0)])
+        columns = np.ascontiguousarray(self._moved[..., self._by_motor.motors.argmax(axis=0)].transpose(2, 1, 0))
+        rows = np.ascontiguousarray(self._moved_rows.transpose(1, 2, 0))
+        found = np.empty((len(columns), *self._weight.shape), complex)
+        for side, (outputs, inputs) in enumerate(((self._rows, self._columns), (self._columns, self._rows))):
+            np.multiply(columns[:, outputs], rows[:, inputs], out=found[:, side])
+        return found
+
     def _with_friction(
-        self, slopes: ComplexArray, rows: ComplexArray, hessian: FloatArray, gradient: FloatArray
+        self, moved: ComplexArray, rows: ComplexArray, hessian: FloatArray, gradient: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Adds the friction scales, which move each measured element (n_line, n_out, n_in, n_friction) on its own."""
-        moved = -np.array([self._pairs(slope) for slope in np.moveaxis(slopes, -1, 0)])
-        moved /= self._residuals.divisor(self._measured)
-        shared = (self._weight * moved).sum(axis=1) * self._inverse_root
+        """Adds the friction scales, which move each measured element (n_friction, 2, n_pair, n_line) on its own."""
+        moved *= -self._weight_root / self._residuals.divisor(self._measured)
+        shared = (self._weight_root * moved).sum(axis=1) * self._inverse_root
         cross = _cross(rows, shared, self._real)
-        own = _gram(np.sqrt(self._weight) * moved, self._real)
-        weighted = np.sqrt(self._weight) * self._residual
-        slope = _project(np.sqrt(self._weight) * moved, weighted, self._real)
+        own = _gram(moved, self._real)
+        slope = _project(moved, self._weight_root * self._residual, self._real)
         return np.block([[hessian, cross], [cross.T, own]]), np.concatenate([gradient, slope])
 
 

@@ -169,14 +169,15 @@ def make_problem(
     Returns:
         The problem and the number of elements that the logarithm drops.
     """
-    fitted = None
-    if internal is not None:
-        values = parameters.parameters(internal)
-        fitted = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
+    values = parameters.parameters(np.zeros(len(parameters.names)) if internal is None else internal)
+    modelled = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
+    fitted = None if internal is None else modelled
     size = None if fitted is None else np.abs(fitted)
     weight, dropped = make_weights(frf, options.weights, options.residual, size, level)
+    if options.residual.drops_noise:
+        weight[modelled == 0] = 0.0  # no parameter moves what the model cannot have
     whitening = None
     if options.weights.kind == "optimal_full":
         whitening = make_whitening(frf, weight > 0, options.residual, fitted)
-    model_error = assumed_error(options.weights, level)
+    model_error = assumed_error(options.weights, level, known=bool(frf.element_variance().any()))
     return Problem(frf, model, parameters, options.residual, weight, model_error, whitening), dropped

@@ -63,10 +63,15 @@ def make_weights(
     return np.where(keep, base, 0.0), int(dropped.sum())
 
 
-def assumed_error(weights: Weights, level: FloatArray | None = None) -> FloatArray:
-    """Relative model error that the weights allow for: one number, or (n_conf, 1, n_out, n_in) once estimated."""
+def assumed_error(weights: Weights, level: FloatArray | None = None, *, known: bool = True) -> FloatArray:
+    """Relative model error that the weights allow for: one number, or (n_conf, 1, n_out, n_in) once estimated.
+
+    Where the response's own errors are not `known`, it takes their place whatever the weights.
+    """
     if weights.kind == "estimated" and level is not None:
         return level[:, None]
+    if not known:
+        return np.asarray(weights.model_error or 1.0)
     return np.asarray(weights.model_error if weights.kind in ("inflated", "estimated") else 0.0)
 
 

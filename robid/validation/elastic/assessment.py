@@ -19,6 +19,7 @@ from robid.validation.elastic.fitted import fitted_model
 from robid.validation.elastic.grading import grade_fit, is_unexplained
 from robid.validation.elastic.measures import measure
 from robid.validation.elastic.plausible_parameters import parameter_doubts
+from robid.validation.elastic.uncoupled import uncoupled_doubts
 from robid.validation.grade import Grade, ordered
 from robid.validation.plausible.doubts import data_doubts
 
@@ -52,6 +53,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     fitted = fitted_model(robot, solution, used, options, delay_s)
     if is_unexplained(solution):
         doubts += misfit_doubts(robot, solution, fitted, options)
+    doubts += uncoupled_doubts(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.doubts("the fit's own data")
     return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))

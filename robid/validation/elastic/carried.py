@@ -30,7 +30,7 @@ def fitted_carrier(robot: Robot, estimate: Estimate) -> Fitted | None:
     if not doubts:
         return None
     rows = np.array([estimate.names.index(doubt.name) for doubt in doubts])
-    amounts = estimate.value[rows] - np.array([doubt.stated for doubt in doubts])
+    amounts = estimate.value[rows] - np.array([estimate.stated[doubt.name] for doubt in doubts])
     slopes = torque_slopes(doubts, len(robot.joints))
 
     def carrier(off: FloatArray) -> Carrier:

@@ -88,8 +88,9 @@ def error_ratios(fitted: FittedModel, modelled: ComplexArray, assumed: float) ->
     """
     problem = fitted.problem
     used = problem.weight > 0
-    error = np.abs(np.log(np.where(used, fitted.measured / modelled, 1.0))) ** 2
-    allowed = problem.frf.element_variance() / np.abs(modelled) ** 2 + assumed**2
+    shown = np.where(used, modelled, 1.0)
+    error = np.abs(np.log(np.where(used, fitted.measured, 1.0) / shown)) ** 2
+    allowed = problem.frf.element_variance() / np.abs(shown) ** 2 + assumed**2
     sums: FloatArray = np.where(used, error / allowed, 0.0).sum(axis=(1, 2, 3))
     return np.asarray(sums / np.maximum(used.sum(axis=(1, 2, 3)), 1))
 

@@ -37,11 +37,15 @@ def likely_joints(robot: Robot, configurations: FloatArray) -> list[int]:
     ]
 
 
-def balance_message(name: str, waves: FloatArray, where: str) -> str:
-    """Says what a counterbalance of a joint carries, by sine and cosine of its angle (2,), and how a fit takes it."""
+def balance_message(robot: Robot, name: str, waves: FloatArray, where: str) -> str:
+    """Says what a counterbalance of a joint carries, by sine and cosine of its angle (2,), and how a fit takes it.
+
+    Beside counterbalances that the file states, no fit takes any.
+    """
+    free = f"try `free: [{name}.counterbalance]` in an elastic fit"
+    remedy = "correct the robot file" if any(joint.counterbalance is not None for joint in robot.joints) else free
     sine, cosine = (two_digits(wave, "+") for wave in waves.tolist())
     return (
         f"mean torques {where} are those with a counterbalance of {two_digits(float(np.hypot(*waves)))} N m at {name} "
-        f"({sine} by the sine and {cosine} by the cosine of its angle; try `free: [{name}.counterbalance]` in an "
-        "elastic fit)"
+        f"({sine} by the sine and {cosine} by the cosine of its angle; {remedy})"
     )

@@ -137,4 +137,5 @@ def _signal_to_noise(frf: Frf) -> FloatArray | None:
         return frf.signal_to_noise
     if frf.total_covariance is None:
         return None
-    return np.asarray(np.abs(frf.response) ** 2 / np.maximum(frf.element_variance(), np.finfo(float).tiny))
+    power, variance = np.abs(frf.response) ** 2, frf.element_variance()
+    return np.asarray(np.divide(power, variance, out=np.full_like(power, np.inf), where=variance > 0))

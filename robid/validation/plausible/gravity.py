@@ -21,7 +21,8 @@ _LEAST_EFFECT = 0.03
 """Share of the mean torques' RMS that a cause must explain: masses in robot files are no better."""
 
 _MASS_STD = 0.01
-_UNKNOWN_FRICTION = 0.05
+_UNKNOWN_FRICTION = 0.05  # of what a motor can give
+_UNKNOWN_SHARE = 0.2  # of the largest torque that carries weight, where nobody says what it can give
 _PRESLIDING_SHARE = 0.15
 """Share of its friction that a motor holds for long when it swings by its presliding; it falls with the square."""
 
@@ -73,7 +74,7 @@ def weigh(robot: Robot, evidence: Evidence, usable: BoolArray, fitted: Fitted | 
     usable = usable & (np.abs(expected).max(axis=0, initial=0.0) > _LEAST_TORQUE)
     if not usable.any():
         return None
-    friction, root = _friction(robot, evidence), np.zeros((len(usable), len(expected), len(expected)))
+    friction, root = _friction(robot, evidence, expected), np.zeros((len(usable), len(expected), len(expected)))
     unsure = np.zeros_like(root) if fitted is None else fitted.scatter(evidence.configurations, motors)
     for motor in range(len(usable)):
         own = friction[:, motor]
@@ -193,14 +194,14 @@ def _effect(weights: GravityTorques, cause: LoadCause, values: FloatArray) -> fl
     return float((np.sqrt((change**2).mean(axis=0)) / usual).max())
 
 
-def _friction(robot: Robot, evidence: Evidence) -> FloatArray:
+def _friction(robot: Robot, evidence: Evidence, expected: FloatArray) -> FloatArray:
     """How much of a mean torque friction may hold (n_conf, n_motor), standard deviation [N m]."""
     motors = [robot.joints[index].motor for index in evidence.joints(robot)]
     laws = [motor.friction for motor in motors]
     stated = [max(law.coulomb_nm, law.static_nm) * (1 + law.relative_std) for law in laws]
-    level = np.array([
-        own or _UNKNOWN_FRICTION * motor.max_torque_nm for own, motor in zip(stated, motors, strict=True)
-    ])  # fmt: skip
+    limits = np.array([motor.max_torque_nm for motor in motors])
+    likely = np.where(np.isfinite(limits), _UNKNOWN_FRICTION * limits, _UNKNOWN_SHARE * np.abs(expected).max(axis=0))
+    level = np.where(np.array(stated) > 0, stated, likely)
     if evidence.motion_rms is None:
         return np.asarray(np.broadcast_to(level, (len(evidence.configurations), len(motors))))
     presliding = np.array([law.presliding_rad for law in laws])

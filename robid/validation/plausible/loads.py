@@ -114,7 +114,7 @@ def doubt_of(robot: Robot, cause: LoadCause, values: FloatArray, strength: float
     elif cause.kind == "masses":
         told = f"mean torques {where} carry {1 + value:.3g} times the mass of {cause.name}'s link"
     elif cause.kind == BALANCE:
-        told = balance_message(cause.name, values, where)
+        told = balance_message(robot, cause.name, values, where)
     else:
         lean = np.rad2deg(np.linalg.norm(values))
         told = f"mean torques {where} are those of a base that leans by {lean:.2g} deg more than the model's"

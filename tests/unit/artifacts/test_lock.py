@@ -73,8 +73,8 @@ def test_a_lock_that_says_nothing_is_still_one(tmp_path):
 def test_what_nobody_resumes_is_removed_and_the_rest_stays(tmp_path):
     part = f"00000.{'0' * 16}.h5"
     paths = {
-        "a/record.h5.parts": [part, f"{part}.partial"],
-        "gone/record.h5.parts": [part, f"{part}.partial"],
+        "a/record.h5.parts": [part, f"{part}.partial", f"{part}.0123abcd.partial"],
+        "gone/record.h5.parts": [part, f"{part}.partial", f"{part}.0123abcd.partial"],
         "b/record.h5.parts": [part, "notes.txt"],
         "fits/f": ["model.h5.partial", "x.txt.partial"],
         ".": ["report.html.partial", "mine.partial"],

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Provenance
+from robid.artifacts.atomic import replacing
 from robid.artifacts.frf import FRF
 from robid.artifacts.model import MODEL
 from robid.artifacts.record import RECORD
@@ -303,6 +304,15 @@ def test_a_write_that_fails_says_so_and_leaves_the_old_file(tmp_path: Path) -> N
         write_artifact(path, _thing(attributes={}))
     assert caught.value.where == str(path)
     assert read_artifact(path, KIND).attributes == _thing().attributes
+
+
+def test_two_writers_of_one_file_do_not_disturb_each_other(tmp_path: Path) -> None:
+    path = tmp_path / "part.h5"
+    with replacing(path, alone=False) as first, replacing(path, alone=False) as second:
+        first.write_text("one")
+        second.write_text("two")
+    assert path.read_text() == "one"  # the outer one is done last
+    assert [file.name for file in tmp_path.iterdir()] == ["part.h5"]
 
 
 def test_inspect_describes_without_values(tmp_path: Path) -> None:

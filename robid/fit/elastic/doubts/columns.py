@@ -32,5 +32,7 @@ def doubt_columns(
     scene, kind = Scene(problem, internal, robot, options), problem.residual_kind
     if not doubts:
         return np.zeros((*problem.frf.response.shape, 0), complex)
-    columns = np.stack([doubt.direction.column(scene) for doubt in doubts], axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly zero has no relative change
+        columns = np.stack([doubt.direction.column(scene) for doubt in doubts], axis=-1)
+    columns[scene.response.sampled == 0] = 0.0
     return kind.part(columns * kind.per_relative(scene.response.sampled)[..., None])

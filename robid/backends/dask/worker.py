@@ -1,0 +1,170 @@
+"""What runs on a worker: whether it may take part, and one task."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import signal
+import traceback
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from distributed import get_worker
+from threadpoolctl import threadpool_limits
+
+import robid
+from robid.backends.dask.exchange import TOKEN, mark_of, unpack
+from robid.backends.threads import ONE_THREAD
+from robid.versions import package_versions
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+VERSIONS, FOLDER, THREADS = "versions", "folder", "threads"
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a worker must fulfil to take part.
+
+    Attributes:
+        versions: Versions of packages by name, and the digest of robid's sources.
+        directory: Where the command was given: paths of tasks may be relative to it.
+        exchange: The folder that client and workers share.
+        token: What its token file holds.
+    """
+
+    versions: tuple[tuple[str, str], ...]
+    directory: str
+    exchange: str
+    token: str
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """Why a worker may not take part; `kind` is `versions`, `folder` or `threads`."""
+
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The worker may not take part; the task was not begun."""
+
+    address: str
+    complaint: Complaint
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The task raised an error."""
+
+    error: Exception
+    trace: str
+
+
+@dataclass(frozen=True)
+class Done:
+    """The task's result."""
+
+    result: Any
+
+
+def versions_here() -> tuple[tuple[str, str], ...]:
+    """Returns what must be equal on all machines; of Python, major and minor version."""
+    found = package_versions()
+    found["python"] = ".".join(found["python"].split(".")[:2])
+    return (*found.items(), ("sources of robid", _digest_of_sources()))
+
+
+def examine(terms: Terms, dask_worker: Any) -> Complaint | None:  # noqa: ANN401
+    """Says why a worker may not take part, None if it may; `distributed` names the second argument."""
+    return _complaint(terms, dask_worker.state.nthreads)
+
+
+def perform(terms: Terms, index: int, packed: bytes) -> Done | Failed | Refused:
+    """Does one task; its error is a result, which no log shows."""
+    worker = get_worker()
+    complaint = examine(terms, worker)
+    if complaint is not None:
+        return Refused(worker.address, complaint)
+    _limit_threads()
+    try:
+        with _in_directory(terms.directory), _marked(mark_of(terms.exchange, worker.address), index):
+            function, task = unpack(packed, terms.exchange)
+            return Done(function(task))
+    except Exception as error:  # noqa: BLE001  whatever it is, it is raised where the map was called
+        return Failed(_portable(error), traceback.format_exc())
+
+
+def dask_setup(worker: object) -> None:
+    """Leaves interrupts to the client; a worker of a local cluster calls it when it starts."""
+    del worker
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@cache
+def _complaint(terms: Terms, threads: int) -> Complaint | None:
+    if threads != 1:
+        return Complaint(THREADS, f"has {threads} threads")
+    here = dict(versions_here())
+    other = [f"{name} {here[name]} instead of {wanted}" for name, wanted in terms.versions if here[name] != wanted]
+    if other:
+        return Complaint(VERSIONS, "has " + ", ".join(other))
+    if not Path(terms.directory).is_dir():
+        return Complaint(FOLDER, f"does not see {terms.directory}")
+    try:
+        found = (Path(terms.exchange) / TOKEN).read_text(encoding="utf-8")
+    except OSError:
+        found = ""
+    return None if found == terms.token else Complaint(FOLDER, f"does not see {Path(terms.exchange).parent}")
+
+
+@cache
+def _limit_threads() -> None:
+    """For good: libraries that are loaded later read the environment."""
+    os.environ.update(ONE_THREAD)
+    threadpool_limits(1)
+
+
+@contextmanager
+def _in_directory(directory: str) -> Iterator[None]:
+    before = Path.cwd()
+    os.chdir(directory)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+@contextmanager
+def _marked(mark: Path, index: int) -> Iterator[None]:
+    """Leaves the task's index behind if the process dies."""
+    with suppress(OSError):
+        mark.write_text(str(index), encoding="utf-8")
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            mark.unlink()
+
+
+def _portable(error: Exception) -> Exception:
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # noqa: BLE001  some errors cannot be rebuilt from their arguments
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
+
+
+@cache
+def _digest_of_sources() -> str:
+    root, digest = Path(robid.__file__).parent, hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:12]
