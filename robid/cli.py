@@ -79,7 +79,7 @@ def _fail(arguments: list[str], message: str, code: int) -> int:
         typer.echo(traceback.format_exc(), err=True)
     typer.echo(f"robid: {message}", err=True)
     if "--json" in arguments:
-        print_json({"error": message, "exit_code": code})
+        print_json({"error": message, "exit_code": code}, one_line="--stream" in arguments)
     return code
 
 
@@ -158,6 +158,44 @@ def run_everything(
     from robid.commands.run import run_experiment
 
     return run_experiment(_open(experiment, run_dir, backend, workers, scheduler), strict=strict, as_json=as_json)
+
+
+@app.command("reprocess")
+def reprocess_rows(
+    manifest: Annotated[Path, typer.Argument(metavar="MANIFEST", help="The manifest, CSV or Parquet: a row a robot.")],
+    experiment: Annotated[
+        Path, typer.Argument(metavar="EXPERIMENT.yaml", help="The experiment file, with ${row.column} to be filled.")
+    ],
+    run_dir: RunFolder = None,
+    keep: Annotated[bool, typer.Option("--keep", help="Keep records and responses of every row.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Try rows again that have failed.")] = False,
+    pages: Annotated[
+        Literal["all", "none", "flagged"],
+        typer.Option("--pages", help="Rows that get a page of their own; `flagged` are outliers and failures."),
+    ] = "flagged",
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Exit with 5 if a row is graded *do not use* or off the fleet, or a robot drifts."
+        ),
+    ] = False,
+    as_json: AsJson = False,
+    stream: Annotated[
+        bool, typer.Option("--stream", help="With --json: one object a row as it finishes, each on a line.")
+    ] = False,
+    backend: Backend = None,
+    workers: Workers = None,
+    debug: Debug = False,
+) -> int:
+    """Runs an experiment for every row of a manifest, only what changed; results in one table."""
+    del debug
+    from robid.commands.reprocess import reprocess
+    from robid.fleet.run import Options
+
+    options = Options(keep, force, pages)
+    return reprocess(
+        manifest, experiment, run_dir, options, backend, workers, strict=strict, as_json=as_json, stream=stream
+    )
 
 
 @app.command("study")

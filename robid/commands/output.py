@@ -8,6 +8,6 @@ from typing import Any
 import typer
 
 
-def print_json(value: Any) -> None:  # noqa: ANN401
-    """Prints a value as JSON."""
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, default=str))
+def print_json(value: Any, *, one_line: bool = False) -> None:  # noqa: ANN401
+    """Prints a value as JSON, on one line where it is one of a stream."""
+    typer.echo(json.dumps(value, indent=None if one_line else 2, ensure_ascii=False, default=str))

@@ -168,6 +168,8 @@ class Family:
             can be freed.
         refit: Fits again from the minimum of a model, with what the data's experiment now frees.
         needs_robot: Whether its fits ask for the inside of the robot, so that the experiment must name one.
+        misfits: How badly a model describes its data, and data that it never saw where it was validated: positive
+            numbers by name, by which models of a fleet are compared; only large ones are suspicious.
     """
 
     name: str
@@ -187,6 +189,7 @@ class Family:
     free_too: Callable[[LoadedExperiment, str, Sequence[str]], LoadedExperiment] | None = None
     refit: Callable[[Data, Artifact, Work], Artifact] | None = None
     needs_robot: bool = True
+    misfits: Callable[[Artifact, Artifact | None], Mapping[str, float]] = lambda _model, _validation: {}
 
 
 def family_of(loaded: LoadedExperiment, fit: str) -> Family:

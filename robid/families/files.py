@@ -9,8 +9,11 @@ from typing import Any
 from robid.families.family import Family
 from robid.families.known import FAMILIES
 from robid.settings.checks.experiment import StudyCheck
-from robid.settings.load import LoadedExperiment, load_experiment_of
+from robid.settings.load import LoadedExperiment, RobotReader, load_experiment_of, load_row_of, read_robot
+from robid.settings.placeholders import Row
+from robid.settings.problems import SettingsProblem
 from robid.settings.schema import experiment_schema_of
+from robid.settings.yaml import Document
 
 
 def load_experiment(
@@ -27,6 +30,13 @@ def load_experiment(
         SettingsError: With every problem of both files, each with its line and field.
     """
     return load_experiment_of(FAMILIES if families is None else families, path, check_study)
+
+
+def load_row(
+    document: Document, row: Row, read: RobotReader = read_robot
+) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
+    """Checks the experiment that a row of a manifest makes of an experiment file, see `load_row_of`."""
+    return load_row_of(FAMILIES, document, row, read)
 
 
 def experiment_schema(families: Mapping[str, Family] | None = None) -> dict[str, Any]:

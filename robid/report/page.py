@@ -55,7 +55,7 @@ def render(content: ReportContent) -> str:
         styles=_styles,
         style=Markup(_own("page.css")),
         scripts=[Markup(_own(name)) for name in _SCRIPTS],
-        plotly=Markup(get_plotlyjs()),
+        plotly=lambda: Markup(get_plotlyjs() if drawn else ""),
         data=lambda: Markup(_script_json({"figures": drawn})),
     )
 

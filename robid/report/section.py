@@ -22,6 +22,7 @@ class Cell:
         badge: A letter before the text.
         hint: What the badge means.
         share: Share of a limit, drawn as a meter where its column is one.
+        link: Page that it leads to, from this page's folder on; empty for none.
     """
 
     text: str
@@ -29,6 +30,7 @@ class Cell:
     badge: str = ""
     hint: str = ""
     share: float | None = None
+    link: str = ""
 
 
 @dataclass(frozen=True)

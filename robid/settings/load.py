@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 from robid.errors import SettingsError
 from robid.settings.checks.experiment import StudyCheck, check_experiment
@@ -13,10 +14,15 @@ from robid.settings.checks.robot import check_robot
 from robid.settings.checks.robot_missing import missing_keys
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
+from robid.settings.placeholders import Row, fill, refuse_placeholders
 from robid.settings.plain import plain_settings
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
-from robid.settings.yaml import Document, load_yaml
+from robid.settings.yaml import Document, FieldPath, load_yaml
+
+RobotReader: TypeAlias = Callable[[Path], tuple[RobotFile | None, list[SettingsProblem]]]
+"""Reads a robot file and finds what is wrong with it; raises a `SettingsError` where it cannot be read."""
+_Model = TypeVar("_Model")
 
 
 @dataclass(frozen=True)
@@ -28,12 +34,14 @@ class LoadedExperiment:
         experiment: The experiment.
         robot: The robot file; without joints where there is none.
         families: The families of its fits, by name.
+        written: Names of files as a row of a manifest says them, by field; `experiment` holds where they are.
     """
 
     path: Path
     experiment: Experiment
     robot: RobotFile
     families: Families
+    written: Mapping[FieldPath, str] = field(default_factory=dict)
 
     @property
     def robot_path(self) -> Path | None:
@@ -43,7 +51,13 @@ class LoadedExperiment:
     @cached_property
     def plain(self) -> dict[str, Any]:
         """The experiment as values that JSON knows, with the whole robot file as its `robot`; not to be changed."""
-        return {**plain_settings(self.experiment), "robot": plain_settings(self.robot)}
+        found = plain_settings(self.experiment)
+        for path, text in self.written.items():
+            section = found
+            for part in path[:-1]:
+                section = section[part]
+            section[path[-1]] = text
+        return {**found, "robot": plain_settings(self.robot)}
 
 
 def load_experiment_of(families: Families, path: Path, check_study: StudyCheck | None = None) -> LoadedExperiment:
@@ -58,15 +72,40 @@ def load_experiment_of(families: Families, path: Path, check_study: StudyCheck |
         SettingsError: With every problem of both files, each with its line and field.
     """
     document = load_yaml(path)
-    experiment, problems = validate_document(experiment_type(families), document)
-    robot, robot_problems = _named_robot(document)
-    if experiment is not None:
-        problems += check_experiment(document, experiment, None if robot_problems else robot, families, check_study)
-    raise_problems([*problems, *robot_problems])
-    if experiment is None or robot is None:
-        message = "a file without a problem has no model"
-        raise RuntimeError(message)
-    return LoadedExperiment(path, experiment, robot, families)
+    refuse_placeholders(document)
+    return _require(*_load(families, document, check_study, read_robot))
+
+
+def load_row_of(
+    families: Families, document: Document, row: Row, read: RobotReader
+) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
+    """Checks the experiment that a row of a manifest makes of an experiment file.
+
+    Args:
+        families: The families that its fits may be of, by name.
+        document: The file, with placeholders.
+        row: The row; it has all columns that the file asks for.
+        read: Reads the robot file.
+
+    Returns:
+        The experiment, None where there is a problem; every problem with its line and field.
+    """
+    filled = fill(document, row)
+    loaded, problems = _load(families, filled.document, None, read)
+    if filled.problems:
+        # What stands in the place of the missing value may have been complained of too.
+        told = {problem.field for problem in filled.problems}
+        return None, [*filled.problems, *(problem for problem in problems if problem.field not in told)]
+    return None if loaded is None else replace(loaded, written=filled.written), problems
+
+
+def read_robot(path: Path) -> tuple[RobotFile | None, list[SettingsProblem]]:
+    """Reads a robot file and finds what is wrong with it.
+
+    Raises:
+        SettingsError: If it cannot be read.
+    """
+    return _checked_robot(load_yaml(path))
 
 
 def load_robot(path: Path) -> RobotFile:
@@ -75,26 +114,41 @@ def load_robot(path: Path) -> RobotFile:
     Raises:
         SettingsError: With every problem, each with its line and field.
     """
-    robot, problems = _checked_robot(load_yaml(path))
+    return _require(*read_robot(path))
+
+
+def _require(model: _Model | None, problems: list[SettingsProblem]) -> _Model:
     raise_problems(problems)
-    if robot is None:
+    if model is None:
         message = "a file without a problem has no model"
         raise RuntimeError(message)
-    return robot
+    return model
 
 
-def _named_robot(document: Document) -> tuple[RobotFile | None, list[SettingsProblem]]:
+def _load(
+    families: Families, document: Document, check_study: StudyCheck | None, read: RobotReader
+) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
+    experiment, problems = validate_document(experiment_type(families), document)
+    robot, robot_problems = _named_robot(document, read)
+    if experiment is not None:
+        problems += check_experiment(document, experiment, None if robot_problems else robot, families, check_study)
+    problems = [*problems, *robot_problems]
+    if problems or experiment is None or robot is None:
+        return None, problems
+    return LoadedExperiment(document.path, experiment, robot, families), []
+
+
+def _named_robot(document: Document, read: RobotReader) -> tuple[RobotFile | None, list[SettingsProblem]]:
     if "robot" not in document.data:
         return UnknownRobot(name=str(document.data.get("name"))), []
     name = document.data["robot"]
     if not isinstance(name, str):
         return None, []
     try:
-        robot = load_yaml(document.path.parent / name)
+        return read(document.path.parent / name)
     except SettingsError as error:
         where = f"{error.where}: " if error.where else ""
         return None, [problem_at(document, ("robot",), f"{where}{error.what}; {error.remedy}")]
-    return _checked_robot(robot)
 
 
 def _checked_robot(document: Document) -> tuple[RobotFile | None, list[SettingsProblem]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -75,7 +76,7 @@ def validate_document(model: type[_Model], document: Document) -> tuple[_Model |
 
 
 def _translate(model: type[BaseModel], document: Document, error: ValidationError) -> list[SettingsProblem]:
-    schema = model.model_json_schema(by_alias=True)
+    schema = _schema(model)
     messages: dict[FieldPath, list[str]] = {}
     choices: set[FieldPath] = set()
     for detail in map(_at_tag, error.errors(include_url=False)):
@@ -92,6 +93,11 @@ def _translate(model: type[BaseModel], document: Document, error: ValidationErro
     return [
         problem_at(document, field, "; or: ".join(texts)) for field, texts in messages.items() if field not in hidden
     ]
+
+
+@cache
+def _schema(model: type[BaseModel]) -> dict[str, Any]:
+    return model.model_json_schema(by_alias=True)
 
 
 def _at_tag(detail: Any) -> Any:  # noqa: ANN401

@@ -51,14 +51,27 @@ def load_yaml(path: Path) -> Document:
     Raises:
         SettingsError: If it cannot be read, is not YAML, repeats a key, or holds other than plain values.
     """
+    return parse_yaml(path, read_text(path))
+
+
+def read_text(path: Path) -> str:
+    """Reads the text of a settings file.
+
+    Raises:
+        SettingsError: If it cannot be read.
+    """
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except OSError as error:
         raise SettingsError(
             f"cannot be read: {error.strerror or error}", where=str(path), remedy="check the path"
         ) from error
     except UnicodeDecodeError as error:
         raise SettingsError("is not a UTF-8 text file", where=str(path), remedy="save it as UTF-8") from error
+
+
+def parse_yaml(path: Path, text: str) -> Document:
+    """Reads the text of a YAML file, see `load_yaml`."""
     try:
         yaml = YAML(typ="rt")
         node = yaml.compose(text)

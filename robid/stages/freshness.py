@@ -81,7 +81,7 @@ def _unreadable(error: ArtifactError) -> State:
 def input_hashes(plan: Plan, inputs: Mapping[str, Path]) -> dict[str, str]:
     """Returns the content hash of each input and outside file that is there."""
     made = {name: _content(path) for name, path in inputs.items() if path.exists()}
-    outside = {path: _bytes(path) for path in dict.fromkeys(plan.files.values()) if path.exists()}
+    outside = {path: file_sha256(path) for path in dict.fromkeys(plan.files.values()) if path.exists()}
     return made | {name: outside[path] for name, path in plan.files.items() if path in outside}
 
 
@@ -110,17 +110,17 @@ def _provenance(stage: Stage, output: Path) -> Provenance:
 def _content(path: Path) -> str:
     if path.suffix == ".h5":
         return read_header(path).content_sha256
-    return _bytes(path)
+    return file_sha256(path)
 
 
-def _bytes(path: Path) -> str:
-    """Hash of the bytes of a file of somebody else, or of all files of a folder and their names.
+def file_sha256(path: Path) -> str:
+    """Returns the hash of the bytes of a file of somebody else, or of all files of a folder and their names.
 
     What a system or a reader leaves beside a bag, hidden files and SQLite's shared memory, does not count.
     """
     if path.is_dir():
         left = (one for one in sorted(path.iterdir()) if not one.name.startswith(".") and not one.name.endswith("-shm"))
-        inside = [(one.name, _bytes(one)) for one in left]
+        inside = [(one.name, file_sha256(one)) for one in left]
         return hashlib.sha256(repr(inside).encode()).hexdigest()
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

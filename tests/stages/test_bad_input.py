@@ -8,7 +8,6 @@ import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
-from scipy.signal import cont2discrete
 
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
@@ -16,10 +15,7 @@ from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.candidates import candidate_information
 from robid.families.files import load_experiment
 from tolerances import IDENTITY
-
-STIFFNESS, DAMPING, MOTOR, LOAD = 546.0, 0.2, 4.8e-3, 4.7e-3
-PERIOD_S, STEP_S, N_PERIOD = 0.5, 1e-3, 5
-LINES = np.arange(10, 81)
+from two_mass_log import LINES, LOAD, MOTOR, PERIOD_S, STEP_S, STIFFNESS, bench_log
 
 
 def refuse(shop, code, *texts, command=("run", "small.yaml")):
@@ -170,39 +166,6 @@ def test_what_a_fit_cannot_use_is_told_before_it_starts(done, changes, fit, text
 def test_a_parameter_that_changes_nothing_is_told_before_the_fit(done):
     spoil_response(done, frequency_hz=lambda frequency: 1e-7 * frequency)
     refuse(done, 4, "free parameters change nothing: ", "`fixed`", command=("fit", "small.yaml", "--force"))
-
-
-def two_mass(samples):
-    """Exact steady-state angles (2, n_sample) of the held current's period."""
-    stiffness, damping = (
-        value / np.array([[MOTOR], [LOAD]]) * np.array([[1, -1], [-1, 1]]) for value in (STIFFNESS, DAMPING)
-    )
-    continuous = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping]])
-    state, gain, output, *_ = cont2discrete(
-        (continuous, np.array([[0], [0], [1 / MOTOR], [0]]), np.eye(4)[:2], np.zeros((2, 1))), STEP_S
-    )
-    spectrum = np.fft.rfft(samples)
-    angle = np.zeros((2, spectrum.size), complex)
-    for line in LINES:
-        shift = np.exp(2j * np.pi * line / samples.size)
-        angle[:, line] = (output @ np.linalg.solve(shift * np.eye(4) - state, gain))[:, 0] * spectrum[line]
-    return np.fft.irfft(angle, samples.size)
-
-
-def bench_log():
-    """Five periods of a log whose load angle counts the other way, in degrees."""
-    generator = np.random.default_rng(3)
-    n_sample = round(PERIOD_S / STEP_S)
-    spectrum = np.zeros(n_sample // 2 + 1, complex)
-    spectrum[LINES] = 20 * np.exp(2j * np.pi * generator.uniform(size=LINES.size))
-    current = np.fft.irfft(spectrum, n_sample)
-    motor, load = two_mass(current)
-    columns = {"current": current, "motor": motor, "load": -np.rad2deg(load)}
-    log = {name: np.tile(values, N_PERIOD)[:, None] for name, values in columns.items()}
-    for name in ("motor", "load"):
-        log[name] += 1e-3 * log[name].std() * generator.normal(size=log[name].shape)
-    log["time"] = np.arange(n_sample * N_PERIOD)[:, None] * STEP_S * 1e3
-    return log
 
 
 @pytest.fixture

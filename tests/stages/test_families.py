@@ -171,6 +171,10 @@ def test_every_result_has_the_common_core(made, case):
     values = case.family.true_values(*true_robot_of(made))
     assert known == {name: values[name] for name in estimate.names if name in values}
     assert outcome.grade.sentence
+    told = case.family.misfits(model, validation)
+    assert set(case.family.misfits(model, None)) < set(told) or not told
+    assert np.isfinite(list(told.values())).all()
+    assert min(told.values(), default=1.0) > 0
     assert grade_from_artifact(model).value <= 1, "a fit that nothing was held against predicts at best"
 
 

@@ -74,6 +74,15 @@ def _compare(every: Sequence[Shown]) -> dict[str, float]:
     return compare(every)
 
 
+def _misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
+    from robid.families.elastic.files import solution_from_artifact, validation_from_artifact
+
+    found = {"misfit": solution_from_artifact(model).misfit}
+    if validation is not None:
+        found["misfit of the validation"] = validation_from_artifact(validation).cost_ratio
+    return found
+
+
 ELASTIC = Family(
     name="elastic",
     settings=ElasticFit,
@@ -91,4 +100,5 @@ ELASTIC = Family(
     exports=EXPORTS,
     free_too=_free_too,
     refit=_refit,
+    misfits=_misfits,
 )

@@ -66,6 +66,16 @@ def _seed(_settings: FitSettings) -> int | None:
     return None
 
 
+def _misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
+    from robid.families.external.files import solution_from_artifact, validation_from_artifact
+
+    found = {"relative error": 1 - float(solution_from_artifact(model).quality.nrmse.min())}
+    if validation is not None:
+        worst = min(each.nrmse for each in validation_from_artifact(validation).agreements)
+        found["relative error of the validation"] = 1 - worst
+    return found
+
+
 EXTERNAL = Family(
     name="external",
     settings=ExternalFit,
@@ -82,4 +92,5 @@ EXTERNAL = Family(
     compare=_compare,
     exports=EXPORTS,
     needs_robot=False,
+    misfits=_misfits,
 )

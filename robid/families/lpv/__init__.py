@@ -84,6 +84,12 @@ def _seed(_settings: FitSettings) -> int | None:
     return None
 
 
+def _misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
+    from robid.families.lpv.files import misfits
+
+    return misfits(model, validation)
+
+
 LPV = Family(
     name="lpv",
     settings=LpvFit,
@@ -100,4 +106,5 @@ LPV = Family(
     compare=_compare,
     exports=EXPORTS,
     needs_robot=False,
+    misfits=_misfits,
 )

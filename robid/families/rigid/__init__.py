@@ -64,6 +64,15 @@ def _seed(settings: FitSettings) -> int | None:
     return settings.base.seed if isinstance(settings, RigidFit) else None
 
 
+def _misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
+    from robid.families.rigid.files import solution_from_artifact, validation_from_artifact
+
+    found = {"relative error": solution_from_artifact(model).residuals.total_error}
+    if validation is not None:
+        found["relative error of the validation"] = validation_from_artifact(validation).total_error
+    return found
+
+
 RIGID = Family(
     name="rigid",
     settings=RigidFit,
@@ -79,4 +88,5 @@ RIGID = Family(
     report=_report,
     compare=_compare,
     exports=EXPORTS,
+    misfits=_misfits,
 )

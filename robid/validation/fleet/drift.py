@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,118 +9,166 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2, t
 
-from robid.arrays import FloatArray
-from robid.validation.fleet.outliers import LEVEL, Figure, holm
+from robid.arrays import FloatArray, IntArray
+from robid.validation.fleet.outliers import LEVEL, Trait, holm
 
 _LEAST = 2
 _ROUNDING = 1e-12
 _EFFICIENCY = 0.5
 """Of a median beside a mean, in degrees of freedom."""
+_CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
 class Drift:
-    """How a robot's figure changes.
+    """How a robot's trait changes.
 
     Attributes:
-        robot: The robot.
-        figure: Name of the figure.
+        robot: Number of the robot.
+        trait: Index of the trait.
         slope: Change per unit of time.
-        slope_std: Its standard deviation.
+        slope_half_width: Half width of its interval, of 95 %.
         change: Over all of the robot's measurements.
+        change_half_width: Half width of its interval.
         count: How many these are.
         chance: That any robot of a fleet that does not change seems to change as clearly, at most.
     """
 
-    robot: str
-    figure: str
+    robot: int
+    trait: int
     slope: float
-    slope_std: float
+    slope_half_width: float
     change: float
+    change_half_width: float
     count: int
     chance: float
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether it is more than chance, at the level of a fleet."""
-        return self.chance <= LEVEL
 
-
-def find_drifts(figures: Sequence[Figure], robots: Sequence[str], time: FloatArray) -> tuple[Drift, ...]:
-    """Finds how robots that were measured several times change, the least likely to be chance first.
+def find_drifts(traits: Sequence[Trait], robots: IntArray, time: FloatArray, level: float = LEVEL) -> tuple[Drift, ...]:
+    """Finds robots that were measured several times and change, the least likely to be chance first.
 
     A line is laid through each robot's values. They scatter by their own errors and by what measurements of one robot
     differ from day to day. The scatter of half of the robots about their lines tells that; of two measurements it is
     the difference: where all robots have but two, most of them must not change.
 
     Args:
-        figures: The figures.
-        robots: Name of each row's robot.
+        traits: The traits.
+        robots (n_row,): Number of each row's robot.
         time (n_row,): When each row was measured; only differences count.
+        level: Chance that any is found where there is none, whatever the number of robots and traits.
     """
-    drifts = [each for figure in figures for each in _drifts(figure, robots, time)]
-    adjusted = holm(np.array([each.chance for each in drifts]))
-    told = [Drift(**{**vars(each), "chance": float(chance)}) for each, chance in zip(drifts, adjusted, strict=True)]
-    return tuple(sorted(told, key=lambda each: each.chance))
+    lines = [_lines(trait, robots, time) for trait in traits]
+    chance = holm(np.concatenate([each.chance for each in lines])) if lines else np.zeros(0)
+    of = np.repeat(np.arange(len(lines)), [len(each.chance) for each in lines])
+    place = np.concatenate([np.arange(len(each.chance)) for each in lines]) if lines else np.zeros(0, int)
+    kept = np.flatnonzero(chance <= level)
+    kept = kept[np.argsort(chance[kept], kind="stable")]
+    return tuple(lines[of[k]].drift(int(place[k]), int(of[k]), float(chance[k])) for k in kept)
 
 
-def repeat_spread(measured: Sequence[_Measured]) -> float:
+def repeat_spread(measured: Measured) -> float:
     """Standard deviation between measurements of one robot beyond their errors, whatever a minority of robots shows."""
 
     def excess(spread: float) -> float:
-        return float(np.median([each.luck(spread) for each in measured])) - 0.5
+        return float(np.median(measured.luck(spread))) - 0.5
 
-    most = 10 * max((float(np.ptp(each.value)) for each in measured), default=0.0)
+    most = 10 * float(np.ptp(measured.value - measured.level))
     least = 1e-9 * most
     return 0.0 if most == 0 or excess(least) <= 0 else float(brentq(excess, least, most, rtol=1e-6))
 
 
 @dataclass(frozen=True)
-class _Measured:
-    """Measurements (n,) of one robot, two at least; of two, nobody knows a line's scatter, so they have none."""
+class Measured:
+    """All measurements (n,) of a trait on robots that have two at least, at different times.
 
-    robot: str
+    Attributes:
+        robot (n,): Index of the robot of each.
+        time (n,): When.
+        value (n,): Values.
+        std (n,): Standard deviations of their errors.
+        level (n,): First value of each one's robot.
+        count (n_robot,): Measurements of each robot.
+    """
+
+    robot: IntArray
     time: FloatArray
     value: FloatArray
     std: FloatArray
+    level: FloatArray
+    count: IntArray
 
     @property
-    def freedom(self) -> int:
-        return max(len(self.time) - 2, 1)
+    def freedom(self) -> IntArray:
+        """Degrees of freedom (n_robot,) of the scatter; of two measurements it is that of their difference."""
+        return np.maximum(self.count - 2, 1)
 
-    def line(self, spread: float) -> tuple[float, float]:
-        """Slope and its standard deviation."""
+    def sums(self, numbers: FloatArray) -> FloatArray:
+        """Returns the sum over each robot's measurements (n_robot,)."""
+        return np.bincount(self.robot, numbers, len(self.count)).astype(float)
+
+    def line(self, spread: float) -> tuple[FloatArray, FloatArray]:
+        """Returns each robot's slope (n_robot,) and its standard deviation."""
         precision, away = self._about_mean(self.time, spread)
-        size = float(precision @ away**2)
-        return float((precision * away) @ self.value) / size, 1 / np.sqrt(size)
+        size = self.sums(precision * away**2)
+        return self.sums(precision * away * (self.value - self.level)) / size, 1 / np.sqrt(size)
 
-    def luck(self, spread: float) -> float:
-        """Chance of as little scatter as there is about the line."""
-        precision, left = self._about_mean(self.value, spread)
-        if len(self.time) > _LEAST:
-            left = left - self.line(spread)[0] * self._about_mean(self.time, spread)[1]
-        return float(chi2.cdf(precision @ left**2, self.freedom))
+    def luck(self, spread: float) -> FloatArray:
+        """Returns the chance (n_robot,) of as little scatter as there is about the line."""
+        precision, left = self._about_mean(self.value - self.level, spread)
+        slope = np.where(self.count > _LEAST, self.line(spread)[0], 0.0)
+        left = left - slope[self.robot] * self._about_mean(self.time, spread)[1]
+        return np.asarray(chi2.cdf(self.sums(precision * left**2), self.freedom))
 
     def _about_mean(self, numbers: FloatArray, spread: float) -> tuple[FloatArray, FloatArray]:
-        precision = 1 / (np.maximum(self.std, _ROUNDING * max(float(np.abs(self.value).max()), 1.0)) ** 2 + spread**2)
-        return precision, numbers - precision @ numbers / precision.sum()
+        precision = 1 / (self.std**2 + spread**2)
+        mean = self.sums(precision * numbers) / self.sums(precision)
+        return precision, numbers - mean[self.robot]
 
 
-def _drifts(figure: Figure, robots: Sequence[str], time: FloatArray) -> list[Drift]:
-    rows = defaultdict(list)
-    for row in np.flatnonzero(figure.known).tolist():
-        rows[robots[row]].append(row)
-    measured = [
-        _Measured(robot, time[own], figure.value[own], figure.std[own])
-        for robot, own in rows.items()
-        if np.ptp(time[own]) > 0
-    ]
-    spread = repeat_spread(measured)
-    freedom = _EFFICIENCY * sum(each.freedom for each in measured)
-    return [_drift(figure.name, each, spread, freedom) for each in measured]
+@dataclass(frozen=True)
+class _Lines:
+    """Lines through the measurements of several robots (n_robot,), and the degrees of freedom of their scatter."""
+
+    robot: IntArray
+    slope: FloatArray
+    std: FloatArray
+    length: FloatArray
+    count: IntArray
+    freedom: float
+
+    @property
+    def chance(self) -> FloatArray:
+        return np.asarray(2 * t.sf(np.abs(self.slope) / self.std, self.freedom))
+
+    def drift(self, place: int, trait: int, chance: float) -> Drift:
+        slope, length = float(self.slope[place]), float(self.length[place])
+        half = float(self.std[place] * t.ppf(0.5 + 0.5 * _CONFIDENCE, self.freedom))
+        change = slope * length, half * length
+        return Drift(int(self.robot[place]), trait, slope, half, *change, int(self.count[place]), chance)
 
 
-def _drift(name: str, measured: _Measured, spread: float, freedom: float) -> Drift:
-    slope, std = measured.line(spread)
-    chance = float(2 * t.sf(abs(slope) / std, freedom))
-    return Drift(measured.robot, name, slope, std, slope * float(np.ptp(measured.time)), len(measured.time), chance)
+def _lines(trait: Trait, robots: IntArray, time: FloatArray) -> _Lines:
+    own, when = robots[trait.rows], time[trait.rows]
+    names, index = np.unique(own, return_inverse=True)
+    first, last = np.full(len(names), np.inf), np.full(len(names), -np.inf)
+    np.minimum.at(first, index, when)
+    np.maximum.at(last, index, when)
+    repeated = last > first
+    chosen = repeated[index]
+    kept = np.unique(index[chosen])
+    nothing = np.zeros(0)
+    if not kept.size:
+        return _Lines(np.zeros(0, int), nothing, nothing, nothing, np.zeros(0, int), 1.0)
+    robot = np.searchsorted(kept, index[chosen])
+    measured = _measured(robot, when[chosen] - first[index][chosen], trait.value[chosen], trait.std[chosen])
+    slope, std = measured.line(repeat_spread(measured))
+    freedom = _EFFICIENCY * float(measured.freedom.sum())
+    return _Lines(names[kept], slope, std, (last - first)[kept], measured.count, freedom)
+
+
+def _measured(robot: IntArray, time: FloatArray, value: FloatArray, std: FloatArray) -> Measured:
+    count = np.bincount(robot)
+    level = np.empty(len(count))
+    level[robot[::-1]] = value[::-1]
+    least = _ROUNDING * max(float(np.abs(value).max()), 1.0)
+    return Measured(robot, time, value, np.maximum(std, least), level[robot], count)

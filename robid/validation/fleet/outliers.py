@@ -1,88 +1,89 @@
-"""Rows of a fleet that are none of its population."""
+"""Rows of a fleet that are none of their population."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.validation.fleet.population import Population, population
 
 LEVEL = 0.01
 """Chance that a fleet without any outlier has one accused."""
+FEWEST_ROBOTS = 8
+"""With fewer robots nobody can tell who is off."""
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A figure of every row.
+class Trait:
+    """What the rows of one population are compared by.
 
     Attributes:
-        name: What it is.
-        value (n_row,): Its values, logarithms where errors are relative; not a number where a row has none.
-        std (n_row,): Standard deviations of their errors.
+        rows (n,): Indices of the rows that have it.
+        value (n,): Its values, logarithms where errors are relative.
+        std (n,): Standard deviations of their errors.
+        only_large: Whether a small value is nothing to worry about.
     """
 
-    name: str
+    rows: IntArray
     value: FloatArray
     std: FloatArray
-
-    @property
-    def known(self) -> BoolArray:
-        """Which rows (n_row,) have it."""
-        return np.asarray(np.isfinite(self.value) & np.isfinite(self.std))
+    only_large: bool = False
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A row that is off its population in a figure.
+    """A row that is off its population in a trait.
 
     Attributes:
         row: Index of the row.
-        figure: Name of the figure.
+        trait: Index of the trait.
         away: By how many standard deviations.
-        chance: That any row of a fleet without outliers is as far off in any figure, at most.
+        chance: That any row of a fleet without outliers is as far off in any trait, at most.
     """
 
     row: int
-    figure: str
+    trait: int
     away: float
     chance: float
 
 
-def populations(figures: Sequence[Figure], robots: Sequence[str]) -> tuple[Population | None, ...]:
-    """Finds each figure's population; None where no row has it.
+def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population | None, ...]:
+    """Finds each trait's population; None where fewer than eight robots have it.
 
     Args:
-        figures: The figures.
-        robots: Name of each row's robot; one that was measured several times counts once.
+        traits: The traits.
+        robots (n_row,): Number of each row's robot; one that was measured several times counts once.
     """
-    return tuple(_population(figure, robots) for figure in figures)
+    return tuple(_population(trait, robots[trait.rows]) for trait in traits)
 
 
 def find_outliers(
-    figures: Sequence[Figure], found: Sequence[Population | None], level: float = LEVEL
+    traits: Sequence[Trait], found: Sequence[Population | None], level: float = LEVEL
 ) -> tuple[Outlier, ...]:
     """Finds rows that are off their population, the least likely first.
 
     Args:
-        figures: The figures.
+        traits: The traits.
         found: Their populations.
-        level: Chance that any is found where there is none, whatever the number of rows and figures.
+        level: Chance that any is found where there is none, whatever the number of rows and traits.
 
     Source:
         Holm (1979), Scand. J. Statist. 6.
     """
-    tests = []
-    for figure, about in zip(figures, found, strict=True):
-        if about is None or about.degrees_of_freedom <= 0:
-            continue
-        rows = np.flatnonzero(figure.known)
-        away, chance = (each(figure.value[rows], figure.std[rows]) for each in (about.away, about.chance))
-        tests += [Outlier(*each) for each in zip(rows.tolist(), [figure.name] * len(rows), away, chance, strict=True)]
-    return _significant(tests, level)
+    tested = [(index, trait, about) for index, (trait, about) in enumerate(zip(traits, found, strict=True)) if about]
+    if not tested:
+        return ()
+    chances = [about.chance(trait.value, trait.std, only_large=trait.only_large) for _, trait, about in tested]
+    chance = holm(np.concatenate(chances))
+    rows = np.concatenate([trait.rows for _, trait, _ in tested])
+    away = np.concatenate([about.away(trait.value, trait.std) for _, trait, about in tested])
+    of = np.repeat([index for index, _, _ in tested], [len(each) for each in chances])
+    kept = np.flatnonzero(chance <= level)
+    kept = kept[np.lexsort((-np.abs(away[kept]), chance[kept]))]
+    return tuple(Outlier(int(rows[k]), int(of[k]), float(away[k]), float(chance[k])) for k in kept)
 
 
 def holm(chance: FloatArray) -> FloatArray:
@@ -94,21 +95,6 @@ def holm(chance: FloatArray) -> FloatArray:
     return adjusted
 
 
-def _significant(tests: Sequence[Outlier], level: float) -> tuple[Outlier, ...]:
-    adjusted = holm(np.array([test.chance for test in tests]))
-    kept = [
-        Outlier(test.row, test.figure, float(test.away), float(chance))
-        for test, chance in zip(tests, adjusted, strict=True)
-        if chance <= level
-    ]
-    return tuple(sorted(kept, key=lambda each: (each.chance, -abs(each.away))))
-
-
-def _population(figure: Figure, robots: Sequence[str]) -> Population | None:
-    known = figure.known
-    if not known.any():
-        return None
-    names = [robot for robot, has in zip(robots, known.tolist(), strict=True) if has]
-    times = Counter(names)
-    weight = np.array([1 / times[name] for name in names])
-    return population(figure.value[known], figure.std[known], weight)
+def _population(trait: Trait, robots: IntArray) -> Population | None:
+    names, own, times = np.unique(robots, return_inverse=True, return_counts=True)
+    return population(trait.value, trait.std, 1 / times[own]) if len(names) >= FEWEST_ROBOTS else None

@@ -29,6 +29,7 @@ class Population:
         spread: Standard deviation of the figure itself between robots, errors of measurement apart.
         kept (n,): Which of the values it was found from.
         degrees_of_freedom: Robots among these less two: one for the centre, one for what was left out first.
+        robots: Number of robots that it was found from.
     """
 
     centre: float
@@ -36,14 +37,18 @@ class Population:
     spread: float
     kept: BoolArray
     degrees_of_freedom: float
+    robots: int
 
     def away(self, value: FloatArray, std: FloatArray) -> FloatArray:
         """Returns by how many standard deviations values (n,) that are known to `std` (n,) are off the centre."""
         return np.asarray((value - self.centre) / np.sqrt(self.spread**2 + std**2 + self.centre_std**2))
 
-    def chance(self, value: FloatArray, std: FloatArray) -> FloatArray:
-        """Returns the chance (n,) that a robot of this population is as far off."""
-        return np.asarray(2 * t.sf(np.abs(self.away(value, std)), self.degrees_of_freedom))
+    def chance(self, value: FloatArray, std: FloatArray, *, only_large: bool = False) -> FloatArray:
+        """Returns the chance (n,) that a robot of this population is as far off, to both sides or above it alone."""
+        away = self.away(value, std)
+        if only_large:
+            return np.asarray(t.sf(away, self.degrees_of_freedom))
+        return np.asarray(2 * t.sf(np.abs(away), self.degrees_of_freedom))
 
 
 def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = None) -> Population:
@@ -84,7 +89,8 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
         )
         if (kept == before).all():
             break
-    return Population(centre, centre_std, spread, kept, max(float(weight[kept].sum()) - 2, 0.0))
+    freedom = max(float(weight[kept].sum()) - 2, 0.0)
+    return Population(centre, centre_std, spread, kept, freedom, round(float(weight.sum())))
 
 
 def _median(value: FloatArray, weight: FloatArray) -> float:

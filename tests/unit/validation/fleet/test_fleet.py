@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import statsmodels.api as sm
+from scipy.stats import t as student
 from statsmodels.stats.multitest import multipletests
 
 from robid.validation.fleet.drift import find_drifts
-from robid.validation.fleet.outliers import Figure, find_outliers, holm, populations
+from robid.validation.fleet.outliers import FEWEST_ROBOTS, Trait, find_outliers, holm, populations
 from robid.validation.fleet.population import population
 
 CUT = 0.973337  # variance of a standard normal distribution within three deviations
@@ -17,13 +18,14 @@ def generator():
     return np.random.default_rng(3)
 
 
-def names(count):
-    return [f"r{number}" for number in range(count)]
+def trait(value, std, *, only_large=False):
+    return Trait(np.arange(len(value)), value, std, only_large)
 
 
-def accused(value, std, robots=None):
-    figures = [Figure("k", value, std)]
-    return [each.row for each in find_outliers(figures, populations(figures, robots or names(len(value))))]
+def accused(value, std, robots=None, *, only_large=False):
+    traits = [trait(value, std, only_large=only_large)]
+    robots = np.arange(len(value)) if robots is None else robots
+    return [each.row for each in find_outliers(traits, populations(traits, robots))]
 
 
 def test_the_spread_is_the_variance_less_that_of_the_errors(generator):
@@ -59,15 +61,15 @@ def test_precise_values_count_more(generator):
 
 def test_a_robot_that_was_measured_often_counts_once(generator):
     value = np.concatenate([generator.standard_normal(30), np.full(60, 2.0)])
-    robots = [*names(30), *["often"] * 60]
-    figures = [Figure("k", value, np.full(90, 0.01))]
-    (found,) = populations(figures, robots)
+    robots = np.concatenate([np.arange(30), np.full(60, 77)])
+    (found,) = populations([trait(value, np.full(90, 0.01))], robots)
+    assert found.robots == 31
     once = population(value[:31], np.full(31, 0.01))
     assert found.centre == pytest.approx(once.centre, abs=1e-6)
     assert found.spread == pytest.approx(once.spread, rel=1e-6)
 
 
-@pytest.mark.parametrize(("count", "fleets"), [(5, 200), (40, 400)])
+@pytest.mark.parametrize(("count", "fleets"), [(FEWEST_ROBOTS, 400), (40, 400)])
 def test_hardly_a_sound_fleet_has_a_robot_accused(generator, count, fleets):
     wrong = 0
     for _ in range(fleets):
@@ -83,17 +85,30 @@ def test_the_softened_robots_are_found_and_those_alone_that_are_known_well_enoug
     assert sorted(accused(value, std)) == [7, 250]
 
 
-def test_a_row_without_a_figure_is_left_out(generator):
-    value = 0.01 * generator.standard_normal(50)
-    value[3], value[4] = np.nan, 1.0
-    assert accused(value, np.full(50, 0.01)) == [4]
-    nothing = [Figure("k", np.full(4, np.nan), np.ones(4))]
-    assert populations(nothing, names(4)) == (None,)
-    assert find_outliers(nothing, (None,)) == ()
+def test_rows_of_two_populations_are_compared_with_their_own(generator):
+    """The third row is one of the others; together they are held to the level of one fleet."""
+    value = np.concatenate([0.01 * generator.standard_normal(30), 1 + 0.01 * generator.standard_normal(30)])
+    value[3] = 1.0
+    rows = np.arange(60)
+    traits = [Trait(rows[own], value[own], np.full(30, 0.001)) for own in (rows < 30, rows >= 30)]
+    [found] = find_outliers(traits, populations(traits, rows))
+    assert (found.row, found.trait, found.away > 50) == (3, 0, True)
+    assert found.chance < 60 * 1e-12
 
 
-def test_two_robots_accuse_nobody():
-    assert accused(np.array([0.0, 100.0]), np.full(2, 0.01)) == []
+def test_a_small_misfit_accuses_nobody(generator):
+    value = 0.1 * generator.standard_normal(50)
+    value[4], value[7] = -3.0, 3.0
+    assert sorted(accused(value, np.zeros(50))) == [4, 7]
+    assert accused(value, np.zeros(50), only_large=True) == [7]
+
+
+def test_too_few_robots_accuse_nobody():
+    value = np.array([0.0, 0.1, -0.1, 0.05, -0.05, 0.02, 100.0, 0.0])
+    assert accused(value, np.full(8, 0.01)) == [6]
+    assert accused(value[1:], np.full(7, 0.01)) == []
+    assert accused(value, np.full(8, 0.01), np.array([1, 1, 2, 3, 4, 5, 6, 7])) == []
+    assert find_outliers([], ()) == ()
 
 
 def test_chances_are_adjusted_as_holm_has_it(generator):
@@ -107,17 +122,18 @@ def measured(generator, robots, times, scatter, slope=0.0):
     own = np.repeat(np.arange(robots), times)
     level = 5 * generator.standard_normal(robots)
     value = level[own] + scatter * generator.standard_normal(own.size) + slope * time * (own == 0)
-    return value, [f"r{robot}" for robot in own], time
+    return value, own, time
 
 
 def test_the_slope_of_a_drift_is_that_of_weighted_least_squares(generator):
     value, robots, time = measured(generator, 1, 8, 0.0, slope=0.5)
     std = generator.uniform(0.1, 0.3, 8)
     value = value + 0.2 * std * generator.standard_normal(8)
-    (drift,) = find_drifts([Figure("k", value, std)], robots, time)
+    (drift,) = find_drifts([trait(value, std)], robots, time, level=1.0)
     line = sm.WLS(value, sm.add_constant(time), 1 / std**2).fit(cov_type="fixed scale")
     assert drift.slope == pytest.approx(line.params[1])
-    assert drift.slope_std == pytest.approx(line.bse[1])
+    assert drift.slope_half_width == pytest.approx(line.bse[1] * student.ppf(0.975, 3))
+    assert drift.change_half_width == pytest.approx(7 * drift.slope_half_width)
     assert drift.change == pytest.approx(7 * drift.slope)
     assert drift.count == 8
 
@@ -125,8 +141,9 @@ def test_the_slope_of_a_drift_is_that_of_weighted_least_squares(generator):
 @pytest.mark.parametrize("times", [2, 5])
 def test_the_robot_that_changes_is_found_among_those_that_differ_from_day_to_day(generator, times):
     value, robots, time = measured(generator, 20, times, 0.1, slope=2.0)
-    drifts = find_drifts([Figure("k", value, np.full(value.size, 0.01))], robots, time)
-    assert [drift.robot for drift in drifts if drift.is_clear] == ["r0"]
+    still = np.zeros(value.size)
+    drifts = find_drifts([trait(still, still + 1), trait(value, np.full(value.size, 0.01))], robots, time)
+    assert [(drift.robot, drift.trait) for drift in drifts] == [(0, 1)]
     assert drifts[0].slope == pytest.approx(2.0, abs=0.3)
 
 
@@ -134,11 +151,11 @@ def test_what_differs_from_day_to_day_alone_is_no_drift(generator):
     clear = 0
     for _ in range(100):
         value, robots, time = measured(generator, 15, 4, 0.1)
-        found = find_drifts([Figure("k", value, np.full(value.size, 0.01))], robots, time)
-        clear += any(drift.is_clear for drift in found)
+        clear += bool(find_drifts([trait(value, np.full(value.size, 0.01))], robots, time))
     assert clear <= 4
 
 
 def test_robots_that_were_measured_once_do_not_drift(generator):
     value, robots, time = measured(generator, 5, 1, 0.1)
-    assert find_drifts([Figure("k", value, np.full(5, 0.01))], robots, time) == ()
+    assert find_drifts([trait(value, np.full(5, 0.01))], robots, time, level=1.0) == ()
+    assert find_drifts([], robots, time) == ()

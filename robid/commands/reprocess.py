@@ -1,0 +1,143 @@
+"""Running an experiment file over the rows of a manifest."""
+
+from __future__ import annotations
+
+import os
+from contextlib import AbstractContextManager
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from robid.artifacts.lock import FOLDER_LOCK, locked
+from robid.backends.map import Map, make_map
+from robid.commands.output import print_json
+from robid.commands.shared import PROBLEM
+from robid.errors import SettingsError
+from robid.fleet.ledger import Ledger
+from robid.fleet.page.found import listed
+from robid.fleet.rows import load_fleet
+from robid.fleet.run import Batch, Options, run_fleet
+from robid.fleet.summary import causes
+from robid.fleet.table import require_table
+from robid.stages.stage import counted
+from robid.stages.terminal import Shell, make_console
+from robid.validation.fleet.outliers import FEWEST_ROBOTS
+
+_SHOWN_CAUSES = 10
+_SHOWN_NAMES = 5
+
+
+def reprocess(
+    manifest: Path,
+    experiment: Path,
+    folder: Path | None,
+    options: Options,
+    backend: Literal["serial", "processes"] | None,
+    workers: int | None,
+    *,
+    strict: bool,
+    as_json: bool,
+    stream: bool,
+) -> int:
+    """Runs the rows of a manifest and prints what became of them; returns the exit code."""
+    if stream and not as_json:
+        raise SettingsError("`--stream` says how `--json` is printed", where="--stream", remedy="add --json")
+    require_table()
+    fleet = load_fleet(manifest, experiment)
+    execution = fleet.experiment.execution
+    shell = Shell(make_console(stderr=False), make_console(stderr=True), as_json or execution.log_level == "warning")
+    for warning in fleet.warnings:
+        shell.warn(warning)
+
+    def tell(ledger: Ledger, outcome: str) -> None:
+        if stream:
+            print_json({**row_summary(ledger), "outcome": outcome}, one_line=True)
+        if ledger.error is not None and outcome == "made":
+            shell.warn(f"row {ledger.id} failed: {ledger.error}")
+
+    run_dir = folder or Path("runs") / fleet.experiment.name
+    count = workers or execution.workers or os.cpu_count() or 1
+
+    def open_map(*, one: bool) -> AbstractContextManager[Map]:
+        return make_map(backend or execution.backend, 1 if one else count)
+
+    does = f"robid reprocess {manifest} {experiment}"
+    with locked(run_dir / FOLDER_LOCK, does), shell.progress(fleet.experiment.name) as progress:
+        batch = run_fleet(fleet, run_dir, options, open_map, progress, tell)
+    if as_json:
+        print_json(summary(batch), one_line=stream)
+    else:
+        _show(shell, batch)
+    strictly = batch.not_to_be_used or batch.comparison.off or batch.comparison.changing
+    return PROBLEM if batch.failed or (strict and strictly) else 0
+
+
+def row_summary(ledger: Ledger) -> dict[str, Any]:
+    """What `--stream` says of a row."""
+    error = None if ledger.error is None else asdict(ledger.error)
+    grades = {fit: {"grade": value, "grade_sentence": sentence} for fit, (value, sentence) in ledger.grades.items()}
+    return {"id": ledger.id, "status": ledger.status, "error": error, "grades": grades, "seconds": ledger.seconds}
+
+
+def summary(batch: Batch) -> dict[str, Any]:
+    """What `--json` says of a batch."""
+    return {
+        "rows": len(batch.ledgers),
+        "made": batch.made,
+        "fresh": len(batch.ledgers) - batch.made,
+        "failed": [{"id": ledger.id, **asdict(ledger.error)} for ledger in batch.failed if ledger.error],
+        "do_not_use": [ledger.id for ledger in batch.not_to_be_used],
+        "outliers": [_off(batch, row) for row in batch.comparison.off],
+        "drifts": [_drift(batch, robot) for robot in batch.comparison.changing],
+        "untold": [batch.comparison.robots.groups[group] for group in batch.comparison.untold],
+        "removed": list(batch.removed),
+        "table": str(batch.table),
+        "summary": str(batch.summary),
+        "report": str(batch.report),
+        "outcome": batch.outcome,
+    }
+
+
+def _off(batch: Batch, row: int) -> dict[str, Any]:
+    """What a row is off in most."""
+    first = batch.comparison.off[row][0]
+    fit, name = batch.comparison.names(first.trait)
+    return {"id": batch.ledgers[row].id, "fit": fit, "name": name, "away": first.away}
+
+
+def _drift(batch: Batch, robot: int) -> dict[str, Any]:
+    """What of a robot changes most clearly."""
+    first = batch.comparison.changing[robot][0]
+    fit, name = batch.comparison.names(first.trait)
+    return {"robot": batch.comparison.robots.names[robot], "fit": fit, "name": name, "change": first.change}
+
+
+def _show(shell: Shell, batch: Batch) -> None:
+    rows, failed = counted(len(batch.ledgers), "row"), len(batch.failed)
+    shell.say(f"{rows}: {batch.made} made, {len(batch.ledgers) - batch.made} fresh; {failed} failed")
+    for _, message, _, names in causes(batch.failed)[:_SHOWN_CAUSES]:
+        shell.say(f"  {listed(names)}: {message}")
+    _show_comparison(shell, batch)
+    if batch.not_to_be_used:
+        shell.say(f"  graded do not use: {listed([ledger.id for ledger in batch.not_to_be_used])}")
+    if batch.removed:
+        shell.say(f"  no longer in the manifest, left on the disk: {listed(batch.removed)}")
+    if failed > 0 and batch.made == 0:
+        shell.say("  failed rows are tried again when their settings or logs change, or with --force")
+    shell.say(f"{batch.table}  {batch.outcome}")
+    shell.say(f"report: {batch.report}")
+
+
+def _show_comparison(shell: Shell, batch: Batch) -> None:
+    """One line each on outliers and drifts."""
+    comparison = batch.comparison
+    if comparison.off:
+        told = [f"{each['id']} ({each['name']})" for each in map(partial(_off, batch), comparison.off)]
+        shell.say(f"  off the fleet: {listed(told, _SHOWN_NAMES)}")
+    if comparison.changing:
+        told = [f"{each['robot']} ({each['name']})" for each in map(partial(_drift, batch), comparison.changing)]
+        shell.say(f"  drifting: {listed(told, _SHOWN_NAMES)}")
+    if comparison.untold:
+        of = "" if len(comparison.robots.groups) == 1 else f" in {counted(len(comparison.untold), 'group')}"
+        shell.say(f"  outliers cannot be told{of}: fewer than {FEWEST_ROBOTS} robots")

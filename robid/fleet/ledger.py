@@ -1,0 +1,203 @@
+"""The ledger of a row, `row.json`: what it was made from, what became of it, and whether that still holds.
+
+Schema history:
+    2: `misfits`.
+    1: the first.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import robid
+from robid.artifacts.atomic import read_json, write_json
+from robid.errors import ArtifactError
+from robid.pipeline import CHAIN
+from robid.stages.freshness import file_sha256
+
+LEDGER = "row.json"
+SCHEMA_VERSION = 2
+FORMATS = {"row": str(SCHEMA_VERSION)} | {stage.kind.name: stage.kind.version for stage in CHAIN if stage.kind}
+"""Versions of what a row is made of; one that differs makes it stale."""
+
+_SETTLED_NS = 2_000_000_000
+Status = Literal["done", "failed"]
+
+
+@dataclass(frozen=True)
+class FileKey:
+    """What a file was.
+
+    Attributes:
+        sha256: Hash of its bytes, empty where there was none.
+        stat: Size, and times of its last change [ns]; while they are the same, so is the content. Empty where the
+            file had changed so recently that a further change may not show in its times.
+    """
+
+    sha256: str
+    stat: tuple[int, ...] = ()
+
+    def holds(self, path: Path) -> bool:
+        """Whether a file is still what it was."""
+        try:
+            if self.stat and self.stat == _stat(path):
+                return True
+        except OSError:
+            return not self.sha256
+        return file_key(path).sha256 == self.sha256
+
+
+def file_key(path: Path) -> FileKey:
+    """Returns what a file or folder is now; one that cannot be read is none."""
+    try:
+        before = _stat(path)
+        settled = bool(before) and time.time_ns() - max(before[1:]) > _SETTLED_NS
+        return FileKey(file_sha256(path), before if settled else ())
+    except OSError:
+        return FileKey("")
+
+
+def _stat(path: Path) -> tuple[int, ...]:
+    """Size and times of a file; a folder's say nothing of what is in its files."""
+    if path.is_dir():
+        return ()
+    found = path.stat()
+    return found.st_size, found.st_mtime_ns, found.st_ctime_ns
+
+
+@dataclass(frozen=True)
+class RowError:
+    """Why a row has failed.
+
+    Attributes:
+        kind: `settings`, `data`, `fit`, or `defect` for one of ours.
+        where: File and field, without the folder of the manifest.
+        message: What is wrong.
+        remedy: What to do next.
+    """
+
+    kind: str
+    where: str
+    message: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.message}" if self.where else self.message
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """What a row was made from and what became of it.
+
+    Attributes:
+        id: The row.
+        settings_hash: Hash of all settings that its stages read.
+        settings: Its settings; in the file alone, for whoever reads it.
+        inputs: The robot file and the logs, by name.
+        outputs: The files that it made, by path in its folder.
+        status: Whether it was done.
+        error: Why not.
+        warnings: What its stages warned of.
+        grades: Grade of each fit: 2 to trust, 1, or 0 not to be used; and its sentence.
+        results: Its parameters, see `robid.fleet.results`.
+        misfits: How badly the model of each fit describes data, by fit and name, see `Family.misfits`.
+        kept: Whether records and responses were to stay.
+        seconds: Time that it took [s].
+        finished_utc: When it was finished.
+        formats: Versions of what it is made of.
+        robid_version: Version of robid.
+    """
+
+    id: str
+    settings_hash: str
+    settings: dict[str, Any]
+    inputs: dict[str, FileKey]
+    outputs: dict[str, FileKey]
+    status: Status
+    error: RowError | None
+    warnings: tuple[str, ...]
+    grades: dict[str, tuple[int, str]]
+    results: tuple[dict[str, Any], ...]
+    misfits: dict[str, dict[str, float]]
+    kept: bool
+    seconds: float
+    finished_utc: str
+    formats: dict[str, str] = field(default_factory=lambda: dict(FORMATS))
+    robid_version: str = robid.__version__
+
+    @property
+    def outline(self) -> Ledger:
+        """What a batch keeps of it in memory: neither parameters nor files."""
+        return replace(self, settings={}, inputs={}, outputs={}, warnings=(), results=())
+
+
+def write_ledger(folder: Path, ledger: Ledger) -> None:
+    """Writes the ledger of a row into its folder."""
+    write_json(folder / LEDGER, asdict(ledger))
+
+
+def read_ledger(folder: Path) -> Ledger | None:
+    """Reads the ledger of a row; None where there is none that this version reads.
+
+    Raises:
+        ArtifactError: If the folder is there, but no row's.
+    """
+    if not folder.exists():
+        return None
+    if not (folder / LEDGER).exists():
+        remedy = "move it away, or name another run folder with --run-dir"
+        raise ArtifactError("The folder is not one of a row: it has no row.json.", where=str(folder), remedy=remedy)
+    try:
+        found = read_json(folder / LEDGER)
+        if found["formats"].get("row") != str(SCHEMA_VERSION):
+            return None
+        keys = {name: _file_keys(found.pop(name)) for name in ("inputs", "outputs")}
+        error = found.pop("error")
+        made: dict[str, Any] = {name: tuple(found.pop(name)) for name in ("warnings", "results")}
+        made["grades"] = {fit: (value, sentence) for fit, (value, sentence) in found["grades"].items()}
+        return Ledger(**{**found, **keys, **made, "settings": {}, "error": error and RowError(**error)})
+    except (ArtifactError, AttributeError, KeyError, TypeError, ValueError):
+        return None
+
+
+def _file_keys(plain: Mapping[str, Any]) -> dict[str, FileKey]:
+    return {name: FileKey(key["sha256"], tuple(key["stat"])) for name, key in plain.items()}
+
+
+def why_stale(
+    ledger: Ledger | None, settings_hash: str, inputs: Mapping[str, Path], folder: Path, *, keep: bool, force: bool
+) -> str:
+    """Says why a row is to be made again; empty where nothing would come out differently.
+
+    Args:
+        ledger: Its ledger, None where there is none.
+        settings_hash: Hash of its settings now.
+        inputs: Its logs, by name.
+        folder: Its folder.
+        keep: Whether records and responses are to stay.
+        force: Whether a row that has failed is tried again.
+    """
+    if ledger is None:
+        return "not made yet"
+    if ledger.settings_hash != settings_hash:
+        return "settings changed"
+    if ledger.formats != FORMATS:
+        return "made by another version"
+    for name in dict.fromkeys([*inputs, *ledger.inputs]):
+        # Of the robot file, only what the settings' hash covers counts.
+        if name != "robot" and (
+            name not in inputs or name not in ledger.inputs or not ledger.inputs[name].holds(inputs[name])
+        ):
+            return f"{name} changed"
+    for name, key in ledger.outputs.items():
+        if not key.holds(folder / name):
+            return f"{name} changed"
+    if keep and not ledger.kept:
+        return "records and responses are to be kept"
+    if ledger.status == "failed" and (force or ledger.robid_version != robid.__version__):
+        return "failed, and is tried again"
+    return ""

@@ -1,0 +1,123 @@
+"""Whose measurements the rows of a manifest are: which robot, of which population, and when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.fleet.manifest import Manifest
+from robid.settings.placeholders import Row, Value
+
+ROBOT, GROUP, TIME = COLUMNS = ("robot", "group", "time")
+_DAY_S = 86400.0
+
+
+@dataclass(frozen=True)
+class Robots:
+    """The robots of a fleet.
+
+    Attributes:
+        names: Their names.
+        robot (n_row,): Number of each row's robot.
+        groups: Names of the populations; a single one without a name where the manifest tells of none.
+        group (n_row,): Number of each row's population.
+        time (n_row,): When each row was measured; not a number where that is not said.
+        time_unit: What time is counted in.
+    """
+
+    names: tuple[str, ...]
+    robot: IntArray
+    groups: tuple[str, ...]
+    group: IntArray
+    time: FloatArray
+    time_unit: str
+
+    @property
+    def repeated(self) -> int:
+        """Number of robots that were measured more than once."""
+        return int((np.bincount(self.robot) > 1).sum())
+
+
+def robots_of(manifest: Manifest, robot_files: Collection[str] = ()) -> Robots:
+    """Reads whose measurements the rows of a manifest are.
+
+    Args:
+        manifest: The manifest, without wrong times.
+        robot_files: Columns that fill the name of the robot file: one of the name `robot` names no robot.
+    """
+    named = ROBOT in manifest.columns and ROBOT not in robot_files
+    names, robot = _numbered([(named and _text(row.values[ROBOT])) or row.id for row in manifest.rows])
+    grouped = GROUP in manifest.columns
+    groups, group = _numbered([_text(row.values[GROUP]) if grouped else "" for row in manifest.rows])
+    if TIME not in manifest.columns:
+        return Robots(names, robot, groups, group, _order(robot), "measurement")
+    values = [row.values[TIME] for row in manifest.rows]
+    dated = _are_dates(values)
+    time = np.array([(_days if dated else _number)(value) for value in values])
+    return Robots(names, robot, groups, group, time, "day" if dated else f"unit of `{TIME}`")
+
+
+def wrong_times(manifest: Manifest) -> Iterator[str]:
+    """Yields which rows of a manifest have a time that is none, or another kind of time than the others."""
+    if TIME not in manifest.columns:
+        return
+    dated = _are_dates([row.values[TIME] for row in manifest.rows])
+    kind = "no date and time as 2026-01-31T14:00" if dated else "no number"
+    for row in manifest.rows:
+        if not _is_time(row, dated=dated):
+            yield f"{row.place}: {TIME}: `{row.values[TIME]}` is {kind}, as others of the column are"
+
+
+def _numbered(texts: list[str]) -> tuple[tuple[str, ...], IntArray]:
+    numbers = {text: number for number, text in enumerate(dict.fromkeys(texts))}
+    return tuple(numbers), np.array([numbers[text] for text in texts], int)
+
+
+def _order(robot: IntArray) -> FloatArray:
+    """How many measurements of its robot stand above each row."""
+    order = np.argsort(robot, kind="stable")
+    first = np.searchsorted(robot[order], robot[order])
+    found = np.empty(len(robot))
+    found[order] = np.arange(len(robot)) - first
+    return found
+
+
+def _text(value: Value) -> str:
+    return "" if value is None else str(value).strip()
+
+
+def _are_dates(values: list[Value]) -> bool:
+    """Whether the first time is a date; the others are to be the same."""
+    first = next((value for value in values if _text(value)), "0")
+    return not math.isfinite(_number(first)) and _day_or_none(first) is not None
+
+
+def _is_time(row: Row, *, dated: bool) -> bool:
+    value = row.values[TIME]
+    return not _text(value) or (_day_or_none(value) is not None if dated else math.isfinite(_number(value)))
+
+
+def _number(value: Value) -> float:
+    try:
+        return math.nan if isinstance(value, bool) else float(_text(value))
+    except ValueError:
+        return math.nan
+
+
+def _days(value: Value) -> float:
+    day = _day_or_none(value)
+    return math.nan if day is None else day
+
+
+def _day_or_none(value: Value) -> float | None:
+    """Days since 1970; what has no time zone is in UTC."""
+    try:
+        found = datetime.fromisoformat(_text(value))
+    except ValueError:
+        return None
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp() / _DAY_S

@@ -1,0 +1,245 @@
+"""One row of a manifest: its chain in a folder aside, which then takes the place of the row's folder."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from robid.artifacts.provenance import utc_now
+from robid.errors import ArtifactError, DataError, RobidError, SettingsError
+from robid.families.files import load_row
+from robid.fleet.folders import keep_files, put_in_place, remove, writing
+from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
+from robid.fleet.results import misfits_of, results_of
+from robid.fleet.rows import chain_of, logs_of, settings_hash_of
+from robid.pipeline import Node, Run, run_all
+from robid.settings.base import DATA_VARIABLE, data_path
+from robid.settings.load import LoadedExperiment
+from robid.settings.placeholders import Row
+from robid.settings.problems import raise_problems
+from robid.settings.yaml import Document, parse_yaml
+
+_KINDS = {SettingsError: "settings", DataError: "data"}
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+_TRY_AGAIN = "`--force` tries the row again"
+
+
+@dataclass(frozen=True)
+class RowTask:
+    """A row to run.
+
+    Attributes:
+        row: The row.
+        template: The experiment file.
+        text: Its text when the rows were checked.
+        rows: Folder of the rows' folders.
+        keep: Whether records and responses stay.
+    """
+
+    row: Row
+    template: Path
+    text: str
+    rows: Path
+    keep: bool
+
+    @property
+    def folder(self) -> Path:
+        """The row's folder."""
+        return self.rows / self.row.id
+
+    @property
+    def work(self) -> Path:
+        """Where it is made."""
+        return self.rows / f".{self.row.id}.work"
+
+
+@dataclass
+class Told:
+    """Keeps what the stages of a row warn of."""
+
+    warnings: list[str] = field(default_factory=list)
+
+    def expect(self, total: int, unit: str, done: int = 0) -> None:
+        """Leaves it to the progress over the rows."""
+
+    def advance(self) -> None:
+        """Leaves it to the progress over the rows."""
+
+    def warn(self, text: str) -> None:
+        """Keeps a warning."""
+        self.warnings.append(text)
+
+    @contextmanager
+    def of(self, _: Node) -> Iterator[Told]:
+        """Returns itself for every stage."""
+        yield self
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What the chain of a row found; `problem` says that a fit has not converged."""
+
+    problem: str = ""
+    grades: dict[str, tuple[int, str]] = field(default_factory=dict)
+    results: tuple[dict[str, Any], ...] = ()
+    misfits: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+def run_row(task: RowTask) -> Ledger:
+    """Runs the chain of a row and puts its results in place; what is wrong with the row is in its ledger.
+
+    Raises:
+        ArtifactError: If the folder cannot be written; the row is as it was.
+    """
+    begun = time.monotonic()
+    _begin(task)
+    told = Told()
+    loaded, inputs, found, error = None, {}, _Found(), None
+    try:
+        loaded = load_task(task)
+        inputs = _inputs(loaded)
+        found = _run_chain(loaded, task.work, told)
+        error = RowError("fit", "", found.problem, "look at its model.h5") if found.problem else None
+    except ArtifactError:
+        remove(task.work)
+        raise
+    except RobidError as caught:
+        error = RowError(_KINDS.get(type(caught), "data"), caught.where, caught.what, caught.remedy)
+    except OSError as caught:
+        if caught.errno in _FULL:
+            with writing(task.work):
+                raise
+        error = RowError("data", str(caught.filename or ""), f"cannot be read: {caught.strerror or caught}", _TRY_AGAIN)
+    except MemoryError:
+        error = RowError("memory", "", "there is not enough memory for it", f"use fewer --workers; {_TRY_AGAIN}")
+    except Exception as caught:  # noqa: BLE001  a row that runs into a defect of ours leaves the others alone
+        first = (str(caught) or "no message").splitlines()[0]
+        error = RowError(
+            "defect", "", f"a defect of ours: {type(caught).__name__}: {first}", f"report it; {_TRY_AGAIN}"
+        )
+    ledger = _finish(task, loaded, inputs, found, told, error, begun)
+    _trim_memory()
+    return ledger
+
+
+def fail_row(task: RowTask) -> Ledger:
+    """Puts a row in place that has killed its worker, alone there, as one that has failed."""
+    begun = time.monotonic()
+    _begin(task)
+    loaded = load_task(task)
+    message = "its worker process ended, most often because memory ran out"
+    error = RowError("memory", "", message, f"look at its log, or give it more memory; {_TRY_AGAIN}")
+    return _finish(task, loaded, _inputs(loaded), _Found(), Told(), error, begun)
+
+
+def _begin(task: RowTask) -> None:
+    """Makes an empty folder, which also says that the row is at work."""
+    with writing(task.work):
+        remove(task.work)
+        task.work.mkdir(parents=True)
+
+
+def load_task(task: RowTask) -> LoadedExperiment:
+    """Returns the experiment of a row.
+
+    Raises:
+        SettingsError: If it has a problem.
+    """
+    loaded, problems = load_row(_template(task.template, task.text), task.row)
+    raise_problems(problems)
+    if loaded is None:
+        message = "a row without a problem has an experiment"
+        raise RuntimeError(message)
+    return loaded
+
+
+@lru_cache(maxsize=2)
+def _template(path: Path, text: str) -> Document:
+    return parse_yaml(path, text)
+
+
+def _inputs(loaded: LoadedExperiment) -> dict[str, FileKey]:
+    robot = {} if loaded.robot_path is None else {"robot": loaded.robot_path}
+    return {name: file_key(path) for name, path in {**robot, **logs_of(chain_of(loaded))}.items()}
+
+
+def _run_chain(loaded: LoadedExperiment, folder: Path, told: Told) -> _Found:
+    outputs = [node.output for node in chain_of(loaded)]
+    results = run_all(Run(loaded, folder, "serial", 1), told.of, lambda _: None, outputs)
+    problem = next((result.problem for result in results if result.problem), "")
+    grades = {result.node.owner: (result.grade.value, result.grade.sentence) for result in results if result.grade}
+    if problem:
+        return _Found(problem, grades)
+    return _Found(problem, grades, tuple(results_of(loaded, folder)), misfits_of(loaded, folder))
+
+
+def _finish(
+    task: RowTask,
+    loaded: LoadedExperiment | None,
+    inputs: dict[str, FileKey],
+    found: _Found,
+    told: Told,
+    error: RowError | None,
+    begun: float,
+) -> Ledger:
+    """Leaves what is to stay, writes the ledger, and puts the folder in place."""
+    with writing(task.work):
+        made = keep_files(task.work, all_files=task.keep)
+    ledger = Ledger(
+        id=task.row.id,
+        settings_hash="" if loaded is None else settings_hash_of(chain_of(loaded)),
+        settings={} if loaded is None else _settings(loaded),
+        inputs=inputs,
+        outputs={str(path.relative_to(task.work)): file_key(path) for path in made},
+        status="done" if error is None else "failed",
+        error=_without_folders(error, task),
+        warnings=tuple(_shortened(text, task) for text in told.warnings),
+        grades=found.grades,
+        results=found.results,
+        misfits=found.misfits,
+        kept=task.keep,
+        seconds=round(time.monotonic() - begun, 3),
+        finished_utc=utc_now(),
+    )
+    write_ledger(task.work, ledger)
+    put_in_place(task.work, task.folder)
+    return replace(ledger, settings={})
+
+
+def _settings(loaded: LoadedExperiment) -> dict[str, object]:
+    """What may change the result; a study and how it is computed do not."""
+    return {key: value for key, value in loaded.plain.items() if key not in ("execution", "study")}
+
+
+def _without_folders(error: RowError | None, task: RowTask) -> RowError | None:
+    if error is None:
+        return None
+    return RowError(error.kind, _shortened(error.where, task), _shortened(error.message, task), error.remedy)
+
+
+def _shortened(text: str, task: RowTask) -> str:
+    """A message without the folders of this machine: the manifest's, the data's, the row's, the experiment file's."""
+    data = data_path(DATA_VARIABLE, Path())
+    folders: Mapping[str, str] = {
+        f"{task.row.folder}{os.sep}": "",
+        **({f"{data}{os.sep}": f"{DATA_VARIABLE}/"} if data.is_absolute() else {}),
+        str(task.work): task.row.id,
+        str(task.template): task.template.name,
+    }
+    for long, short in folders.items():
+        text = text.replace(long, short)
+    return text
+
+
+def _trim_memory() -> None:
+    """Gives free memory back, where the C library keeps it otherwise."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)

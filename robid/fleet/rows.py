@@ -1,0 +1,192 @@
+"""The rows of a manifest as experiments: all are checked before the first one runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from robid.artifacts.provenance import canonical_hash
+from robid.errors import SettingsError
+from robid.families.files import load_row
+from robid.fleet.manifest import ID, Manifest, read_manifest, wrong_rows
+from robid.fleet.robots import COLUMNS, Robots, robots_of, wrong_times
+from robid.pipeline import Node, asked_for
+from robid.settings.base import DATA_VARIABLE, data_path
+from robid.settings.experiment import Experiment
+from robid.settings.load import LoadedExperiment, read_robot
+from robid.settings.placeholders import Row, check_placeholders, leads_outside, placeholders
+from robid.settings.problems import SettingsProblem, format_field
+from robid.settings.yaml import Document, FieldPath, parse_yaml, read_text
+from robid.stages.chain.simulate_or_acquire import experiment_count
+
+_SHOWN_PROBLEMS = 20
+_SHOWN_ROWS = 3
+
+
+@dataclass(frozen=True)
+class PlannedRow:
+    """A row that can be run.
+
+    Attributes:
+        row: The row.
+        settings_hash: Hash of all settings that its stages read.
+        logs: Its logs by campaign and name.
+    """
+
+    row: Row
+    settings_hash: str
+    logs: Mapping[str, Path]
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """An experiment file with the rows of a manifest, checked.
+
+    Attributes:
+        template: The experiment file, with placeholders.
+        text: Its text.
+        manifest: The manifest.
+        rows: Its rows.
+        robots: Whose measurements the rows are.
+        experiment: The experiment of the first row; name, backend and workers are those of all.
+        warnings: What is odd, but no problem.
+    """
+
+    template: Document
+    text: str
+    manifest: Manifest
+    rows: tuple[PlannedRow, ...]
+    robots: Robots
+    experiment: Experiment
+    warnings: tuple[str, ...]
+
+
+def load_fleet(manifest_path: Path, template_path: Path) -> Fleet:
+    """Reads a manifest and an experiment file and checks every row.
+
+    Raises:
+        SettingsError: With every problem of the manifest, or of the experiments that its rows make.
+    """
+    manifest, text = read_manifest(manifest_path), read_text(template_path)
+    template = parse_yaml(template_path, text)
+    asked = placeholders(template)
+    used = {column for columns in asked.values() for column in columns}
+    problems = [str(problem) for problem in check_placeholders(template, manifest.columns)]
+    problems += [*wrong_rows(manifest, used), *wrong_times(manifest)]
+    _refuse(problems)
+    first, rows = _check_rows(manifest, template, asked)
+    unused = [f"`{column}`" for column in manifest.columns if column not in {ID, *COLUMNS, *used}]
+    warnings = [f"{manifest_path}: no placeholder asks for {', '.join(unused)}"] if unused else []
+    if not used:
+        warnings.append(f"{template_path}: it has no placeholder, so that all rows are the same")
+    robots = robots_of(manifest, asked.get(("robot",), ()))
+    return Fleet(template, text, manifest, rows, robots, first.experiment, tuple(warnings))
+
+
+def chain_of(loaded: LoadedExperiment) -> tuple[Node, ...]:
+    """Returns what a row makes: all but a report of its own."""
+    return tuple(node for node in asked_for(loaded) if node.stage.owned_by != "experiment")
+
+
+def settings_hash_of(nodes: Iterable[Node]) -> str:
+    """Returns the hash of all settings that a row's stages read."""
+    return canonical_hash({node.output: node.plan.settings for node in nodes})
+
+
+def logs_of(nodes: Iterable[Node]) -> dict[str, Path]:
+    """Returns a row's logs by campaign and name."""
+    return {f"{node.owner}: {name}": path for node in nodes for name, path in node.plan.files.items()}
+
+
+def _check_rows(
+    manifest: Manifest, template: Document, asked: Mapping[FieldPath, Sequence[str]]
+) -> tuple[LoadedExperiment, tuple[PlannedRow, ...]]:
+    """Plans every row; the first one's experiment stands for what all have in common."""
+    read = cache(read_robot)
+    first: LoadedExperiment | None = None
+    planned: list[PlannedRow] = []
+    wrong: dict[SettingsProblem, list[Row]] = {}
+    for row in manifest.rows:
+        loaded, problems = load_row(template, row, read)
+        if loaded is not None:
+            problems = list(_row_problems(template, loaded, asked, row))
+            nodes = chain_of(loaded)
+            planned.append(PlannedRow(row, settings_hash_of(nodes), logs_of(nodes)))
+            first = first or loaded
+        for problem in problems:
+            wrong.setdefault(problem, []).append(row)
+    _refuse([_told(problem, rows, len(manifest.rows), asked) for problem, rows in wrong.items()])
+    if first is None:
+        message = "a manifest without a problem has a row"
+        raise RuntimeError(message)
+    return first, tuple(planned)
+
+
+def _row_problems(
+    template: Document, loaded: LoadedExperiment, asked: Mapping[FieldPath, Sequence[str]], row: Row
+) -> Iterator[SettingsProblem]:
+    """What is wrong with a row's experiment here alone: it fits nothing, or a link leads out of a folder."""
+
+    def problem(field: FieldPath, message: str) -> SettingsProblem:
+        return SettingsProblem(template.path, template.line(field), format_field(field), message)
+
+    if not loaded.experiment.fits:
+        yield problem(("fits",), "is missing: the rows of a table of results are the parameters of fits")
+    if ("robot",) in loaded.written and loaded.robot_path is not None:
+        outside = leads_outside(loaded.robot_path, row.folder)
+        if outside:
+            yield problem(("robot",), outside)
+    for field in asked:
+        folder = row.folder if field in loaded.written else data_path(DATA_VARIABLE, Path())
+        for path in _log_paths(loaded, field):
+            outside = leads_outside(path, folder)
+            if outside:
+                yield problem(field, outside)
+
+
+def _log_paths(loaded: LoadedExperiment, field: FieldPath) -> Iterator[Path]:
+    """Where the logs are that a field names; none for other fields."""
+    if field[-1] != "file" or "acquire" not in field:
+        return
+    campaign = loaded.experiment.campaigns[str(field[1])]
+    acquire = None if campaign.source is None else campaign.source.acquire
+    if acquire is None:
+        return
+    of_channel = None if field[-2] == "acquire" else getattr(acquire, str(field[-3]))[field[-2]].file
+    named = acquire if of_channel is None else replace(acquire, file=of_channel)
+    counts = (_configuration_count(loaded, field), campaign.realizations, experiment_count(campaign, acquire))
+    yield from dict.fromkeys(named.log_path(loaded.path.parent, *place) for place in np.ndindex(*counts))
+
+
+def _configuration_count(loaded: LoadedExperiment, field: FieldPath) -> int:
+    """Number of configurations of the campaign that a field belongs to."""
+    from robid.settings.checks.configurations import configuration_count
+
+    return configuration_count(loaded.experiment, loaded.experiment.campaigns[str(field[1])]) or 1
+
+
+def _told(problem: SettingsProblem, rows: Sequence[Row], n_row: int, asked: Mapping[FieldPath, Sequence[str]]) -> str:
+    """A problem with the rows that have it, and the columns that it may come from."""
+    if len(rows) == n_row > 1:
+        return f"all rows: {problem}"
+    fields = {format_field(field): columns for field, columns in asked.items()}
+    columns = fields.get(problem.field) or next(
+        (columns for field, columns in fields.items() if field.startswith(problem.field)), ()
+    )
+    of = f", column{'s' * (len(columns) > 1)} {', '.join(f'`{name}`' for name in columns)}" if columns else ""
+    others = [row.id for row in rows[1 : 1 + _SHOWN_ROWS]]
+    more = f" and {len(rows) - 1 - len(others)} more" if len(rows) > 1 + len(others) else ""
+    also = f" (so rows {', '.join(others)}{more})" if others else ""
+    return f"{rows[0].place}: row {rows[0].id}{of}{also}: {problem}"
+
+
+def _refuse(problems: Sequence[str]) -> None:
+    if not problems:
+        return
+    more = [f"and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
+    remedy = "correct the manifest or the experiment file; nothing was started"
+    raise SettingsError("\n".join([*problems[:_SHOWN_PROBLEMS], *more]), remedy=remedy)

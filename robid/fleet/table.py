@@ -1,0 +1,212 @@
+"""The table of results: a Parquet file with a row for each robot and parameter.
+
+Schema history:
+    1.1: `away`, `outlier`, `outlier_row`.
+    1.0: the first.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import robid
+from robid.artifacts.atomic import replacing
+from robid.artifacts.provenance import canonical_hash
+from robid.errors import ArtifactError, require_module
+from robid.fleet.manifest import ID
+from robid.settings.placeholders import read_as_yaml
+from robid.validation.grade import WORDS
+
+if TYPE_CHECKING:
+    from robid.fleet.comparison import Comparison
+    from robid.fleet.ledger import Ledger
+    from robid.fleet.rows import Fleet
+    from robid.settings.placeholders import Value
+
+TABLE_VERSION = "1.1"
+ROW_COLUMNS = {
+    "id": "string",
+    "status": "string",
+    "error_kind": "string",
+    "error": "string",
+    "remedy": "string",
+}
+PARAMETER_COLUMNS = {
+    "fit": "string",
+    "parameter": "string",
+    "kind": "string",
+    "joint": "string",
+    "unit": "string",
+    "tied_to": "string",
+    "nominal": "double",
+    "estimate": "double",
+    "standard_deviation": "double",
+    "relative_standard_deviation": "double",
+    "predicted_relative_standard_deviation": "double",
+    "effective": "double",
+    "effective_low": "double",
+    "effective_high": "double",
+    "physical": "double",
+    "physical_low": "double",
+    "physical_high": "double",
+    "confidence": "double",
+    "identifiable": "bool",
+    "identified": "bool",
+    "away": "double",
+    "outlier": "bool",
+    "grade": "int8",
+    "grade_word": "string",
+    "verdict": "string",
+    "model_sha256": "string",
+}
+LAST_COLUMNS = {"outlier_row": "bool", "settings_sha256": "string", "seconds": "double"}
+"""Names and types of the columns; those of the manifest, `row.<name>`, follow those of the row."""
+
+_KEY = b"robid"
+_MANIFEST = "row."
+_ENTRIES = 10_000
+
+Ledgers = Callable[[], Iterable["Ledger | None"]]
+"""Reads the ledgers of all rows, in the order of the manifest; None for a row that has not been made."""
+
+
+def require_table() -> None:
+    """Refuses to start without what writes the table.
+
+    Raises:
+        SettingsError: If pyarrow is not installed.
+    """
+    require_module("pyarrow", "fleet", "The table of results")
+
+
+def check_table(path: Path) -> None:
+    """Refuses to start where another file is in the table's place.
+
+    Raises:
+        ArtifactError: If it is so.
+    """
+    if path.exists() and not _about(path):
+        remedy = "move it away, or name another run folder with --run-dir"
+        raise ArtifactError(
+            "There is a file that is no table of robid, or a damaged one.", where=str(path), remedy=remedy
+        )
+
+
+def write_table(
+    path: Path, fleet: Fleet, ledgers: Ledgers, comparison: Comparison | None = None
+) -> Literal["made", "fresh"]:
+    """Writes the table unless the one that is there says the same.
+
+    Args:
+        path: Where to.
+        fleet: The rows, in their order.
+        ledgers: What became of each, read anew whenever it is called; a row without one is `pending`.
+        comparison: The rows against each other, where all of them are there.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    own = {f"{_MANIFEST}{name}": name for name in fleet.manifest.columns if name != ID}
+    values = {shown: [planned.row.values[name] for planned in fleet.rows] for shown, name in own.items()}
+    types = (
+        ROW_COLUMNS
+        | {shown: column_type(column) for shown, column in values.items()}
+        | PARAMETER_COLUMNS
+        | LAST_COLUMNS
+    )
+    cells = {shown: _cells(column) for shown, column in values.items()}
+    content = _content_sha256(types, _entries(fleet, ledgers(), cells, comparison))
+    if path.exists() and _about(path).get("content_sha256") == content:
+        return "fresh"
+    about = {
+        "kind": "fleet",
+        "schema_version": TABLE_VERSION,
+        "robid_version": robid.__version__,
+        "experiment": fleet.experiment.name,
+        "content_sha256": content,
+    }
+    schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in types.items()])
+    schema = schema.with_metadata({_KEY: json.dumps(about).encode()})
+    with replacing(path) as partial, pq.ParquetWriter(partial, schema) as writer:
+        entries = _entries(fleet, ledgers(), cells, comparison)
+        while some := list(islice(entries, _ENTRIES)):
+            writer.write_table(pa.Table.from_pylist(some, schema=schema))
+    return "made"
+
+
+def _content_sha256(types: Mapping[str, str], entries: Iterator[dict[str, Any]]) -> str:
+    digest = hashlib.sha256(canonical_hash([TABLE_VERSION, dict(types)]).encode())
+    for entry in entries:
+        digest.update(canonical_hash(entry).encode())
+    return digest.hexdigest()
+
+
+def _about(path: Path) -> dict[str, Any]:
+    """What a table says of itself; nothing of a file that is none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        found = json.loads((pq.read_schema(path).metadata or {})[_KEY])
+    except (OSError, KeyError, ValueError, pa.ArrowException):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _entries(
+    fleet: Fleet,
+    ledgers: Iterable[Ledger | None],
+    values: Mapping[str, Sequence[Value]],
+    comparison: Comparison | None,
+) -> Iterator[dict[str, Any]]:
+    for index, (planned, ledger) in enumerate(zip(fleet.rows, ledgers, strict=True)):
+        common: dict[str, Any] = {"id": planned.row.id, "status": "pending" if ledger is None else ledger.status}
+        common |= {name: column[index] for name, column in values.items()}
+        if ledger is None:
+            yield common
+            continue
+        common |= {"settings_sha256": ledger.settings_hash, "seconds": ledger.seconds}
+        if ledger.error is not None:
+            error = ledger.error
+            yield {**common, "error_kind": error.kind, "error": str(error), "remedy": error.remedy}
+        elif comparison is not None:
+            common["outlier_row"] = index in comparison.off
+        for entry in ledger.results:
+            off = {} if comparison is None else _off(comparison, index, entry)
+            yield {**common, **entry, **off, **_graded(ledger, entry["fit"])}
+
+
+def _off(comparison: Comparison, row: int, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """How far a parameter is off its population; nothing where that is not told."""
+    key = entry["fit"], entry["parameter"]
+    away = float(comparison.away[key][row]) if key in comparison.away else math.nan
+    return {} if math.isnan(away) else {"away": away, "outlier": (row, *key) in comparison.accused}
+
+
+def _graded(ledger: Ledger, fit: str) -> dict[str, Any]:
+    if fit not in ledger.grades:
+        return {}
+    value, sentence = ledger.grades[fit]
+    return {"grade": value, "grade_word": WORDS[value], "verdict": sentence}
+
+
+def _cells(column: Sequence[Value]) -> list[Value]:
+    """The values of a column of the manifest as its type has them."""
+    if column_type(column) == "string":
+        return [None if value is None or value == "" else str(value) for value in column]
+    return [read_as_yaml(value) for value in column]
+
+
+def column_type(column: Sequence[Value]) -> str:
+    """Returns the type of a column of the manifest: the narrowest that holds all that is written in it."""
+    kinds = {type(value) for value in map(read_as_yaml, column) if value is not None}
+    for kind, name in ((bool, "bool"), (int, "int64"), (float, "double")):
+        if kinds and kinds <= ({int, float} if kind is float else {kind}):
+            return name
+    return "string"
