@@ -185,6 +185,7 @@ def reprocess_rows(
     ] = False,
     backend: Backend = None,
     workers: Workers = None,
+    scheduler: Scheduler = None,
     debug: Debug = False,
 ) -> int:
     """Runs an experiment for every row of a manifest, only what changed; results in one table."""
@@ -194,7 +195,16 @@ def reprocess_rows(
 
     options = Options(keep, force, pages)
     return reprocess(
-        manifest, experiment, run_dir, options, backend, workers, strict=strict, as_json=as_json, stream=stream
+        manifest,
+        experiment,
+        run_dir,
+        options,
+        backend,
+        workers,
+        scheduler,
+        strict=strict,
+        as_json=as_json,
+        stream=stream,
     )
 
 

@@ -56,6 +56,10 @@ class BackendError(RobidError):
     exit_code = 3
 
 
+class WorkerError(BackendError):
+    """A task has ended the process that it was given to."""
+
+
 def require_module(module: str, extra: str, purpose: str) -> None:
     """Refuses what needs a module that is not installed, with the command that installs it.
 

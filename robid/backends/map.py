@@ -17,7 +17,7 @@ from typing import Literal, Protocol, TypeVar
 from threadpoolctl import threadpool_limits
 
 from robid.backends.threads import ONE_THREAD, environment
-from robid.errors import BackendError
+from robid.errors import WorkerError
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -40,7 +40,8 @@ class Map(Protocol):
             on_done: Called here with index and result as each task finishes, in any order.
 
         Raises:
-            BackendError: If a worker process dies, or a cluster is lost.
+            BackendError: If a cluster is lost.
+            WorkerError: If a worker process dies of a task.
             Exception: What the first failing task or `on_done` raised; tasks not begun are dropped.
         """
 
@@ -117,7 +118,7 @@ def _map_in_processes(
             if on_done is not None:
                 on_done(index, results[index])
     except BrokenProcessPool as error:
-        raise BackendError(
+        raise WorkerError(
             "A worker process ended before its task was done.",
             where=f"{len(results)} of {len(tasks)} tasks were done",
             remedy="most often memory ran out: use fewer --workers or --backend serial; finished parts are kept",

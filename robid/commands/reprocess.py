@@ -12,7 +12,7 @@ from typing import Any, Literal
 from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.backends.map import Map, make_map
 from robid.commands.output import print_json
-from robid.commands.shared import PROBLEM
+from robid.commands.shared import PROBLEM, choose_backend
 from robid.errors import SettingsError
 from robid.fleet.ledger import Ledger
 from robid.fleet.page.found import listed
@@ -33,8 +33,9 @@ def reprocess(
     experiment: Path,
     folder: Path | None,
     options: Options,
-    backend: Literal["serial", "processes"] | None,
+    backend: Literal["serial", "processes", "dask"] | None,
     workers: int | None,
+    scheduler: str | None,
     *,
     strict: bool,
     as_json: bool,
@@ -46,6 +47,7 @@ def reprocess(
     require_table()
     fleet = load_fleet(manifest, experiment)
     execution = fleet.experiment.execution
+    chosen = choose_backend(execution, backend, scheduler)
     shell = Shell(make_console(stderr=False), make_console(stderr=True), as_json or execution.log_level == "warning")
     for warning in fleet.warnings:
         shell.warn(warning)
@@ -60,7 +62,7 @@ def reprocess(
     count = workers or execution.workers or os.cpu_count() or 1
 
     def open_map(*, one: bool) -> AbstractContextManager[Map]:
-        return make_map(backend or execution.backend, 1 if one else count)
+        return make_map(chosen, 1 if one else count, scheduler=scheduler or execution.scheduler, folder=run_dir)
 
     does = f"robid reprocess {manifest} {experiment}"
     with locked(run_dir / FOLDER_LOCK, does), shell.progress(fleet.experiment.name) as progress:

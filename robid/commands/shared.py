@@ -11,6 +11,7 @@ from robid.errors import SettingsError, require_module
 from robid.families.family import Graded
 from robid.pipeline import Result, Run
 from robid.report.numbers import duration
+from robid.settings.experiment import Execution
 from robid.stages.terminal import Shell, make_console
 from robid.studies.known import load_with_study
 
@@ -33,19 +34,30 @@ def open_run(
     """
     loaded = load_with_study(path)
     execution = loaded.experiment.execution
+    return Run(
+        loaded=loaded,
+        folder=folder or Path("runs") / loaded.experiment.name,
+        backend=choose_backend(execution, backend, scheduler),
+        workers=workers or execution.workers or os.cpu_count() or 1,
+        scheduler=scheduler or execution.scheduler,
+    )
+
+
+def choose_backend(
+    execution: Execution, backend: Literal["serial", "processes", "dask"] | None, scheduler: str | None
+) -> Literal["serial", "processes", "dask"]:
+    """Returns the backend that is asked for, an experiment's own where none is.
+
+    Raises:
+        SettingsError: If it is not installed, or a scheduler is given to another one.
+    """
     chosen = backend or execution.backend
     if chosen == "dask":
         require_module("distributed", "dask", "The backend dask")
     elif scheduler is not None:
         remedy = "add `--backend dask`"
         raise SettingsError(f"the backend {chosen} has no scheduler", where=f"--scheduler {scheduler}", remedy=remedy)
-    return Run(
-        loaded=loaded,
-        folder=folder or Path("runs") / loaded.experiment.name,
-        backend=chosen,
-        workers=workers or execution.workers or os.cpu_count() or 1,
-        scheduler=scheduler or execution.scheduler,
-    )
+    return chosen
 
 
 def make_shell(run: Run, *, as_json: bool) -> Shell:

@@ -51,6 +51,11 @@ class RowTask:
     keep: bool
 
     @property
+    def label(self) -> str:
+        """What messages call it."""
+        return f"row {self.row.id}"
+
+    @property
     def folder(self) -> Path:
         """The row's folder."""
         return self.rows / self.row.id

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
-from robid.errors import RobidError
+from robid.errors import WorkerError
 from robid.fleet.collected import collect
 from robid.fleet.comparison import Comparison, compare
 from robid.fleet.folders import recover, writing
@@ -32,7 +32,7 @@ Outcome = Literal["made", "fresh"]
 
 
 class OpenMap(Protocol):
-    """Opens a map; of a worker that dies, the map raises a plain `RobidError`."""
+    """Opens a map; of a worker that dies, the map raises a `WorkerError`."""
 
     def __call__(self, *, one: bool) -> AbstractContextManager[Map]:
         """Opens it with a single worker, or with as many as were asked for."""
@@ -180,9 +180,7 @@ def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], N
     try:
         with open_map(one=False) as parallel_map:
             parallel_map(run_row, tasks, finished)
-    except RobidError as error:
-        if type(error) is not RobidError:
-            raise
+    except WorkerError:
         left = [task for task in tasks if task.row.id not in done]
         suspects = [task for task in left if task.work.exists()]
         if not suspects:
@@ -196,9 +194,7 @@ def _run_alone(task: RowTask, open_map: OpenMap, note: Callable[[Ledger], None])
     with open_map(one=True) as single_map:
         try:
             [ledger] = single_map(run_row, [task])
-        except RobidError as error:
-            if type(error) is not RobidError:
-                raise
+        except WorkerError:
             ledger = fail_row(task)
     note(ledger)
 

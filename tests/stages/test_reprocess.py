@@ -11,7 +11,7 @@ from scipy.io import savemat
 from fleet_floor import COMMAND, FACTORS, MANIFEST, Floor
 from robid.artifacts.lock import locked
 from robid.artifacts.store import read_header
-from robid.errors import RobidError
+from robid.errors import WorkerError
 from robid.fleet import run as fleet_run
 from two_mass_log import STIFFNESS, bench_log
 
@@ -152,9 +152,10 @@ def test_an_interrupt_keeps_what_is_finished_and_tables_the_rest_as_pending(floo
     assert {path.name for path in floor.rows.iterdir()} == set(FACTORS)
 
 
-def test_processes_give_what_serial_gives_and_keep_what_they_are_told(done, finished):
+@pytest.mark.parametrize("backend", ["processes", "dask"])
+def test_other_backends_give_what_serial_gives_and_keep_what_they_are_told(done, finished, backend):
     shutil.rmtree(done.rows)
-    answer = done.shop.robid("reprocess", MANIFEST, "fleet.yaml", "--workers", "2", "--backend", "processes", "--keep")
+    answer = done.shop.robid("reprocess", MANIFEST, "fleet.yaml", "--workers", "2", "--backend", backend, "--keep")
     assert answer.code == 0, answer.err
     for name in FACTORS:
         assert (done.rows / name / "log/record.h5").exists()
@@ -270,7 +271,7 @@ def test_a_row_that_kills_its_worker_fails_alone(floor, monkeypatch):
     opened = []
 
     @contextmanager
-    def make_map(_, workers):
+    def make_map(_, workers, **__):
         opened.append(workers)
 
         def run(function, tasks, on_done=None):
@@ -278,7 +279,7 @@ def test_a_row_that_kills_its_worker_fails_alone(floor, monkeypatch):
             for index, task in enumerate(tasks):
                 if task.row.id == "mean":
                     task.work.mkdir(exist_ok=True)
-                    raise RobidError("A worker process ended before its task was done.")
+                    raise WorkerError("A worker process ended before its task was done.")
                 results.append(function(task))
                 if on_done is not None:
                     on_done(index, results[-1])

@@ -14,7 +14,7 @@ from distributed import KilledWorker
 from robid.backends.dask.checks import refusal
 from robid.backends.dask.exchange import Exchange, Packer
 from robid.backends.dask.worker import Done, Failed, Refused, Terms, perform
-from robid.errors import BackendError
+from robid.errors import BackendError, WorkerError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -68,8 +68,8 @@ class DaskMap:
         """Runs the tasks.
 
         Raises:
-            BackendError: If the scheduler or all workers are lost, a worker that joined may not take part, or a task
-                ended its workers again and again.
+            BackendError: If the scheduler or all workers are lost, or a worker that joined may not take part.
+            WorkerError: If a task ended its workers again and again.
             Exception: What the first failing task or `on_done` raised; tasks not begun are dropped.
         """
         packer = self._exchange.packer()
@@ -139,7 +139,7 @@ class DaskMap:
 
     def _killed(
         self, error: KilledWorker, flying: dict[str, _InFlight], tasks: Sequence[object], where: str
-    ) -> BackendError:
+    ) -> WorkerError:
         """The task that was at work when the worker ended; those that waited beside it are not to blame."""
         index = self._exchange.last_on(error.last_worker.address)
         if index is None and str(error.task) in flying:
@@ -148,7 +148,7 @@ class DaskMap:
         if index is not None and index < len(tasks):
             named = f"Task {index + 1} of {len(tasks)}{_label(tasks[index])}"
         times = error.allowed_failures + 1
-        return BackendError(
+        return WorkerError(
             f"{named} ended its worker {times} times; {where}.",
             where=f"worker {error.last_worker.address}",
             remedy=f"most often memory ran out{self._memory}; {_GO_ON}",
