@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robid.artifacts.atomic import read_json
-from robid.errors import ArtifactError, RobidError
+from robid.errors import ArtifactError, RobidError, WorkerError
 from robid.fleet.folders import PAGE, remove, writing
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger
 from robid.fleet.page.report import provenance_of
@@ -29,6 +29,7 @@ def make_pages(tasks: Sequence[RowTask], open_map: OpenMap, progress: Progress) 
 
     Raises:
         ArtifactError: If a folder cannot be written.
+        BackendError: If the scheduler or its workers are lost.
     """
     due = [task for task in tasks if not (task.folder / PAGE).exists()]
     if not due:
@@ -43,9 +44,7 @@ def make_pages(tasks: Sequence[RowTask], open_map: OpenMap, progress: Progress) 
     try:
         with open_map(one=False) as parallel_map:
             parallel_map(make_page, due, finished)
-    except RobidError as error:
-        if type(error) is not RobidError:
-            raise
+    except WorkerError as error:
         progress.warn(f"not all pages of single rows were made: {error.what}")
 
 

@@ -6,6 +6,7 @@ import shutil
 import pytest
 
 from fleet_floor import Floor
+from robid.errors import WorkerError
 from two_mass_log import STIFFNESS
 
 SPRING = "coupling.stiffness"
@@ -131,6 +132,18 @@ def test_a_page_that_cannot_be_made_is_told_and_stops_nothing(done, monkeypatch)
     assert answer.code == 0
     assert "row soft has no page, by a defect of ours: KeyError" in answer.err
     assert not list(done.rows.glob(".*"))
+
+
+def test_pages_that_end_their_worker_are_told_and_stop_nothing(done, monkeypatch):
+    (done.rows / "soft/report.html").unlink()
+
+    def broken(*_):
+        raise WorkerError("A worker process ended before its task was done.")
+
+    monkeypatch.setattr("robid.fleet.pages.make_page", broken)
+    answer = done.robid()
+    assert answer.code == 0
+    assert "not all pages of single rows were made: A worker process ended" in answer.err
 
 
 def test_a_wrong_time_is_told_before_the_first_row(done):
