@@ -52,7 +52,8 @@ def score(robot: Robot, fitted: FittedModel, options: ElasticOptions, doubts: tu
     """
     problem, internal = fitted.problem, fitted.internal
     residual, derivative = problem.linear(internal)
-    own, added = _rows(fitted, derivative), _rows(fitted, doubt_columns(problem, internal, robot, options, doubts))
+    columns = doubt_columns(problem, internal, robot, options, doubts, all_rest=False)
+    own, added = _rows(fitted, derivative), _rows(fitted, columns)
     left = _rows(fitted, residual[..., None])[:, 0]
     prior = 0.5 / problem.parameters.prior_std**2
     cost, freedom = float(left @ left), float(problem.residual_kind.parts) * (problem.weight > 0).sum() - own.shape[1]

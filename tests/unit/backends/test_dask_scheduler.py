@@ -28,6 +28,12 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield made
 
 
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Machines that run many tests at once answer late."""
+    monkeypatch.setattr(connecting, "_CONNECT_S", 90)
+
+
 def refused(address: str, folder: Path) -> BackendError:
     """Tries to use a scheduler, which must fail with an exit code of 3 and leave nothing."""
     with pytest.raises(BackendError) as caught, make_map("dask", 1, scheduler=address, folder=folder):

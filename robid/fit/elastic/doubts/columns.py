@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.errors import DataError
 from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.options import ElasticOptions
@@ -15,7 +16,13 @@ from robid.robot.description import Robot
 
 
 def doubt_columns(
-    problem: Problem, internal: FloatArray, robot: Robot, options: ElasticOptions, doubts: Sequence[DoubtColumn]
+    problem: Problem,
+    internal: FloatArray,
+    robot: Robot,
+    options: ElasticOptions,
+    doubts: Sequence[DoubtColumn],
+    *,
+    all_rest: bool = True,
 ) -> ComplexArray:
     """Derivatives of the residual by the amounts of doubts, with the sign and scale of `Problem.linear`'s.
 
@@ -25,14 +32,27 @@ def doubt_columns(
         robot: The robot that the doubts were listed for.
         options: Options of the fit.
         doubts: The doubts.
+        all_rest: Whether robots that are a little off must rest; otherwise nothing is said of doubts where they do not.
 
     Returns:
         Negative derivatives (n_conf, n_freq, n_out, n_in, n_doubt), to be put beside those by the parameters.
+
+    Raises:
+        DataError: If a robot must rest and does not.
     """
     scene, kind = Scene(problem, internal, robot, options), problem.residual_kind
     if not doubts:
         return np.zeros((*problem.frf.response.shape, 0), complex)
     with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly zero has no relative change
-        columns = np.stack([doubt.direction.column(scene) for doubt in doubts], axis=-1)
+        columns = np.stack([_column(doubt, scene, must_rest=all_rest) for doubt in doubts], axis=-1)
     columns[scene.response.sampled == 0] = 0.0
     return kind.part(columns * kind.per_relative(scene.response.sampled)[..., None])
+
+
+def _column(doubt: DoubtColumn, scene: Scene, *, must_rest: bool) -> ComplexArray:
+    try:
+        return doubt.direction.column(scene)
+    except DataError:
+        if must_rest:
+            raise
+        return np.zeros(scene.problem.frf.response.shape, complex)

@@ -8,6 +8,7 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from realizations import averaged
 from robid.fit.elastic.effective import place_evidence, settle
+from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.intervals import find_spreads
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions, Weights
@@ -152,8 +153,18 @@ def test_from_four_places_on_their_differences_count_and_no_misfit():
     assert one.effective.rule == "noise and assumed model error, and what 4 places differ by"
 
 
-def test_without_a_covariance_places_tell_nothing():
-    problem, internal, _ = fitted(0.0, 6)
-    frf = replace(problem.frf, total_covariance=0 * problem.frf.covariance)
-    unknown = replace(problem, frf=frf, model_error=np.zeros(()))
-    assert spreads(unknown, internal, influence(unknown, internal)).between is None
+@pytest.mark.parametrize("kind", ["user", "optimal", "inflated"])
+def test_without_a_covariance_the_assumed_error_stands_in_for_noise(kind):
+    true = with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
+    places = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
+    frf = exact_frf(true, places, FREQUENCY_HZ)
+    options = ElasticOptions(weights=Weights(kind=kind))
+    estimate = fit_elastic(two_joint_robot(), frf, options, 0.0).estimate
+    springs = np.array(estimate.kinds) == "stiffness"
+    truth = [spring.stiffness for spring in true.springs]
+    assert (estimate.lower[springs] < truth).all()
+    assert (truth < estimate.upper[springs]).all()
+    reach = np.log(estimate.upper / estimate.lower)[springs]
+    assert (reach > 1e-3).all()  # not as certain as without any error
+    assert (reach < 1.0).all()  # not as uncertain as without any data
+    assert "assumed model error" in estimate.interval_rule

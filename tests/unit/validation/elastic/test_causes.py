@@ -119,7 +119,7 @@ def test_a_spring_in_series_with_a_gear_is_found_and_no_gear_is_called_identifie
 
 
 def test_a_series_spring_far_softer_than_the_fitted_gear_is_tried_from_where_both_share_its_compliance():
-    _, found = explained(two_joint_robot(), measured(with_twist(two_joint_robot(), 3e3)))
+    _, found = explained(two_joint_robot(), measured(with_twist(two_joint_robot(), 2e3)))
     assert (found[0].cause, found[0].names[0]) == ("missing_spring", "link of shoulder about its z axis")
 
 
