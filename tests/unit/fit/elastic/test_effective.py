@@ -153,7 +153,7 @@ def test_from_four_places_on_their_differences_count_and_no_misfit():
     assert one.effective.rule == "noise and assumed model error, and what 4 places differ by"
 
 
-@pytest.mark.parametrize("kind", ["user", "optimal", "inflated"])
+@pytest.mark.parametrize("kind", ["user", "inflated"])
 def test_without_a_covariance_the_assumed_error_stands_in_for_noise(kind):
     true = with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
     places = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
@@ -164,7 +164,7 @@ def test_without_a_covariance_the_assumed_error_stands_in_for_noise(kind):
     truth = [spring.stiffness for spring in true.springs]
     assert (estimate.lower[springs] < truth).all()
     assert (truth < estimate.upper[springs]).all()
-    reach = np.log(estimate.upper / estimate.lower)[springs]
+    reach = np.log(estimate.upper[springs] / estimate.lower[springs])
     assert (reach > 1e-3).all()  # not as certain as without any error
     assert (reach < 1.0).all()  # not as uncertain as without any data
     assert "assumed model error" in estimate.interval_rule
