@@ -18,6 +18,7 @@ from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.atomic import replacing
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact, read_header
+from robid.errors import SettingsError
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
@@ -81,7 +82,14 @@ def _further(run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
 
 
 def log_tasks(run: Run) -> list[Task]:
-    """Returns the tasks: some robots each; one whose logs are not all there is to be done again."""
+    """Returns the tasks: some robots each; one whose logs are not all there is to be done again.
+
+    Raises:
+        SettingsError: If the study is to run on Dask, whose workers may not start the processes that it watches.
+    """
+    if run.backend == "dask":
+        remedy = "use --backend processes; the study starts Dask itself where it times it"
+        raise SettingsError("the study of fleets measures this machine, and runs on no cluster", remedy=remedy)
     study, path = study_of(run.loaded), run.path(_excitation(run))
     campaign = run.loaded.experiment.campaigns[study.campaign]
     content = excitation_from_artifact(read_artifact(path, EXCITATION))
