@@ -28,6 +28,7 @@ def study(shop, monkeypatch):
 
     def finish_times(_, way):
         rate = RATES.get(way, 1.9)
+        # The first rows of two workers are there at once.
         return [row / rate for row in range(11)] if way[1] == 1 else [0, *(row / rate for row in range(10))]
 
     monkeypatch.setattr(speed, "finish_times", finish_times)
@@ -52,7 +53,9 @@ def test_faults_are_in_the_logs_and_found_in_the_fleet(study):
     assert summary["fleet.memory_rows"] == 16
     assert 0.9 < summary["fleet.memory_growth"] < 1.3
     assert summary["fleet.efficiency_processes"] == pytest.approx(0.95)
-    assert summary["fleet.two_workers"] == pytest.approx(1.9)
+    assert summary["fleet.two_workers"] == pytest.approx(1.5)
+    missed = "4 of 6 figures that are asked for are reached; missed: fleet.efficiency_dask, fleet.two_workers."
+    assert answer.json["verdict"] == {"text": missed, "level": "warn"}
     page = (study.runs / "report.html").read_text()
     for text in ("A damaged file", "Memory after each row", "Rows a second", "fleet.efficiency_dask", "reached"):
         assert text in page
@@ -75,7 +78,10 @@ def _has_the_faults(study):
     study.change("faults: {each: 0}", "faults: {each: 1}", "many.yaml")
     for name, robot in robots.items():
         log, own = (study.folder / folder / robot.log for folder in ("sound", "runs/many"))
-        softer = [after.stiffness / before.stiffness for before, after in zip(sound[name].springs, true[name].springs, strict=True)]
+        softer = [
+            after.stiffness / before.stiffness
+            for before, after in zip(sound[name].springs, true[name].springs, strict=True)
+        ]
         assert sorted(softer) == pytest.approx([0.7, 1] if robot.kind == "spring" else [1, 1])
         more = true[name].payload.mass_kg - sound[name].payload.mass_kg
         assert more == pytest.approx(5 if robot.kind == "payload" else 0)

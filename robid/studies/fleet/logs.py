@@ -172,7 +172,9 @@ def log_of(record: Record, configuration: int) -> Log:
     inputs, outputs = 1000 * record.inputs[0], counts * (record.outputs[0] + record.output_offset[0])
     found: Log = {}
     for real, exp in np.ndindex(inputs.shape[:2]):
-        torque, angle = (np.rint(all_[real, exp].reshape(-1, all_.shape[-1])).astype(np.int32) for all_ in (inputs, outputs))
+        torque, angle = (
+            np.rint(all_[real, exp].reshape(-1, all_.shape[-1])).astype(np.int32) for all_ in (inputs, outputs)
+        )
         columns = {f"torque_{name}": torque[:, at] for at, name in enumerate(record.input_names)}
         columns |= {f"angle_{name}": angle[:, at] for at, name in enumerate(record.output_names)}
         found[f"c{configuration + 1}_r{real + 1}_e{exp + 1}"] = columns

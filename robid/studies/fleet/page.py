@@ -125,5 +125,3 @@ def speed_section(
         " it; of w workers, w rows count as finished with the first, which is rather too strict."
     )
     return Section("Speed", lead, (table,))
-
-

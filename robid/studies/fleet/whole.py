@@ -13,8 +13,8 @@ from robid.arrays import BoolArray
 from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.backends.map import Map
-from robid.fleet.row import Told
 from robid.fleet.ledger import FORMATS
+from robid.fleet.row import Told
 from robid.fleet.rows import load_fleet
 from robid.fleet.run import Batch, Options, run_fleet
 from robid.pipeline import Run
