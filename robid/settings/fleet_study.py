@@ -49,3 +49,8 @@ class FleetStudy(Section):
     speed: FleetSpeed | None = Field(
         default_factory=FleetSpeed, description="How speed is measured; not at all when null."
     )
+    scheduled: int = Field(
+        default=0,
+        description="Rows without work that a local Dask cluster is fed with, to see what it bears; 0 leaves it out.",
+        ge=0,
+    )

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from scipy.io import loadmat
 
+from robid.backends.map import make_map
 from robid.pipeline import Run
 from robid.robot.description import Robot
-from robid.studies.fleet import logs, speed
+from robid.studies.fleet import logs, scheduler, speed
 from robid.studies.fleet.check import KINDS
 from robid.studies.fleet.robots import fleet_robots
 from robid.studies.known import load_with_study
@@ -32,6 +33,7 @@ def study(shop, monkeypatch):
         return [row / rate for row in range(11)] if way[1] == 1 else [0, *(row / rate for row in range(10))]
 
     monkeypatch.setattr(speed, "finish_times", finish_times)
+    monkeypatch.setattr(scheduler, "make_map", lambda *_, **__: make_map("serial", 1))
     return shop
 
 
@@ -54,6 +56,8 @@ def test_faults_are_in_the_logs_and_found_in_the_fleet(study):
     assert 0.9 < summary["fleet.memory_growth"] < 1.3
     assert summary["fleet.efficiency_processes"] == pytest.approx(0.95)
     assert summary["fleet.two_workers"] == pytest.approx(1.5)
+    assert summary["fleet.scheduled.rows"] == 20
+    assert 200 < summary["fleet.scheduled.bytes_back"] < 2000 < 2 * summary["fleet.scheduled.bytes_out"]
     missed = "4 of 6 figures that are asked for are reached; missed: fleet.efficiency_dask, fleet.two_workers."
     assert answer.json["verdict"] == {"text": missed, "level": "warn"}
     page = (study.runs / "report.html").read_text()

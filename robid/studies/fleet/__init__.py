@@ -1,6 +1,6 @@
 """The study of fleets: faults among many logged robots, and the speed of `robid reprocess`.
 
-Read `check`, `robots`, `faults`; then its parts `logs`, `whole` and `speed`; then `parts`.
+Read `check`, `robots`, `faults`; then its parts `logs`, `whole`, `speed` and `scheduler`; then `parts`.
 """
 
 from __future__ import annotations
