@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -216,7 +216,7 @@ def _finish(
     )
     write_ledger(task.work, ledger)
     put_in_place(task.work, task.folder)
-    return replace(ledger, settings={})
+    return ledger.outline
 
 
 def _settings(loaded: LoadedExperiment) -> dict[str, object]:

@@ -12,6 +12,7 @@ from robid.frf.residual import EstimatorKind
 from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.settings.external_study import OliveiraStudy
+from robid.settings.fleet_study import FleetStudy
 from robid.settings.lpv_study import TurkStudy
 from robid.settings.trust_study import TrustStudy
 from robid.validation.step_options import StepOptions
@@ -293,7 +294,15 @@ class JanotStudy(Section):
 
 
 Study: TypeAlias = Annotated[
-    FrfStudy | WernholtStudy | ZimmermannStudy | MistakesStudy | JanotStudy | OliveiraStudy | TurkStudy | TrustStudy,
+    FrfStudy
+    | WernholtStudy
+    | ZimmermannStudy
+    | MistakesStudy
+    | JanotStudy
+    | OliveiraStudy
+    | TurkStudy
+    | TrustStudy
+    | FleetStudy,
     Field(discriminator="kind"),
 ]
 

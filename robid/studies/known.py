@@ -10,6 +10,7 @@ from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
+from robid.studies.fleet import FLEET
 from robid.studies.frf import FRF_STUDY
 from robid.studies.janot2009 import JANOT2009
 from robid.studies.mistakes import MISTAKES
@@ -29,6 +30,7 @@ STUDIES: Mapping[str, Study] = {
     "oliveira2019": OLIVEIRA2019,
     "turk2018": TURK2018,
     "trust": TRUST,
+    "fleet": FLEET,
 }
 
 

@@ -95,7 +95,7 @@ def test_every_robot_is_used_by_an_example():
     examples = [*CONFIGS.glob("*.yaml"), *(CONFIGS / "studies").glob("*.yaml")]
     named = [(path, load_experiment(path).experiment.robot) for path in examples]
     used = {(path.parent / robot).resolve() for path, robot in named if robot is not None}
-    assert used == {path.resolve() for path in (CONFIGS / "robots").glob("*.yaml")}
+    assert used == {path.resolve() for path in CONFIGS.glob("**/robots/*.yaml")}
 
 
 def test_merge_keys_reach_the_models(tmp_path):

@@ -1,0 +1,216 @@
+"""The logs of the fleet: each robot is simulated and logged as its controller would do it, faults included."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import savemat
+
+from robid.arrays import FloatArray
+from robid.artifacts.artifact import Artifact, Dataset
+from robid.artifacts.atomic import replacing
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.store import read_artifact, read_header
+from robid.errors import SettingsError
+from robid.pipeline import Run
+from robid.robot.description import Robot
+from robid.settings.experiment import Campaign
+from robid.settings.truth import true_robot_of
+from robid.signals.record import Record
+from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
+from robid.simulate.options import SimulateOptions
+from robid.stages.simulate_or_acquire import simulated_experiment
+from robid.studies.changed import changed_simulation
+from robid.studies.fleet.faults import Log, faulty_bytes, faulty_log
+from robid.studies.fleet.robots import FleetRobot, fleet_robots, study_of
+from robid.studies.part import Part, PartFound
+from robid.studies.simulated import simulate_options, simulation_settings
+from robid.studies.study import TASKS
+from robid.studies.tasks import Content, Task
+
+NAME = "logs"
+COUNTS_PER_TURN = 65536
+_VERSION = 1
+_HEADER = b"MATLAB 5.0 MAT-file, logged by a simulated controller".ljust(116)
+
+
+@dataclass(frozen=True)
+class Logged:
+    """A robot to be logged.
+
+    Attributes:
+        of: Which one.
+        robot: As it truly is.
+        options: How it is simulated.
+        path: Where its log goes.
+    """
+
+    of: FleetRobot
+    robot: Robot
+    options: SimulateOptions
+    path: Path
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Robots that are logged in one go."""
+
+    experiment: SimulatedExperiment
+    configurations: FloatArray
+    robots: tuple[Logged, ...]
+    threads: int
+
+
+def manifest_path(run: Run) -> Path:
+    """Returns where the manifest of all robots lies."""
+    return run.path("manifest.csv")
+
+
+def _excitation(run: Run) -> str:
+    return f"{study_of(run.loaded).campaign}/excitation.h5"
+
+
+def _further(run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
+    return ((run, (_excitation(run),)),)
+
+
+def log_tasks(run: Run) -> list[Task]:
+    """Returns the tasks: some robots each; one whose logs are not all there is to be done again.
+
+    Raises:
+        SettingsError: If the study is to run on Dask, whose workers may not start the processes that it watches.
+    """
+    if run.backend == "dask":
+        remedy = "use --backend processes; the study starts Dask itself where it times it"
+        raise SettingsError("the study of fleets measures this machine, and runs on no cluster", remedy=remedy)
+    study, path = study_of(run.loaded), run.path(_excitation(run))
+    campaign = run.loaded.experiment.campaigns[study.campaign]
+    content = excitation_from_artifact(read_artifact(path, EXCITATION))
+    whole = simulated_experiment(run.loaded, campaign, simulate_options(campaign), content)
+    experiment, _ = with_settled_steps(whole, content.configurations)
+    decides = {
+        "version": _VERSION,
+        "excitation": read_header(path, EXCITATION).content_sha256,
+        **simulation_settings(run.loaded, campaign),
+        "stiffness_factor": study.faults.stiffness_factor,
+        "payload_kg_more": study.faults.payload_kg,
+    }
+    robots, threads = fleet_robots(run), run.workers if run.backend == "serial" else 1
+    tasks = []
+    for first in range(0, len(robots), study.robots_per_task):
+        some = robots[first : first + study.robots_per_task]
+        logged = tuple(_logged(run, campaign, experiment, robot) for robot in some)
+        chunk = Chunk(experiment, content.configurations, logged, threads)
+        task = Task(some[0].name, {**decides, "robots": [asdict(robot) for robot in some]}, chunk)
+        if not all(one.path.exists() for one in logged):
+            task.path(run.path(f"{TASKS}/{NAME}")).unlink(missing_ok=True)
+        tasks.append(task)
+    return tasks
+
+
+def _logged(run: Run, campaign: Campaign, experiment: SimulatedExperiment, of: FleetRobot) -> Logged:
+    """A robot as it truly is: a softened spring and another payload are true, what is wrong in a log is not."""
+    faults, file = study_of(run.loaded).faults, run.loaded.robot
+    settings = changed_simulation(campaign, {}, of.seed, of.seed)
+    mounted = stated_payload(run) + faults.payload_kg if of.kind == "payload" else campaign.payload_kg
+    robot = true_robot_of(file, mounted, settings.truth)
+    if of.fault is not None and of.kind == "spring":
+        robot = softened(robot, of.fault.joint, faults.stiffness_factor)
+    options = replace(settings, steps_per_sample=experiment.options.steps_per_sample)
+    return Logged(of, robot, options, run.path(of.log))
+
+
+def softened(robot: Robot, joint: int, factor: float) -> Robot:
+    """Returns a robot whose transmission of a joint is softer by a factor."""
+    springs = tuple(
+        replace(spring, stiffness=factor * spring.stiffness)
+        if spring.joint == joint and spring.place == "transmission"
+        else spring
+        for spring in robot.springs
+    )
+    return replace(robot, springs=springs)
+
+
+def stated_payload(run: Run) -> float:
+    """Returns the payload that the manifest states of all robots [kg]."""
+    campaign = run.loaded.experiment.campaigns[study_of(run.loaded).campaign]
+    return run.loaded.robot.to_robot(campaign.payload_kg).payload.mass_kg
+
+
+def write_logs(chunk: Chunk) -> Content:
+    """Simulates robots and writes their logs."""
+    hashes = []
+    for one in chunk.robots:
+        experiment = replace(chunk.experiment, robot=one.robot, options=one.options)
+        log: Log = {}
+        for index, configuration in enumerate(chunk.configurations):
+            log |= log_of(simulate(experiment, configuration, index, chunk.threads), index)
+        joints = [joint.name for joint in one.robot.joints]
+        content = log_bytes(log if one.of.fault is None else faulty_log(log, one.of.fault, joints))
+        content = content if one.of.fault is None else faulty_bytes(content, one.of.fault)
+        with replacing(one.path, alone=False) as partial:
+            partial.write_bytes(content)
+        hashes.append(hashlib.sha256(content).hexdigest())
+    return Content({"sha256": Dataset(np.array(hashes), "1", ("robot",), "Hash of each log")})
+
+
+def log_of(record: Record, configuration: int) -> Log:
+    """Returns what a controller logs of one configuration: torques in mN m, motor angles in counts.
+
+    Args:
+        record: The record of that configuration.
+        configuration: Its index.
+    """
+    counts = COUNTS_PER_TURN / (2 * np.pi)
+    inputs, outputs = 1000 * record.inputs[0], counts * (record.outputs[0] + record.output_offset[0])
+    found: Log = {}
+    for real, exp in np.ndindex(inputs.shape[:2]):
+        torque, angle = (
+            np.rint(all_[real, exp].reshape(-1, all_.shape[-1])).astype(np.int32) for all_ in (inputs, outputs)
+        )
+        columns = {f"torque_{name}": torque[:, at] for at, name in enumerate(record.input_names)}
+        columns |= {f"angle_{name}": angle[:, at] for at, name in enumerate(record.output_names)}
+        found[f"c{configuration + 1}_r{real + 1}_e{exp + 1}"] = columns
+    return found
+
+
+def log_bytes(log: Log) -> bytes:
+    """Returns the MAT file of a log, a structure for each experiment; without the time that it was written at."""
+    stream = io.BytesIO()
+    structures: dict[str, Any] = {
+        name: {channel: values[:, None] for channel, values in one.items()} for name, one in log.items()
+    }
+    savemat(stream, structures, do_compression=True)
+    return _HEADER + stream.getvalue()[len(_HEADER) :]
+
+
+def write_manifest(path: Path, robots: Sequence[FleetRobot], payload_kg: float) -> None:
+    """Writes the manifest of some robots, whose logs lie below its folder."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("id", "log", "payload_kg"))
+    writer.writerows((robot.name, robot.log, f"{payload_kg:g}") for robot in robots)
+    with replacing(path) as partial:
+        partial.write_text(text.getvalue(), encoding="utf-8")
+
+
+def hashes_of(results: Sequence[Artifact]) -> Iterator[str]:
+    """Yields the hash of each robot's log."""
+    for one in results:
+        yield from one.datasets["sha256"].values.tolist()
+
+
+def _conclude(run: Run, _results: Sequence[Artifact]) -> PartFound:
+    robots = fleet_robots(run)
+    size = sum(run.path(robot.log).stat().st_size for robot in robots if run.path(robot.log).exists())
+    return PartFound({"fleet.robots": float(len(robots)), "fleet.log_mb": size / 1e6})
+
+
+LOGS = Part(NAME, _conclude, log_tasks, write_logs, _further)
