@@ -226,7 +226,11 @@ def fleet_case(folder: Path, work: Path, generator: np.random.Generator) -> str:
     }
     how = f"{path.relative_to(work)}, {_spoil(path, path, [one for one in models if one != path], generator)}"
     with contextlib.chdir(work):
-        code, text = robid("reprocess", "floor/robots.csv", "fleet.yaml", "--backend", "serial")
+        command = ("reprocess", "floor/robots.csv", "fleet.yaml", "--backend", "serial")
+        code, text = robid(*command)
+        if code == 3 and path.name in text and "move it away" in text:
+            path.rename(work / "away")
+            code, text = robid(*command)
     if code:
         raise Wrong(f"{how}: `reprocess` ends with {code}: {text[-1500:]}")
     found = pq.read_table(runs / "results.parquet")
