@@ -7,13 +7,17 @@ import faulthandler
 import gzip
 import io
 import json
+import os
 import re
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +25,7 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
+import robid as robid_package
 from any_log_text import Text
 from log_files import WRITERS
 from robid.artifacts.artifact import Artifact
@@ -87,7 +92,7 @@ def run_cases(case: str, folder: Path, seeds: range, batch: int = 50) -> dict[in
     while first < seeds.stop:
         last = min(first + batch, seeds.stop)
         asked = [sys.executable, "-m", "damage", case, str(folder), str(first), str(last)]
-        done = subprocess.run(asked, capture_output=True, text=True, check=False)
+        done = subprocess.run(asked, capture_output=True, text=True, check=False, env=_environment())
         outcomes |= {seed: what for seed, what in map(json.loads, done.stdout.splitlines())}
         first = next((seed for seed in range(first, last) if seed not in outcomes), last)
         if first < last:
@@ -95,6 +100,13 @@ def run_cases(case: str, folder: Path, seeds: range, batch: int = 50) -> dict[in
             outcomes[first] = f"WRONG: ended its process with code {done.returncode}: {end}"
             first += 1
     return outcomes
+
+
+def _environment() -> dict[str, str]:
+    """Lets a child see robid and the modules of the tests."""
+    paths = [str(Path(robid_package.__file__).parent.parent), str(Path(__file__).parent)]
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    return {**os.environ, **threads, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def damage(whole: bytes, generator: np.random.Generator) -> tuple[str, bytes]:
@@ -200,10 +212,7 @@ def chain_case(folder: Path, work: Path, generator: np.random.Generator) -> str:
     with contextlib.chdir(work):
         robid("status", "small.yaml")
         robid("inspect", str(path))
-        code, text = robid("run", "small.yaml")
-        if code == 3 and path.name in text and "delete it" in text:
-            path.unlink()
-            code, text = robid("run", "small.yaml")
+        code, text = _follow(path, work / "away", "run", "small.yaml")
     if code:
         raise Wrong(f"{how}: `run` ends with {code}: {text[-1500:]}")
     after = {one: read_header(one).content_sha256 for one in before}
@@ -227,10 +236,7 @@ def fleet_case(folder: Path, work: Path, generator: np.random.Generator) -> str:
     how = f"{path.relative_to(work)}, {_spoil(path, path, [one for one in models if one != path], generator)}"
     with contextlib.chdir(work):
         command = ("reprocess", "floor/robots.csv", "fleet.yaml", "--backend", "serial")
-        code, text = robid(*command)
-        if code == 3 and path.name in text and "move it away" in text:
-            path.rename(work / "away")
-            code, text = robid(*command)
+        code, text = _follow(path, work / "away", *command)
     if code:
         raise Wrong(f"{how}: `reprocess` ends with {code}: {text[-1500:]}")
     found = pq.read_table(runs / "results.parquet")
@@ -241,6 +247,15 @@ def fleet_case(folder: Path, work: Path, generator: np.random.Generator) -> str:
     if changed:
         raise Wrong(f"{how}: other content in {changed}")
     return "same"
+
+
+def _follow(path: Path, away: Path, *command: str) -> tuple[int, str]:
+    """Runs a command; where it refuses a file by name, the file goes, as the remedy says, and the command runs again."""
+    code, text = robid(*command)
+    if code == 3 and path.name in text and re.search("delete it|move.* away", text):
+        path.rename(away)
+        code, text = robid(*command)
+    return code, text
 
 
 def _spoil(original: Path, path: Path, others: list[Path], generator: np.random.Generator) -> str:
@@ -277,8 +292,16 @@ def _same(one: Artifact, other: Artifact) -> bool:
 # Logs
 
 
+def readable() -> list[str]:
+    """The formats whose readers are installed."""
+    needs = {"parquet": "pyarrow", "tdms": "nptdms", "mdf": "asammdf", "mcap": "mcap", "rosbag": "rosbags"}
+    lacking = [kind for kind, module in needs.items() if find_spec(module) is None]
+    lacking += ["mcap"] if "rosbag" in lacking else []
+    return [kind for kind in LOGS if kind not in lacking]
+
+
 def write_logs(folder: Path, kinds: list[str], experiment: str, robot: Path) -> None:
-    """Writes the same log in several formats, each with an experiment that reads it and a run that did."""
+    """Writes the same log in several formats, each with an experiment that reads it and the run of the first."""
     log = {name: values[:, 0] for name, values in bench_log().items()}
     for kind in kinds:
         place = folder / kind.replace(" ", "_")
@@ -291,6 +314,9 @@ def write_logs(folder: Path, kinds: list[str], experiment: str, robot: Path) -> 
             text = text.replace(f"variable: {name},", f'variable: "{names[name]}",')
         (place / "logs.yaml").write_text(text)
         shutil.copy(robot, place)
+        if kind != kinds[0]:
+            shutil.copytree(folder / kinds[0].replace(" ", "_") / "runs", place / "runs")
+            continue
         with contextlib.chdir(place):
             for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf"):
                 code, told = robid(stage, "logs.yaml")
@@ -342,11 +368,24 @@ def _share_outside(whole: Any, found: Any) -> float:
     return float((np.abs(found.response - whole.response) > DEVIATIONS * deviation + 1e-9 * np.abs(whole.response)).mean())
 
 
+def ended_case(folder: Path, work: Path, generator: np.random.Generator) -> str:  # noqa: ARG001
+    """Ends as no case may: the second by a crash, the third by a hang."""
+    kind = _SEEDS.index(int(generator.integers(1 << 40)))
+    if kind == 1:
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if kind == 2:
+        faulthandler.dump_traceback_later(0.2, exit=True)
+        time.sleep(60)
+    return "same"
+
+
+_SEEDS = [int(np.random.default_rng(seed).integers(1 << 40)) for seed in range(3)]
 CASES: dict[str, Callable[[Path, Path, np.random.Generator], str]] = {
     "artifact": artifact_case,
     "chain": chain_case,
     "fleet": fleet_case,
     "log": log_case,
+    "ended": ended_case,
 }
 
 
