@@ -230,9 +230,10 @@ def fleet_case(folder: Path, work: Path, generator: np.random.Generator) -> str:
     runs, changing = work / "runs/benches", {"seconds", "finished_utc"}
     files = sorted(path for path in runs.rglob("*") if path.is_file())
     path = files[generator.integers(len(files))]
-    table, models = pq.read_table(runs / "results.parquet"), {
-        one: read_header(one).content_sha256 for one in runs.rglob("model.h5")
-    }
+    table, models = (
+        pq.read_table(runs / "results.parquet"),
+        {one: read_header(one).content_sha256 for one in runs.rglob("model.h5")},
+    )
     how = f"{path.relative_to(work)}, {_spoil(path, path, [one for one in models if one != path], generator)}"
     with contextlib.chdir(work):
         command = ("reprocess", "floor/robots.csv", "fleet.yaml", "--backend", "serial")
@@ -365,7 +366,9 @@ def _share_outside(whole: Any, found: Any) -> float:
     output = np.einsum("cfoo->cfo", covariance).real[..., None]
     inputs = np.einsum("cfii->cfi", found.input_factor).real[..., None, :]
     deviation = np.sqrt(output * inputs * found.element_scale[:, None])
-    return float((np.abs(found.response - whole.response) > DEVIATIONS * deviation + 1e-9 * np.abs(whole.response)).mean())
+    return float(
+        (np.abs(found.response - whole.response) > DEVIATIONS * deviation + 1e-9 * np.abs(whole.response)).mean()
+    )
 
 
 def ended_case(folder: Path, work: Path, generator: np.random.Generator) -> str:  # noqa: ARG001
