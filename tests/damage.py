@@ -93,7 +93,7 @@ def run_cases(case: str, folder: Path, seeds: range, batch: int = 50) -> dict[in
         last = min(first + batch, seeds.stop)
         asked = [sys.executable, "-m", "damage", case, str(folder), str(first), str(last)]
         done = subprocess.run(asked, capture_output=True, text=True, check=False, env=_environment())
-        outcomes |= {seed: what for seed, what in map(json.loads, done.stdout.splitlines())}
+        outcomes |= dict(map(json.loads, done.stdout.splitlines()))
         first = next((seed for seed in range(first, last) if seed not in outcomes), last)
         if first < last:
             end = " ".join(done.stderr.split())[-1500:]
@@ -251,7 +251,7 @@ def fleet_case(folder: Path, work: Path, generator: np.random.Generator) -> str:
 
 
 def _follow(path: Path, away: Path, *command: str) -> tuple[int, str]:
-    """Runs a command; where it refuses a file by name, the file goes, as the remedy says, and the command runs again."""
+    """Runs a command; a file that it refuses by name goes, as the remedy says, and it runs again."""
     code, text = robid(*command)
     if code == 3 and path.name in text and re.search("delete it|move.* away", text):
         path.rename(away)
@@ -359,7 +359,7 @@ def _response(work: Path) -> Any:
 
 
 def _share_outside(whole: Any, found: Any) -> float:
-    """Share of the elements of a response that lie beyond its uncertainty from the whole one's; 1 where shapes differ."""
+    """Share of the elements of a response that lie beyond its uncertainty; 1 where shapes differ."""
     if found.response.shape != whole.response.shape or not np.isfinite(found.response).all():
         return 1.0
     covariance = found.noise_covariance if found.total_covariance is None else found.total_covariance
