@@ -1,6 +1,7 @@
 """The ledger of a row, `row.json`: what it was made from, what became of it, and whether that still holds.
 
 Schema history:
+    3: `content_sha256`, by which a damaged ledger is known: its numbers go to the table.
     2: `misfits`.
     1: the first.
 """
@@ -14,16 +15,18 @@ from pathlib import Path
 from typing import Any, Literal
 
 import robid
-from robid.artifacts.atomic import read_json, write_json
+from robid.artifacts.atomic import plain, read_json, write_json
+from robid.artifacts.provenance import canonical_hash
 from robid.errors import ArtifactError
 from robid.pipeline import CHAIN
 from robid.stages.freshness import file_sha256
 
 LEDGER = "row.json"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 FORMATS = {"row": str(SCHEMA_VERSION)} | {stage.kind.name: stage.kind.version for stage in CHAIN if stage.kind}
 """Versions of what a row is made of; one that differs makes it stale."""
 
+_DIGEST = "content_sha256"
 _SETTLED_NS = 2_000_000_000
 Status = Literal["done", "failed"]
 
@@ -137,11 +140,12 @@ class Ledger:
 
 def write_ledger(folder: Path, ledger: Ledger) -> None:
     """Writes the ledger of a row into its folder."""
-    write_json(folder / LEDGER, asdict(ledger))
+    content: Any = plain(asdict(ledger))
+    write_json(folder / LEDGER, {**content, _DIGEST: canonical_hash(content)})
 
 
 def read_ledger(folder: Path) -> Ledger | None:
-    """Reads the ledger of a row; None where there is none that this version reads.
+    """Reads the ledger of a row; None where there is none that this version reads, or a damaged one.
 
     Raises:
         ArtifactError: If the folder is there, but no row's.
@@ -155,6 +159,8 @@ def read_ledger(folder: Path) -> Ledger | None:
         found = read_json(folder / LEDGER)
         if found["formats"].get("row") != str(SCHEMA_VERSION):
             return None
+        if found.pop(_DIGEST) != canonical_hash(found):
+            return None
         keys = {name: _file_keys(found.pop(name)) for name in ("inputs", "outputs")}
         error = found.pop("error")
         made: dict[str, Any] = {name: tuple(found.pop(name)) for name in ("warnings", "results")}
@@ -164,8 +170,8 @@ def read_ledger(folder: Path) -> Ledger | None:
         return None
 
 
-def _file_keys(plain: Mapping[str, Any]) -> dict[str, FileKey]:
-    return {name: FileKey(key["sha256"], tuple(key["stat"])) for name, key in plain.items()}
+def _file_keys(found: Mapping[str, Any]) -> dict[str, FileKey]:
+    return {name: FileKey(key["sha256"], tuple(key["stat"])) for name, key in found.items()}
 
 
 def why_stale(

@@ -122,8 +122,6 @@ def write_table(
     )
     cells = {shown: _cells(column) for shown, column in values.items()}
     content = _content_sha256(types, _entries(fleet, ledgers(), cells, comparison))
-    if path.exists() and _about(path).get("content_sha256") == content:
-        return "fresh"
     about = {
         "kind": "fleet",
         "schema_version": TABLE_VERSION,
@@ -132,8 +130,10 @@ def write_table(
         "content_sha256": content,
     }
     schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in types.items()])
+    if path.exists() and _about(path).get("content_sha256") == content and _is_whole(path, schema):
+        return "fresh"
     schema = schema.with_metadata({_KEY: json.dumps(about).encode()})
-    with replacing(path) as partial, pq.ParquetWriter(partial, schema) as writer:
+    with replacing(path) as partial, pq.ParquetWriter(partial, schema, write_page_checksum=True) as writer:
         entries = _entries(fleet, ledgers(), cells, comparison)
         while some := list(islice(entries, _ENTRIES)):
             writer.write_table(pa.Table.from_pylist(some, schema=schema))
@@ -157,6 +157,19 @@ def _about(path: Path) -> dict[str, Any]:
     except (OSError, KeyError, ValueError, pa.ArrowException):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def _is_whole(path: Path, schema: Any) -> bool:  # noqa: ANN401
+    """Whether every page of a table has its checksum, and its columns are those of a schema."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            n_row = sum(len(batch) for batch in file.iter_batches())
+            return bool(file.schema_arrow.equals(schema) and n_row == file.metadata.num_rows)
+    except (OSError, ValueError, pa.ArrowException):
+        return False
 
 
 def _entries(

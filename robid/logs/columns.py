@@ -22,6 +22,8 @@ _SHOWN = 8
 """Fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists."""
 _SMALL = 1 << 27
 """MAT files up to this size are read whole to suggest a name [bytes]."""
+_ABSURD = 1e6
+"""Ranges of all others by which a lone sample must lie beyond them to be refused; no sensor resolves as much."""
 
 
 def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
@@ -93,7 +95,26 @@ def check_values(
         elif name != time and np.ptp(column) == 0 and not (mapping.one_shot or mapping.takes_turns):
             check = "Check that the channel was connected and that the variable is the right one."
             problems.append(DataError(f"It is constant ({column[0]:g}).", where=where, remedy=check))
+        elif name != time and (lone := _absurd_sample(column)) is not None:
+            what = f"It is {column[lone]:g} for one sample, more than {_ABSURD:g} times the range of all others away."
+            read = f"{remedy or 'Record again'}, or copy the log again: it may be damaged."
+            problems.append(DataError(what, where=f"{where}, sample {first + lone}", remedy=read))
     return problems
+
+
+def _absurd_sample(column: NDArray[Any]) -> int | None:
+    """The sample, not at an end, that lies beyond all others by so many times their range that nothing measures it.
+
+    Where others do not change at all, the range tells nothing.
+    """
+    values = column.astype(float)
+    for at in (int(np.argmax(values)), int(np.argmin(values))):
+        others = np.delete(values, at)
+        low, high = float(others.min()), float(others.max())
+        beyond = max(float(values[at]) - high, low - float(values[at]))
+        if 0 < at < len(values) - 1 and high > low and beyond / _ABSURD > high - low:
+            return at
+    return None
 
 
 def _every_size(mapping: LogMapping, name: str, variables: Variables) -> Mapping[str, int]:

@@ -169,7 +169,10 @@ def _read(mapping: LogMapping) -> tuple[Log, list[DataError], list[str]]:
     part = chosen_part(mapping, columns)
     whole = whole_piece(mapping, columns, part)
     columns = {name: column[part] for name, column in columns.items()}
-    problems += check_values(mapping, columns, part.start or 0, whole)
+    faults = {name: check_values(mapping, {name: one}, part.start or 0, whole) for name, one in columns.items()}
+    problems += [fault for found in faults.values() for fault in found]
+    # What is wrong with a column would be told once more, or overflow, in all that follows.
+    columns = {name: column for name, column in columns.items() if not faults[name]}
     clock = None
     if mapping.time is not None and mapping.time.variable in columns:
         stamps = columns[mapping.time.variable]

@@ -104,6 +104,15 @@ def test_settings_outputs_and_a_ledger_that_changed_are_noticed(done):
     assert (done.rows / "soft/notes.txt").read_text() == "kept by hand"
 
 
+def test_a_table_with_a_flipped_bit_is_written_again(done):
+    whole, before = done.table.read_bytes(), done.results()
+    at = whole.index(b"coupling.stiffness")
+    done.table.write_bytes(whole[:at] + b"C" + whole[at + 1 :])
+    assert done.results() != before
+    assert done.json()["made"] == 0
+    assert done.results() == before
+
+
 def test_a_bad_log_fails_its_row_alone(done):
     good = (done.folder / "floor/logs/soft.mat").read_bytes()
     (done.folder / "floor/logs/soft.mat").write_bytes(good[: len(good) // 2])

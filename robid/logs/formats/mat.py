@@ -109,8 +109,20 @@ def _read_element(name: str, element: bytes, wanted: Wanted, found: Found) -> No
         return
     if loaded is None or name not in loaded:
         _note_object(element, found)
+    elif _is_mislabelled(name, element, loaded[name]):
+        found.unreadable[name] = _DAMAGED
     else:
         _take(name, loaded[name], wanted, found)
+
+
+def _is_mislabelled(name: str, element: bytes, loaded: Any) -> bool:  # noqa: ANN401
+    """Whether floats are said to be stored as 64-bit integers, as nobody writes them: a flipped bit makes them so."""
+    stored = [(leaf.dtype.kind, leaf.dtype.itemsize) for _, leaf in _leaves(name, loaded) if hasattr(leaf, "dtype")]
+    if ("i", 8) not in stored and ("u", 8) not in stored:
+        return False
+    meant = loadmat(io.BytesIO(element), mat_dtype=True)[name]
+    kinds = [leaf.dtype.kind for _, leaf in _leaves(name, meant) if hasattr(leaf, "dtype")]
+    return any(one in (("i", 8), ("u", 8)) and kind == "f" for one, kind in zip(stored, kinds, strict=True))
 
 
 def _note_object(element: bytes, found: Found) -> None:

@@ -38,6 +38,14 @@ def test_a_damaged_ledger_counts_as_none(tmp_path, text):
     assert read_ledger(tmp_path) is None
 
 
+def test_a_ledger_with_another_number_counts_as_none(tmp_path):
+    write_ledger(tmp_path, LEDGER)
+    text = (tmp_path / "row.json").read_text()
+    assert '"estimate": 1.0' in text
+    (tmp_path / "row.json").write_text(text.replace('"estimate": 1.0', '"estimate": 3.0'))
+    assert read_ledger(tmp_path) is None
+
+
 def test_a_folder_of_somebody_else_is_refused(tmp_path):
     with pytest.raises(ArtifactError, match=r"has no row\.json"):
         read_ledger(tmp_path)

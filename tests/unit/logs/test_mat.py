@@ -192,6 +192,34 @@ def test_nan_and_infinity_are_located(tmp_path, value):
     assert "variable `q_motor`, sample 1234: 2 of 5000 values are NaN or infinite" in message
 
 
+@pytest.mark.parametrize("name", ["iq", "q_motor"])
+def test_a_sample_that_a_flipped_bit_made_absurd_is_located(tmp_path, name):
+    signals = make_signals()
+    signals[name][1234] = 0.3
+    signals[name][1234:1235].view(np.uint64)[0] ^= np.uint64(1 << 62)
+    with pytest.raises(DataError, match="for one sample, more than 1e") as caught:
+        run(tmp_path, signals)
+    assert f"`{name}`, sample 1234" in caught.value.where
+    assert "copy the log again" in caught.value.remedy
+
+
+def test_a_flipped_bit_that_makes_a_signalling_nan_is_located(tmp_path):
+    signals = make_signals()
+    signals["iq"][1234] = 1.3
+    signals["iq"][1234:1235].view(np.uint64)[0] ^= np.uint64(1 << 62)
+    assert "`iq`, sample 1234: 1 of 5000 values are NaN" in refused(tmp_path, signals)
+
+
+@pytest.mark.parametrize("resolution", [0.0, 0.5])
+def test_an_impact_and_a_start_from_elsewhere_are_no_damage(tmp_path, resolution):
+    signals = make_signals()
+    signals["iq"][700] = 1e4 * np.ptp(signals["iq"])
+    signals["q_motor"][0] = 1e9
+    if resolution:
+        signals["q_load"] = resolution * np.round(signals["q_load"] / resolution)
+    run(tmp_path, signals)
+
+
 def test_a_constant_channel_is_refused(tmp_path):
     signals = make_signals()
     signals["q_load"][:] = 0.25

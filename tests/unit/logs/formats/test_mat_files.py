@@ -144,3 +144,17 @@ def test_version_7_3_has_the_same_names(new_file):
     only = load_variables(new_file, None, ["exp1.tau(:,3)"])
     assert list(only) == ["exp1.tau(:,3)"]
     np.testing.assert_array_equal(find_variable(only, "exp1.tau(:,3)"), np.arange(8.0, 12))
+
+
+def test_floats_that_a_flipped_bit_calls_integers_are_refused(tmp_path):
+    path, numbers = tmp_path / "log.mat", np.random.default_rng(1).normal(size=50)
+    savemat(path, {"x": numbers, "count": np.arange(50, dtype=np.uint64)})
+    whole = bytearray(path.read_bytes())
+    tag = whole.index(numbers.tobytes()) - 8
+    assert struct.unpack("<II", whole[tag : tag + 8]) == (9, 400)  # doubles, 13 are unsigned integers
+    whole[tag] = 13
+    path.write_bytes(whole)
+    variables = load_variables(path)
+    np.testing.assert_array_equal(np.ravel(find_variable(variables, "count")), np.arange(50))
+    with pytest.raises(DataError, match="damaged"):
+        find_variable(variables, "x")
