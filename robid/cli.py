@@ -183,6 +183,9 @@ def reprocess_rows(
     stream: Annotated[
         bool, typer.Option("--stream", help="With --json: one object a row as it finishes, each on a line.")
     ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say which rows would be made, and why; make and write nothing.")
+    ] = False,
     backend: Backend = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -205,6 +208,7 @@ def reprocess_rows(
         strict=strict,
         as_json=as_json,
         stream=stream,
+        dry_run=dry_run,
     )
 
 

@@ -53,6 +53,7 @@ def make_map(
     *,
     scheduler: str | None = None,
     folder: Path | None = None,
+    inputs: Sequence[Path] = (),
 ) -> Iterator[Map]:
     """Yields a map; leaving the context by an exception, an interrupt included, kills the workers that it started.
 
@@ -62,6 +63,7 @@ def make_map(
         workers: Number of processes; a scheduler has its own.
         scheduler: Address of a Dask scheduler.
         folder: The run folder, which Dask workers must see; large arrays of tasks pass through it.
+        inputs: Further folders that Dask workers must see, as tasks read from them.
 
     Raises:
         ArtifactError: If that folder cannot be written.
@@ -74,7 +76,7 @@ def make_map(
     if backend == "dask":
         from robid.backends.dask.cluster import dask_map
 
-        with dask_map(workers, scheduler, folder) as mapped:
+        with dask_map(workers, scheduler, folder, inputs) as mapped:
             yield mapped
         return
     executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 ONE_THREAD = dict.fromkeys(
@@ -12,15 +12,19 @@ ONE_THREAD = dict.fromkeys(
 
 
 @contextmanager
-def environment(variables: dict[str, str]) -> Iterator[None]:
-    """Sets variables of the environment, which processes that are started meanwhile inherit."""
+def environment(variables: Mapping[str, str | None]) -> Iterator[None]:
+    """Sets variables of the environment, None for none; processes that are started meanwhile inherit them."""
     before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
+    _set(variables)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        _set(before)
+
+
+def _set(variables: Mapping[str, str | None]) -> None:
+    for name, value in variables.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value

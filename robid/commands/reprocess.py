@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import asdict
 from functools import partial
@@ -14,18 +15,21 @@ from robid.backends.map import Map, make_map
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, choose_backend
 from robid.errors import SettingsError
+from robid.fleet.due import Look, look
 from robid.fleet.ledger import Ledger
 from robid.fleet.page.found import listed
-from robid.fleet.rows import load_fleet
-from robid.fleet.run import Batch, Options, run_fleet
+from robid.fleet.rows import Fleet, load_fleet
+from robid.fleet.run import ROWS, Batch, Options, run_fleet
 from robid.fleet.summary import causes
 from robid.fleet.table import require_table
+from robid.settings.base import DATA_VARIABLE, data_path
 from robid.stages.stage import counted
 from robid.stages.terminal import Shell, make_console
 from robid.validation.fleet.outliers import FEWEST_ROBOTS
 
 _SHOWN_CAUSES = 10
 _SHOWN_NAMES = 5
+_SHOWN_IDS = 3
 
 
 def reprocess(
@@ -40,8 +44,12 @@ def reprocess(
     strict: bool,
     as_json: bool,
     stream: bool,
+    dry_run: bool = False,
 ) -> int:
-    """Runs the rows of a manifest and prints what became of them; returns the exit code."""
+    """Runs the rows of a manifest and prints what became of them; returns the exit code.
+
+    A dry run prints what there is to do and writes nothing.
+    """
     if stream and not as_json:
         raise SettingsError("`--stream` says how `--json` is printed", where="--stream", remedy="add --json")
     require_table()
@@ -59,14 +67,20 @@ def reprocess(
             shell.warn(f"row {ledger.id} failed: {ledger.error}")
 
     run_dir = folder or Path("runs") / fleet.experiment.name
-    count = workers or execution.workers or os.cpu_count() or 1
+    if dry_run:
+        found = look(fleet, run_dir / ROWS, keep=options.keep, force=options.force)
+        _show_look(shell, found, as_json=as_json, one_line=stream)
+        return 0
+    count, inputs = workers or execution.workers or os.cpu_count() or 1, tuple(_folders(fleet))
 
     def open_map(*, one: bool) -> AbstractContextManager[Map]:
-        return make_map(chosen, 1 if one else count, scheduler=scheduler or execution.scheduler, folder=run_dir)
+        address = scheduler or execution.scheduler
+        return make_map(chosen, 1 if one else count, scheduler=address, folder=run_dir, inputs=inputs)
 
     does = f"robid reprocess {manifest} {experiment}"
     with locked(run_dir / FOLDER_LOCK, does), shell.progress(fleet.experiment.name) as progress:
-        batch = run_fleet(fleet, run_dir, options, open_map, progress, tell)
+        announce = partial(_announce, shell, fleet.experiment.name)
+        batch = run_fleet(fleet, run_dir, options, open_map, progress, tell, announce)
     if as_json:
         print_json(summary(batch), one_line=stream)
     else:
@@ -88,6 +102,7 @@ def summary(batch: Batch) -> dict[str, Any]:
         "rows": len(batch.ledgers),
         "made": batch.made,
         "fresh": len(batch.ledgers) - batch.made,
+        "logs_away": {name: list(logs) for name, logs in batch.away.items()},
         "failed": [{"id": ledger.id, **asdict(ledger.error)} for ledger in batch.failed if ledger.error],
         "do_not_use": [ledger.id for ledger in batch.not_to_be_used],
         "outliers": [_off(batch, row) for row in batch.comparison.off],
@@ -99,6 +114,50 @@ def summary(batch: Batch) -> dict[str, Any]:
         "report": str(batch.report),
         "outcome": batch.outcome,
     }
+
+
+def _folders(fleet: Fleet) -> Iterator[Path]:
+    """The folders that rows read from: the manifest's, the experiment file's, and the data folder where it is used."""
+    yield from dict.fromkeys(planned.row.folder for planned in fleet.rows)
+    yield fleet.template.path.parent
+    data = data_path(DATA_VARIABLE, Path())
+    logs = (log for planned in fleet.rows for log in planned.logs.values())
+    if data.is_dir() and (DATA_VARIABLE in fleet.text or any(log.is_relative_to(data) for log in logs)):
+        yield data
+
+
+def _announce(shell: Shell, name: str, found: Look) -> None:
+    """Says how many rows there are to make, and why, and which logs are away."""
+    if found.due:
+        told = ", ".join(f"{why} {len(ids)}" for why, ids in found.reasons.items())
+        shell.note(name, f"{counted(len(found.due), 'row')} to make: {told}")
+    if found.away:
+        shell.warn(_away(found))
+
+
+def _away(found: Look) -> str:
+    """Which rows stay because their logs are away."""
+    kept = "stays as it is, because its log is" if len(found.away) == 1 else "stay as they are, because their logs are"
+    return (
+        f"{counted(len(found.away), 'row')} {kept} not there or may not be read:"
+        f" {listed(list(found.away), _SHOWN_IDS)}; bring the logs back, or check that their disk is mounted and"
+        " ROBID_DATA is right"
+    )
+
+
+def _show_look(shell: Shell, found: Look, *, as_json: bool, one_line: bool) -> None:
+    """Says what there is to do."""
+    if as_json:
+        away = {name: list(logs) for name, logs in found.away.items()}
+        print_json({"fresh": len(found.fresh), "logs_away": away, "due": found.reasons}, one_line=one_line)
+        return
+    shell.say(
+        f"{counted(len(found.due) + len(found.fresh), 'row')}: {len(found.due)} to make, {len(found.fresh)} fresh"
+    )
+    for why, ids in found.reasons.items():
+        shell.say(f"  {why}, {counted(len(ids), 'row')}: {listed(ids, _SHOWN_IDS)}")
+    if found.away:
+        shell.warn(_away(found))
 
 
 def _off(batch: Batch, row: int) -> dict[str, Any]:

@@ -1,10 +1,12 @@
-"""Folders of rows: made aside, in place when whole, old or new whenever a run is killed."""
+"""Folders of rows: each attempt makes its own aside, which takes the row's place when whole, however a run ends."""
 
 from __future__ import annotations
 
+import errno
 import os
+import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -13,6 +15,11 @@ from robid.fleet.ledger import LEDGER, read_ledger
 
 PAGE = "report.html"
 """A row's own page, which goes when the row is made again."""
+
+_MARK = ".attempt"
+# What ids do not contain: it ends the id in the name of a folder aside.
+_BETWEEN = "~"
+_OVERTAKEN = (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST)
 
 
 @contextmanager
@@ -26,9 +33,52 @@ def writing(folder: Path) -> Iterator[None]:
         raise ArtifactError(message, where=str(folder), remedy=remedy) from error
 
 
+def new_attempt() -> str:
+    """Returns the name of an attempt at a row, which no other has."""
+    return secrets.token_hex(8)
+
+
+def aside(folder: Path, attempt: str, kind: str) -> Path:
+    """Returns the folder of one attempt beside a row's: `.<id>~<attempt>.<kind>`."""
+    return folder.with_name(f".{folder.name}{_BETWEEN}{attempt}.{kind}")
+
+
+def at_work(rows: Path) -> set[str]:
+    """Returns the rows that somebody is at, or was when it died."""
+    return {_row_of(path).name for path in rows.glob(".*.work")}
+
+
+def _row_of(path: Path) -> Path:
+    """The row's folder that a folder aside belongs to; earlier versions named it `.<id>.<kind>`."""
+    return path.with_name(path.name[1:].rpartition(".")[0].partition(_BETWEEN)[0])
+
+
+def begin(work: Path) -> None:
+    """Makes the folder of an attempt, with a mark that it is still its own."""
+    with writing(work):
+        work.mkdir(parents=True)
+        (work / _MARK).touch()
+
+
+def check_own(work: Path, files: Iterable[str] = ()) -> None:
+    """Refuses to go on where another command has removed the folder of an attempt, whatever was written since.
+
+    Args:
+        work: The folder.
+        files: What must be in it.
+
+    Raises:
+        ArtifactError: If it has.
+    """
+    if not all((work / name).exists() for name in (*files, _MARK)):
+        remove(work)
+        remedy = "nothing is lost: the command that took it over makes it"
+        raise ArtifactError("The row was taken over by another command.", where=str(work), remedy=remedy)
+
+
 def keep_files(folder: Path, *, all_files: bool) -> list[Path]:
     """Removes what is not to stay; returns what is there."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != _MARK)
     stay = [path for path in files if all_files or path.name in ("model.h5", "validation.h5")]
     for path in set(files).difference(stay):
         path.unlink()
@@ -45,20 +95,38 @@ def put_in_place(made: Path, folder: Path) -> None:
     Raises:
         ArtifactError: If it cannot be.
     """
-    old = folder.with_name(f".{folder.name}.old")
     with writing(folder):
-        if folder.exists():
-            _carry_over(folder, made)
-            folder.replace(old)
-        made.replace(folder)
+        (made / _MARK).unlink(missing_ok=True)
+        try:
+            _replace(made, folder)
+        except OSError as error:
+            if error.errno not in _OVERTAKEN:
+                raise
+            # Another attempt has just put its own in place: ours takes the place of that one.
+            _replace(made, folder)
         descriptor = os.open(folder.parent, os.O_RDONLY)
         os.fsync(descriptor)
         os.close(descriptor)
-        remove(old)
+
+
+def _replace(made: Path, folder: Path) -> None:
+    old = aside(folder, new_attempt(), "old")
+    if folder.exists():
+        _carry_over(folder, made)
+        folder.replace(old)
+    try:
+        made.replace(folder)
+    except OSError:
+        if folder.exists():
+            remove(old)
+        elif old.exists():
+            old.replace(folder)
+        raise
+    remove(old)
 
 
 def _carry_over(old: Path, made: Path) -> None:
-    """Copies files that no run of the row has made."""
+    """Copies files, links and empty folders that no run of the row has made."""
     before = read_ledger(old)
     own = None if before is None else {LEDGER, PAGE, *before.outputs}
     for path in sorted(old.rglob("*")):
@@ -67,25 +135,52 @@ def _carry_over(old: Path, made: Path) -> None:
         is_own = (
             str(name) in own if own is not None else path.suffix == ".h5" or path.name in (LEDGER, PAGE, "truth.json")
         )
-        if path.is_file() and not is_own and not (made / name).exists():
-            (made / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(path, made / name)
+        if not is_own and not os.path.lexists(made / name):
+            _copy(path, made / name)
+
+
+def _copy(path: Path, to: Path) -> None:
+    """Copies a file, a link as a link, or an empty folder; others come with what is in them."""
+    is_empty = path.is_dir() and not path.is_symlink() and not any(path.iterdir())
+    if not (path.is_symlink() or path.is_file() or is_empty):
+        return
+    to.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_symlink():
+        to.symlink_to(path.readlink())
+    elif is_empty:
+        to.mkdir()
+    else:
+        shutil.copy2(path, to)
 
 
 def recover(rows: Path) -> None:
-    """Finishes or takes back what a killed run has left half done between two folders."""
+    """Finishes or takes back what a killed run has left half done between two folders.
+
+    Who is still at a row for that run finds its folder gone, and leaves the row alone.
+    """
     for old in rows.glob(".*.old"):
-        folder = rows / old.name[1:].removesuffix(".old")
+        folder = _row_of(old)
         if folder.exists():
             remove(old)
         else:
-            old.replace(folder)
+            with _unless_overtaken():
+                old.replace(folder)
     for pattern in (".*.work", ".*.page"):
         for work in rows.glob(pattern):
+            (work / _MARK).unlink(missing_ok=True)
             remove(work)
 
 
+@contextmanager
+def _unless_overtaken() -> Iterator[None]:
+    """Lets it be where another attempt has just put its own in place."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _OVERTAKEN:
+            raise
+
+
 def remove(folder: Path) -> None:
-    """Removes a folder with all that is in it, if it is there."""
-    if folder.exists():
-        shutil.rmtree(folder)
+    """Removes a folder with all that is in it, as far as nobody else is at it; the next run removes what is left."""
+    shutil.rmtree(folder, ignore_errors=True)

@@ -8,6 +8,7 @@ Schema history:
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -174,10 +175,23 @@ def _file_keys(found: Mapping[str, Any]) -> dict[str, FileKey]:
     return {name: FileKey(key["sha256"], tuple(key["stat"])) for name, key in found.items()}
 
 
+def logs_away(ledger: Ledger, inputs: Mapping[str, Path]) -> tuple[str, ...]:
+    """Returns the logs of a row that is done which are not there now, or may not be read: they cannot be compared.
+
+    Args:
+        ledger: Its ledger.
+        inputs: Its logs, by name.
+    """
+    made_from = [name for name in inputs if name in ledger.inputs and ledger.inputs[name].sha256]
+    return tuple(name for name in made_from if ledger.status == "done" and not os.access(inputs[name], os.R_OK))
+
+
 def why_stale(
     ledger: Ledger | None, settings_hash: str, inputs: Mapping[str, Path], folder: Path, *, keep: bool, force: bool
 ) -> str:
     """Says why a row is to be made again; empty where nothing would come out differently.
+
+    A row that is done stays while one of its logs is away: made again it could only fail.
 
     Args:
         ledger: Its ledger, None where there is none.
@@ -193,16 +207,16 @@ def why_stale(
         return "settings changed"
     if ledger.formats != FORMATS:
         return "made by another version"
-    for name in dict.fromkeys([*inputs, *ledger.inputs]):
-        # Of the robot file, only what the settings' hash covers counts.
-        if name != "robot" and (
-            name not in inputs or name not in ledger.inputs or not ledger.inputs[name].holds(inputs[name])
-        ):
+    is_away = bool(logs_away(ledger, inputs))
+    # Of the robot file, only what the settings' hash covers counts.
+    logs = [] if is_away else [name for name in dict.fromkeys([*inputs, *ledger.inputs]) if name != "robot"]
+    for name in logs:
+        if name not in inputs or name not in ledger.inputs or not ledger.inputs[name].holds(inputs[name]):
             return f"{name} changed"
     for name, key in ledger.outputs.items():
         if not key.holds(folder / name):
             return f"{name} changed"
-    if keep and not ledger.kept:
+    if keep and not ledger.kept and not is_away:
         return "records and responses are to be kept"
     if ledger.status == "failed" and (force or ledger.robid_version != robid.__version__):
         return "failed, and is tried again"

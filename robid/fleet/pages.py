@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robid.artifacts.atomic import read_json
@@ -54,6 +53,7 @@ def make_page(task: RowTask) -> str:
     Raises:
         ArtifactError: If the folder cannot be written.
     """
+    task = task.anew()
     try:
         ledger = read_ledger(task.folder)
         if ledger is None:
@@ -69,7 +69,7 @@ def make_page(task: RowTask) -> str:
     except Exception as error:  # noqa: BLE001  the results are there; a page that is missing loses none
         return f"row {task.row.id} has no page, by a defect of ours: {type(error).__name__}: {error}"
     finally:
-        remove(_work(task))
+        remove(task.page_work)
     return ""
 
 
@@ -78,10 +78,9 @@ def _write_report(task: RowTask) -> None:
     loaded = load_task(task)
     name = f"{loaded.experiment.name}, row {task.row.id}"
     loaded = replace(loaded, experiment=loaded.experiment.model_copy(update={"name": name}))
-    work = _work(task)
+    work = task.page_work
     with writing(work):
-        remove(work)
-        shutil.copytree(task.folder, work, ignore=shutil.ignore_patterns(LEDGER, PAGE))
+        shutil.copytree(task.folder, work, symlinks=True, ignore=shutil.ignore_patterns(LEDGER, PAGE))
     outputs = [node.output for node in asked_for(loaded)]
     run_all(Run(loaded, work, "serial", 1), Told().of, lambda _: None, outputs)
     with writing(task.folder):
@@ -139,7 +138,3 @@ def _flat(value: object, name: str = "") -> Iterator[tuple[str, str]]:
             yield from _flat(inner, f"{name}.{key}" if name else str(key))
     elif value is not None:
         yield name, str(value)
-
-
-def _work(task: RowTask) -> Path:
-    return task.rows / f".{task.row.id}.page"

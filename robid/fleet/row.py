@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 from robid.artifacts.provenance import utc_now
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.families.files import load_row
-from robid.fleet.folders import keep_files, put_in_place, remove, writing
+from robid.fleet.folders import aside, begin, check_own, keep_files, new_attempt, put_in_place, remove, writing
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
 from robid.fleet.results import misfits_of, results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
@@ -42,6 +42,7 @@ class RowTask:
         text: Its text when the rows were checked.
         rows: Folder of the rows' folders.
         keep: Whether records and responses stay.
+        attempt: Which attempt at the row it is: none of two writes into the other's folder.
     """
 
     row: Row
@@ -49,6 +50,7 @@ class RowTask:
     text: str
     rows: Path
     keep: bool
+    attempt: str = ""
 
     @property
     def label(self) -> str:
@@ -62,8 +64,17 @@ class RowTask:
 
     @property
     def work(self) -> Path:
-        """Where it is made."""
-        return self.rows / f".{self.row.id}.work"
+        """Where this attempt makes it."""
+        return aside(self.folder, self.attempt, "work")
+
+    @property
+    def page_work(self) -> Path:
+        """Where this attempt makes its page."""
+        return aside(self.folder, self.attempt, "page")
+
+    def anew(self) -> RowTask:
+        """Returns a new attempt."""
+        return replace(self, attempt=new_attempt())
 
 
 @dataclass
@@ -102,10 +113,10 @@ def run_row(task: RowTask) -> Ledger:
     """Runs the chain of a row and puts its results in place; what is wrong with the row is in its ledger.
 
     Raises:
-        ArtifactError: If the folder cannot be written; the row is as it was.
+        ArtifactError: If the folder cannot be written, or another command took the row over; the row is as it was.
     """
-    begun = time.monotonic()
-    _begin(task)
+    begun, task = time.monotonic(), task.anew()
+    begin(task.work)
     told = Told()
     loaded, inputs, found, error = None, {}, _Found(), None
     try:
@@ -137,19 +148,12 @@ def run_row(task: RowTask) -> Ledger:
 
 def fail_row(task: RowTask) -> Ledger:
     """Puts a row in place that has killed its worker, alone there, as one that has failed."""
-    begun = time.monotonic()
-    _begin(task)
+    begun, task = time.monotonic(), task.anew()
+    begin(task.work)
     loaded = load_task(task)
     message = "its worker process ended, most often because memory ran out"
     error = RowError("memory", "", message, f"look at its log, or give it more memory; {_TRY_AGAIN}")
     return _finish(task, loaded, _inputs(loaded), _Found(), Told(), error, begun)
-
-
-def _begin(task: RowTask) -> None:
-    """Makes an empty folder, which also says that the row is at work."""
-    with writing(task.work):
-        remove(task.work)
-        task.work.mkdir(parents=True)
 
 
 def load_task(task: RowTask) -> LoadedExperiment:
@@ -195,7 +199,8 @@ def _finish(
     error: RowError | None,
     begun: float,
 ) -> Ledger:
-    """Leaves what is to stay, writes the ledger, and puts the folder in place."""
+    """Leaves what is to stay, writes the ledger, and puts the folder in place, unless the row was taken over."""
+    check_own(task.work)
     with writing(task.work):
         made = keep_files(task.work, all_files=task.keep)
     ledger = Ledger(
@@ -215,6 +220,7 @@ def _finish(
         finished_utc=utc_now(),
     )
     write_ledger(task.work, ledger)
+    check_own(task.work, ledger.outputs)
     put_in_place(task.work, task.folder)
     return ledger.outline
 
@@ -232,16 +238,23 @@ def _without_folders(error: RowError | None, task: RowTask) -> RowError | None:
 
 def _shortened(text: str, task: RowTask) -> str:
     """A message without the folders of this machine: the manifest's, the data's, the row's, the experiment file's."""
-    data = data_path(DATA_VARIABLE, Path())
+    data, template = data_path(DATA_VARIABLE, Path()), task.template
     folders: Mapping[str, str] = {
-        f"{task.row.folder}{os.sep}": "",
-        **({f"{data}{os.sep}": f"{DATA_VARIABLE}/"} if data.is_absolute() else {}),
-        str(task.work): task.row.id,
-        str(task.template): task.template.name,
+        **{f"{folder}{os.sep}": "" for folder in _spellings(template.parent) if folder.is_absolute()},
+        **{f"{folder}{os.sep}": "" for folder in _spellings(task.row.folder)},
+        **{f"{folder}{os.sep}": f"{DATA_VARIABLE}/" for folder in _spellings(data) if folder.is_absolute()},
+        **{str(path): template.name for path in _spellings(template)},
+        **{str(path): task.row.id for path in _spellings(task.work)},
     }
-    for long, short in folders.items():
-        text = text.replace(long, short)
+    # A folder within another one goes first.
+    for long in sorted(folders, key=len, reverse=True):
+        text = text.replace(long, folders[long])
     return text
+
+
+def _spellings(path: Path) -> tuple[Path, Path, Path]:
+    """A path as it is written, from the root on, and with links followed."""
+    return path, path.absolute(), path.resolve()
 
 
 def _trim_memory() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Literal, Protocol
 from robid.errors import WorkerError
 from robid.fleet.collected import collect
 from robid.fleet.comparison import Comparison, compare
-from robid.fleet.folders import recover, writing
-from robid.fleet.ledger import LEDGER, Ledger, read_ledger, why_stale
+from robid.fleet.due import Look, look
+from robid.fleet.folders import at_work, recover, writing
+from robid.fleet.ledger import LEDGER, Ledger, read_ledger
 from robid.fleet.page.found import Found, Pages, flagged
 from robid.fleet.page.report import check_report, write_report
 from robid.fleet.pages import make_pages
@@ -61,6 +62,7 @@ class Batch:
         ledgers: Of all rows, in the order of the manifest, in outline.
         comparison: The rows against each other.
         made: How many of them ran.
+        away: Which logs are away of those that therefore stayed as they are, by id.
         removed: Rows that have a folder, but are not in the manifest any more.
         table: The table.
         summary: The same for programs.
@@ -71,6 +73,7 @@ class Batch:
     ledgers: tuple[Ledger, ...]
     comparison: Comparison
     made: int
+    away: Mapping[str, tuple[str, ...]]
     removed: tuple[str, ...]
     table: Path
     summary: Path
@@ -95,6 +98,7 @@ def run_fleet(
     open_map: OpenMap,
     progress: Progress,
     tell: Callable[[Ledger, Outcome], None],
+    announce: Callable[[Look], None] = lambda _: None,
 ) -> Batch:
     """Runs what is not fresh, in any order, and writes the table.
 
@@ -105,9 +109,11 @@ def run_fleet(
         open_map: Opens what runs the rows, each whole, on one worker or on as many as were asked for.
         progress: Is told how far it is.
         tell: Is told what became of each row, those that are fresh first.
+        announce: Is told before what is to be made, and why.
 
     Raises:
-        RobidError: If the batch cannot go on; finished rows stay and are in the table, the others as `pending`.
+        RobidError: If the batch cannot go on; finished rows stay and are in the table, the others as `pending`. Where
+            none was finished, a table that is there stays as it was.
     """
     rows = folder / ROWS
     check_table(folder / TABLE)
@@ -116,10 +122,12 @@ def run_fleet(
     check_room(rows / "row", _SMALL_BYTES)
     with writing(rows):
         recover(rows)
-    todo, ledgers = _look(fleet, rows, options)
-    for ledger in ledgers.values():
+    found = look(fleet, rows, keep=options.keep, force=options.force)
+    announce(found)
+    ledgers = dict(found.fresh)
+    for ledger in found.fresh.values():
         tell(ledger, "fresh")
-    progress.expect(len(fleet.rows), "rows", len(fleet.rows) - len(todo))
+    progress.expect(len(fleet.rows), "rows", len(found.fresh))
 
     def note(ledger: Ledger) -> None:
         ledgers[ledger.id] = ledger.outline
@@ -131,46 +139,42 @@ def run_fleet(
             yield read_ledger(rows / planned.row.id) if planned.row.id in ledgers else None
 
     try:
-        _run([_task(fleet, planned, rows, options) for planned in todo], open_map, note)
+        _run([_task(fleet, planned, rows, options) for planned, _ in found.due], open_map, note)
+        with writing(rows):
+            recover(rows)
+        collected = collect(whole())
+        comparison = compare(collected, fleet.robots)
+        written = [write_table(folder / TABLE, fleet, whole, comparison)]
     except BaseException:
-        with suppress(Exception):
-            write_table(folder / TABLE, fleet, whole)
+        if len(ledgers) > len(found.fresh) or not (folder / TABLE).exists():
+            with suppress(Exception):
+                write_table(folder / TABLE, fleet, whole)
         raise
     in_order = tuple(ledgers[planned.row.id] for planned in fleet.rows)
-    collected = collect(whole())
-    comparison = compare(collected, fleet.robots)
-    found = Found(fleet.experiment.name, in_order, comparison, collected, rows)
-    written = [
-        write_table(folder / TABLE, fleet, whole, comparison),
-        write_summary(folder / SUMMARY, fleet.experiment.name, in_order, comparison),
-    ]
-    paged = flagged(found) if options.pages == "flagged" else range(len(in_order)) if options.pages == "all" else ()
-    make_pages([_task(fleet, fleet.rows[row], rows, options) for row in paged], open_map, progress)
-    written.append(write_report(folder / REPORT, found))
+    written.append(write_summary(folder / SUMMARY, fleet.experiment.name, in_order, comparison))
+    on_page = Found(fleet.experiment.name, in_order, comparison, collected, rows)
+    make_pages([_task(fleet, fleet.rows[row], rows, options) for row in _paged(on_page, options)], open_map, progress)
+    written.append(write_report(folder / REPORT, on_page))
     outcome: Outcome = "made" if "made" in written else "fresh"
-    removed = _removed(rows, fleet)
     paths = folder / TABLE, folder / SUMMARY, folder / REPORT
-    return Batch(in_order, comparison, len(todo), removed, *paths, outcome)
-
-
-def _look(fleet: Fleet, rows: Path, options: Options) -> tuple[list[PlannedRow], dict[str, Ledger]]:
-    """Tells the rows that are to be made from those that are fresh, with the outlines of the latter's ledgers."""
-    todo, fresh = [], {}
-    for planned in fleet.rows:
-        ledger = read_ledger(rows / planned.row.id)
-        if ledger is None or _is_due(planned, ledger, rows, options):
-            todo.append(planned)
-        else:
-            fresh[planned.row.id] = ledger.outline
-    return todo, fresh
+    return Batch(in_order, comparison, len(found.due), found.away, _removed(rows, fleet), *paths, outcome)
 
 
 def _task(fleet: Fleet, planned: PlannedRow, rows: Path, options: Options) -> RowTask:
     return RowTask(planned.row, fleet.template.path, fleet.text, rows, options.keep)
 
 
+def _paged(found: Found, options: Options) -> Iterable[int]:
+    """Indices of the rows that get a page of their own."""
+    if options.pages == "flagged":
+        return flagged(found)
+    return range(len(found.ledgers)) if options.pages == "all" else ()
+
+
 def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], None]) -> None:
     """Runs rows; those at work when a worker died run alone, and one that kills its worker again has failed."""
+    if not tasks:
+        return
     done: set[str] = set()
 
     def finished(_: int, ledger: Ledger) -> None:
@@ -182,7 +186,8 @@ def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], N
             parallel_map(run_row, tasks, finished)
     except WorkerError:
         left = [task for task in tasks if task.row.id not in done]
-        suspects = [task for task in left if task.work.exists()]
+        begun = at_work(tasks[0].rows)
+        suspects = [task for task in left if task.row.id in begun]
         if not suspects:
             raise
         for task in suspects:
@@ -197,12 +202,6 @@ def _run_alone(task: RowTask, open_map: OpenMap, note: Callable[[Ledger], None])
         except WorkerError:
             ledger = fail_row(task)
     note(ledger)
-
-
-def _is_due(planned: PlannedRow, ledger: Ledger | None, rows: Path, options: Options) -> bool:
-    folder = rows / planned.row.id
-    keep, force = options.keep, options.force
-    return bool(why_stale(ledger, planned.settings_hash, planned.logs, folder, keep=keep, force=force))
 
 
 def _removed(rows: Path, fleet: Fleet) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from robid.artifacts.lock import locked
 from robid.artifacts.store import read_header
 from robid.errors import WorkerError
 from robid.fleet import run as fleet_run
+from robid.fleet.folders import begin
 from two_mass_log import STIFFNESS, bench_log
 
 
@@ -116,7 +117,7 @@ def test_a_table_with_a_flipped_bit_is_written_again(done):
 def test_a_bad_log_fails_its_row_alone(done):
     good = (done.folder / "floor/logs/soft.mat").read_bytes()
     (done.folder / "floor/logs/soft.mat").write_bytes(good[: len(good) // 2])
-    (done.folder / "floor/logs/hard.mat").unlink()
+    (done.folder / "floor/logs/hard.mat").write_text("")
     answer = done.json(code=5)
     assert {error["id"]: error["kind"] for error in answer["failed"]} == {"soft": "data", "hard": "data"}
     assert (answer["made"], answer["fresh"]) == (2, 1)
@@ -138,13 +139,24 @@ def test_a_bad_log_fails_its_row_alone(done):
     assert done.json()["made"] == 2
 
 
+def test_logs_that_are_away_cost_no_model_and_are_told(done):
+    before = {path: path.read_bytes() for path in done.rows.rglob("*") if path.is_file()}
+    (done.folder / "floor/logs").rename(done.folder / "elsewhere")
+    plan = done.json("--dry-run")
+    assert (plan["fresh"], plan["due"], list(plan["logs_away"])) == (3, {}, list(FACTORS))
+    answer = done.robid("--json", "--force", "--keep")
+    assert (answer.code, answer.json["made"], list(answer.json["logs_away"])) == (0, 0, list(FACTORS))
+    assert "3 rows stay as they are" in answer.err
+    assert {path: path.read_bytes() for path in done.rows.rglob("*") if path.is_file()} == before
+
+
 def test_an_interrupt_keeps_what_is_finished_and_tables_the_rest_as_pending(floor, monkeypatch):
     run_row, asked = fleet_run.run_row, []
 
     def interrupted(task):
         asked.append(task.row.id)
         if len(asked) == 2:
-            task.work.mkdir()
+            begin(task.anew().work)
             raise KeyboardInterrupt
         return run_row(task)
 
@@ -287,7 +299,7 @@ def test_a_row_that_kills_its_worker_fails_alone(floor, monkeypatch):
             results = []
             for index, task in enumerate(tasks):
                 if task.row.id == "mean":
-                    task.work.mkdir(exist_ok=True)
+                    begin(task.anew().work)
                     raise WorkerError("A worker process ended before its task was done.")
                 results.append(function(task))
                 if on_done is not None:

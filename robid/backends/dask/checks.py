@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from robid.backends.dask.worker import FOLDER, THREADS, VERSIONS, Complaint, Terms, examine, versions_here
+from robid.backends.dask.worker import FOLDER, INPUTS, THREADS, VERSIONS, Complaint, Terms, examine, versions_here
 from robid.errors import BackendError
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ GUIDE = "docs/clusters.md says how"
 _REMEDIES = {
     VERSIONS: f"give scheduler and workers the environment of this command; {GUIDE}",
     FOLDER: f"name a folder with --run-dir that this machine and all workers share, and work in one; {GUIDE}",
+    INPUTS: f"let all workers see manifest, experiment file and data under the same paths as this machine; {GUIDE}",
     THREADS: f"start workers with `--nthreads 1` and more of them; {GUIDE}",
 }
 # In these a mismatch keeps scheduler, workers and client from understanding each other.
@@ -31,7 +32,7 @@ def check_cluster(client: Client, address: str, terms: Terms) -> None:
 
     Raises:
         BackendError: If there are no workers for a minute, or scheduler or workers differ in their versions, lack
-            robid, do not see the shared folder, or have several threads.
+            robid, do not see the folders that they share, or have several threads.
     """
     _wait_for_workers(client, address)
     # Asked for without any function of ours, which other versions may not be able to read.

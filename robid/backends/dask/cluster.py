@@ -20,7 +20,7 @@ from robid.backends.dask.checks import GUIDE, check_cluster
 from robid.backends.dask.exchange import Exchange, shared_folder
 from robid.backends.dask.mapping import DaskMap
 from robid.backends.dask.quiet import SILENT, quiet
-from robid.backends.dask.worker import Terms, versions_here
+from robid.backends.dask.worker import DATA, Terms, versions_here
 from robid.backends.threads import ONE_THREAD, environment
 from robid.errors import BackendError, SettingsError
 
@@ -40,13 +40,16 @@ _QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
 @contextmanager
-def dask_map(workers: int, scheduler: str | None, folder: Path | None) -> Iterator[Callable[..., list[Any]]]:
+def dask_map(
+    workers: int, scheduler: str | None, folder: Path | None, inputs: Sequence[Path] = ()
+) -> Iterator[Callable[..., list[Any]]]:
     """Yields a map over the workers of a scheduler, or of a local cluster that starts with the first task.
 
     Args:
         workers: Number of processes of a local cluster.
         scheduler: Address of a scheduler; a local cluster when None.
         folder: The run folder, which all workers must see.
+        inputs: Further folders that all workers must see.
 
     Raises:
         BackendError: If the scheduler does not answer or its workers cannot be used.
@@ -58,7 +61,9 @@ def dask_map(workers: int, scheduler: str | None, folder: Path | None) -> Iterat
         def started() -> DaskMap:
             stack.enter_context(quiet())
             exchange = stack.enter_context(shared_folder(folder))
-            terms = Terms(versions_here(), str(Path.cwd()), str(exchange.folder), exchange.token)
+            seen = tuple(dict.fromkeys(str(path.absolute()) for path in inputs))
+            data = os.environ.get(DATA)
+            terms = Terms(versions_here(), str(Path.cwd()), str(exchange.folder), exchange.token, data, seen)
             if scheduler is None:
                 client, memory = stack.enter_context(_local(workers, exchange))
                 return DaskMap(client, "the local cluster", terms, exchange, memory)

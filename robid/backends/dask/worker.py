@@ -18,13 +18,14 @@ from threadpoolctl import threadpool_limits
 
 import robid
 from robid.backends.dask.exchange import TOKEN, mark_of, unpack
-from robid.backends.threads import ONE_THREAD
+from robid.backends.threads import ONE_THREAD, environment
 from robid.versions import package_versions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-VERSIONS, FOLDER, THREADS = "versions", "folder", "threads"
+VERSIONS, FOLDER, INPUTS, THREADS = "versions", "folder", "inputs", "threads"
+DATA = "ROBID_DATA"
 
 
 @dataclass(frozen=True)
@@ -36,17 +37,21 @@ class Terms:
         directory: Where the command was given: paths of tasks may be relative to it.
         exchange: The folder that client and workers share.
         token: What its token file holds.
+        data: The command's ROBID_DATA, which tasks read their data from; None where it has none.
+        inputs: Further folders that the tasks read from.
     """
 
     versions: tuple[tuple[str, str], ...]
     directory: str
     exchange: str
     token: str
+    data: str | None = None
+    inputs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Complaint:
-    """Why a worker may not take part; `kind` is `versions`, `folder` or `threads`."""
+    """Why a worker may not take part; `kind` is `versions`, `folder`, `inputs` or `threads`."""
 
     kind: str
     text: str
@@ -95,7 +100,11 @@ def perform(terms: Terms, index: int, packed: bytes) -> Done | Failed | Refused:
         return Refused(worker.address, complaint)
     _limit_threads()
     try:
-        with _in_directory(terms.directory), _marked(mark_of(terms.exchange, worker.address), index):
+        with (
+            _in_directory(terms.directory),
+            environment({DATA: terms.data}),
+            _marked(mark_of(terms.exchange, worker.address), index),
+        ):
             function, task = unpack(packed, terms.exchange)
             return Done(function(task))
     except Exception as error:  # noqa: BLE001  whatever it is, it is raised where the map was called
@@ -122,7 +131,10 @@ def _complaint(terms: Terms, threads: int) -> Complaint | None:
         found = (Path(terms.exchange) / TOKEN).read_text(encoding="utf-8")
     except OSError:
         found = ""
-    return None if found == terms.token else Complaint(FOLDER, f"does not see {Path(terms.exchange).parent}")
+    if found != terms.token:
+        return Complaint(FOLDER, f"does not see {Path(terms.exchange).parent}")
+    unseen = [folder for folder in terms.inputs if not Path(folder).is_dir()]
+    return Complaint(INPUTS, f"does not see {', '.join(unseen)}") if unseen else None
 
 
 @cache

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,6 +18,7 @@ import backend_tasks
 from dask_cluster import Cluster, cluster, wait_for
 from robid.backends.dask import checks, worker
 from robid.backends.dask import cluster as connecting
+from robid.backends.dask.exchange import shared_folder
 from robid.backends.map import make_map
 from robid.errors import BackendError, SettingsError
 
@@ -134,6 +136,46 @@ def test_a_worker_of_several_threads_is_named(tmp_path: Path) -> None:
 
     assert complaint(1) is None
     assert complaint(4) == worker.Complaint(worker.THREADS, "has 4 threads")
+
+
+def test_a_worker_that_does_not_see_what_the_tasks_read_is_named(tmp_path: Path) -> None:
+    (tmp_path / "token").write_text("token")
+    here = worker.versions_here(), str(tmp_path), str(tmp_path), "token", None
+    alone = SimpleNamespace(state=SimpleNamespace(nthreads=1))
+    assert worker.examine(worker.Terms(*here, (str(tmp_path),)), alone) is None
+    found = worker.examine(worker.Terms(*here, (str(tmp_path), "/nowhere/logs")), alone)
+    assert found == worker.Complaint(worker.INPUTS, "does not see /nowhere/logs")
+    error = checks.refusal("tcp://a:1", found)
+    assert "tcp://a:1 does not see /nowhere/logs" in error.what
+    assert "manifest, experiment file and data" in error.remedy
+
+
+@pytest.mark.parametrize("data", ["/the/commands", None])
+def test_tasks_read_the_data_folder_of_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, data: str | None
+) -> None:
+    monkeypatch.setenv("ROBID_DATA", "/the/workers")
+    alone = SimpleNamespace(address="tcp://a:1", state=SimpleNamespace(nthreads=1))
+    monkeypatch.setattr(worker, "get_worker", lambda: alone)
+    monkeypatch.setattr(worker, "_limit_threads", lambda: None)
+    with shared_folder(tmp_path) as exchange:
+        terms = worker.Terms(worker.versions_here(), str(tmp_path), str(exchange.folder), exchange.token, data)
+        packed, _ = exchange.packer().pack(os.getenv, "ROBID_DATA")
+        assert worker.perform(terms, 0, packed) == worker.Done(data)
+    assert os.environ["ROBID_DATA"] == "/the/workers"
+
+
+def test_the_command_sends_its_data_folder_and_what_its_tasks_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[worker.Terms] = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ROBID_DATA", "data")
+    monkeypatch.setattr(connecting, "_remote", lambda _: nullcontext())
+    monkeypatch.setattr(connecting, "check_cluster", lambda _client, _address, terms: sent.append(terms))
+    with make_map("dask", 1, scheduler="tcp://a:1", folder=tmp_path, inputs=(Path("floor"), Path("floor"))):
+        pass
+    assert [(terms.data, terms.inputs) for terms in sent] == [("data", (str(tmp_path / "floor"),))]
 
 
 _NO_ROBID = """

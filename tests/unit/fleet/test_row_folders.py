@@ -8,7 +8,7 @@ import pytest
 from robid.errors import ArtifactError
 from robid.fleet import ledger as ledgers
 from robid.fleet.folders import put_in_place, recover
-from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, read_ledger, why_stale, write_ledger
+from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, logs_away, read_ledger, why_stale, write_ledger
 
 LEDGER = Ledger(
     id="r1", settings_hash="s", settings={"name": "x"}, inputs={}, outputs={}, status="done", error=None,
@@ -124,6 +124,11 @@ def test_a_row_says_why_it_is_stale(tmp_path):
     assert why(force=True) == "", "what is done is not done again"
     log.write_text("2")
     assert why() == "c: log changed"
+    log.unlink()
+    assert why() == why(keep=True) == "", "made again it could only fail"
+    assert logs_away(made, {"c: log": log}) == ("c: log",)
+    assert (why(failed), logs_away(failed, {"c: log": log})) == ("c: log changed", ())
     log.write_text("1")
+    assert logs_away(made, {"c: log": log}) == ()
     (folder / "model.h5").write_text("flipped")
     assert why() == "model.h5 changed"
