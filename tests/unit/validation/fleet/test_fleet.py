@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import statsmodels.api as sm
 from scipy.stats import t as student
-from statsmodels.stats.outliers_influence import OLSInfluence
 from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.outliers_influence import OLSInfluence
 
-from robid.validation.fleet.drift import find_drifts
+from robid.validation.fleet.drift import find_drifts, followed
 from robid.validation.fleet.outliers import FEWEST_ROBOTS, Trait, find_outliers, holm, populations
 from robid.validation.fleet.population import Population, population
 
@@ -223,6 +223,25 @@ def test_what_differs_from_day_to_day_alone_is_no_drift(generator):
         value, robots, time = measured(generator, 15, 4, 0.1)
         clear += bool(find_drifts([trait(value, np.full(value.size, 0.01))], robots, time))
     assert clear <= 4
+
+
+def test_a_misfit_that_falls_is_no_drift(generator):
+    value, robots, time = measured(generator, 20, 5, 0.1, slope=2.0)
+    std = np.full(value.size, 0.01)
+    for sign, two_sided, one_sided in ((1, [0], [0]), (-1, [0], [])):
+        assert [each.robot for each in find_drifts([trait(sign * value, std)], robots, time)] == two_sided
+        assert [
+            each.robot for each in find_drifts([trait(sign * value, std, only_large=True)], robots, time)
+        ] == one_sided
+
+
+def test_robots_with_values_of_different_times_are_followed():
+    time = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+    robots = np.array([4, 4, 7, 7, 9, 9])
+    some = Trait(np.array([0, 1, 2, 3, 4]), np.zeros(5), np.ones(5))
+    assert followed([some], robots, time).tolist() == [4]
+    assert followed([some, Trait(np.array([4, 5]), np.zeros(2), np.ones(2))], robots, time).tolist() == [4, 9]
+    assert followed([], robots, time).tolist() == []
 
 
 def test_robots_that_were_measured_once_do_not_drift(generator):
