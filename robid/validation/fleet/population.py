@@ -132,9 +132,8 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
         )
         if (kept == before).all():
             break
-    high = (
-        _moment_spread(value[kept], std[kept], weight[kept], float(chi2.ppf(_LUCK, robots))) if robots > 0 else spread
-    )
+    least = float(chi2.ppf(_LUCK, robots)) if robots > 0 else 0.0
+    high = _moment_spread(value[kept], std[kept], weight[kept], least)
     return Population(centre, centre_std, spread, high, kept, weight)
 
 
