@@ -12,7 +12,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.fleet.collected import Collected, Key
 from robid.fleet.robots import Robots
-from robid.validation.fleet.drift import Drift, find_drifts
+from robid.validation.fleet.drift import Drift, find_drifts, followed
 from robid.validation.fleet.outliers import Outlier, Trait, find_outliers, populations
 from robid.validation.fleet.population import Population
 
@@ -63,12 +63,14 @@ class Comparison:
         compared: All traits of all populations.
         outliers: Rows that are off, the clearest first, once for each trait.
         drifts: Robots that change, the clearest first, once for each trait.
+        followed: Numbers of the robots that have values at different times, so that a change would be seen.
     """
 
     robots: Robots
     compared: tuple[Compared, ...]
     outliers: tuple[Outlier, ...]
     drifts: tuple[Drift, ...]
+    followed: IntArray
 
     @cached_property
     def off(self) -> dict[int, list[Outlier]]:
@@ -129,7 +131,8 @@ def compare(found: Mapping[Key, Collected], robots: Robots) -> Comparison:
     compared = tuple(Compared(*each, each_about) for each, each_about in zip(named, about, strict=True))
     repeated = np.bincount(robots.robot, minlength=1)[robots.robot] > 1
     lasting = [_where(trait, repeated & np.isfinite(robots.time)) for trait in traits]
-    return Comparison(robots, compared, find_outliers(traits, about), find_drifts(lasting, robots.robot, robots.time))
+    over_time = lasting, robots.robot, robots.time
+    return Comparison(robots, compared, find_outliers(traits, about), find_drifts(*over_time), followed(*over_time))
 
 
 def _by_group(of: Collected, group: IntArray) -> Iterator[Trait]:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import csv
 import datetime
+import decimal
 import io
 import math
 import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from robid.errors import SettingsError, require_module
 from robid.settings.placeholders import Row, Value
 
-ID = "id"
+ID, ROBOT, GROUP = NAMES = ("id", "robot", "group")
+"""Columns of names: of rows, of robots and of populations."""
+_SEPARATORS = ",;\t"
+_SEPARATOR_LINE = re.compile(r"sep=([,;\t|])")
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _REMEDY = "correct the manifest"
 
@@ -40,8 +45,8 @@ def read_manifest(path: Path) -> Manifest:
     Raises:
         SettingsError: If it cannot be read, or is no table whose columns have different names.
     """
-    read = _read_parquet if path.suffix.lower() in (".parquet", ".pq") else _read_csv
-    columns, lines = read(path)
+    typed = path.suffix.lower() in (".parquet", ".pq")
+    columns, lines = (_read_parquet if typed else _read_csv)(path)
     problems = list(_wrong_columns(columns))
     if not lines and not problems:
         problems.append("it has no rows")
@@ -52,7 +57,7 @@ def read_manifest(path: Path) -> Manifest:
     for number, (place, cells) in enumerate(lines, start=1):
         values = dict(zip(columns, cells, strict=True))
         name = values[ID] if named else number
-        rows.append(Row("" if name is None else str(name).strip(), f"{path}:{place}", folder, values))
+        rows.append(Row("" if name is None else str(name).strip(), f"{path}:{place}", folder, values, typed))
     return Manifest(path, columns, tuple(rows))
 
 
@@ -100,16 +105,16 @@ def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]
     except UnicodeDecodeError as error:
         remedy = "save it as CSV in UTF-8, or as Parquet with the ending .parquet"
         raise SettingsError("is not a UTF-8 text file", where=str(path), remedy=remedy) from error
-    head = text.partition("\n")[0]
-    reader = csv.reader(
-        io.StringIO(text, newline=""), delimiter=";" if head.count(";") > head.count(",") else ",", strict=True
-    )
+    head = next((line for line in text.splitlines() if line.strip()), "")
+    stated = _SEPARATOR_LINE.fullmatch(head)
+    separator = stated[1] if stated else max(_SEPARATORS, key=head.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     try:
         lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
     except csv.Error as error:
         remedy = "close the quotes in this line or above it"
         raise SettingsError(f"is no CSV: {error}", where=f"{path}:{reader.line_num}", remedy=remedy) from error
-    lines = [(line, cells) for line, cells in lines if any(cells)]
+    lines = [(line, cells) for line, cells in lines if any(cells)][1 if stated else 0 :]
     if not lines:
         raise SettingsError("is empty", where=str(path), remedy="begin with a line of column names")
     columns, rows = lines[0][1], lines[1:]
@@ -135,15 +140,31 @@ def _read_parquet(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Val
     except (OSError, pa.ArrowException) as error:
         first = str(error).splitlines()[0]
         raise SettingsError(f"cannot be read as Parquet: {first}", where=str(path), remedy=_REMEDY) from error
-    rows = zip(*(column.to_pylist() for column in table.columns), strict=True)
-    return tuple(table.column_names), [
-        (f"row {number}", [_plain(path, number, cell) for cell in cells]) for number, cells in enumerate(rows, start=1)
-    ]
+    names = tuple(table.column_names)
+    columns = [_plain_column(path, name, column) for name, column in zip(names, table.columns, strict=True)]
+    return names, [(f"row {number}", list(cells)) for number, cells in enumerate(zip(*columns, strict=True), start=1)]
+
+
+def _plain_column(path: Path, name: str, column: Any) -> list[Value]:  # noqa: ANN401
+    """The values of a column of Parquet; names that pandas made numbers with a point are whole again."""
+    import pyarrow as pa
+
+    try:
+        if pa.types.is_timestamp(column.type):
+            column = column.cast(pa.timestamp("us", column.type.tz), safe=False)
+        cells = [_plain(path, number, cell) for number, cell in enumerate(column.to_pylist(), start=1)]
+    except (OSError, ValueError, KeyError, OverflowError, pa.ArrowException) as error:
+        remedy = "write it as a text, or dates between the years 1 and 9999"
+        raise SettingsError(f"column `{name}` cannot be read: {error}", where=str(path), remedy=remedy) from error
+    is_name = name in NAMES
+    return [int(cell) if is_name and isinstance(cell, float) and cell.is_integer() else cell for cell in cells]
 
 
 def _plain(path: Path, number: int, cell: object) -> Value:
     if isinstance(cell, datetime.date | datetime.time):
         return cell.isoformat()
+    if isinstance(cell, decimal.Decimal):
+        return int(cell) if cell == cell.to_integral_value() else float(cell)
     if cell is None or isinstance(cell, str | int | float):
         return None if isinstance(cell, float) and math.isnan(cell) else cell
     raise SettingsError(

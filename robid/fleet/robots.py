@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -10,11 +11,17 @@ from datetime import UTC, datetime
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.fleet.manifest import Manifest
-from robid.settings.placeholders import Row, Value
+from robid.fleet.manifest import GROUP, ROBOT, Manifest
+from robid.settings.placeholders import Value
 
-ROBOT, GROUP, TIME = COLUMNS = ("robot", "group", "time")
+TIME = "time"
+COLUMNS = (ROBOT, GROUP, TIME)
+ALL = "all"
+"""Name of the population where the manifest tells of none."""
 _DAY_S = 86400.0
+_NUMBER, _DATE = "number", "date and time as 2026-01-31T14:00"
+_LARGEST_TIME = 1e20
+_DIGITS = re.compile(r"[0-9]{8}(\.0)?")
 
 
 @dataclass(frozen=True)
@@ -24,7 +31,7 @@ class Robots:
     Attributes:
         names: Their names.
         robot (n_row,): Number of each row's robot.
-        groups: Names of the populations; a single one without a name where the manifest tells of none.
+        groups: Names of the populations; `all` where the manifest tells of none.
         group (n_row,): Number of each row's population.
         time (n_row,): When each row was measured; not a number where that is not said.
         time_unit: What time is counted in.
@@ -53,11 +60,11 @@ def robots_of(manifest: Manifest, robot_files: Collection[str] = ()) -> Robots:
     named = ROBOT in manifest.columns and ROBOT not in robot_files
     names, robot = _numbered([(named and _text(row.values[ROBOT])) or row.id for row in manifest.rows])
     grouped = GROUP in manifest.columns
-    groups, group = _numbered([_text(row.values[GROUP]) if grouped else "" for row in manifest.rows])
+    groups, group = _numbered([_text(row.values[GROUP]) if grouped else ALL for row in manifest.rows])
     if TIME not in manifest.columns:
         return Robots(names, robot, groups, group, _order(robot), "measurement")
     values = [row.values[TIME] for row in manifest.rows]
-    dated = _are_dates(values)
+    dated = _kind(values) == _DATE
     time = np.array([(_days if dated else _number)(value) for value in values])
     return Robots(names, robot, groups, group, time, "day" if dated else f"unit of `{TIME}`")
 
@@ -66,11 +73,14 @@ def wrong_times(manifest: Manifest) -> Iterator[str]:
     """Yields which rows of a manifest have a time that is none, or another kind of time than the others."""
     if TIME not in manifest.columns:
         return
-    dated = _are_dates([row.values[TIME] for row in manifest.rows])
-    kind = "no date and time as 2026-01-31T14:00" if dated else "no number"
+    values = [row.values[TIME] for row in manifest.rows if _text(row.values[TIME])]
+    kind = _kind(values)
+    digits = kind == _NUMBER and all(map(_is_date_in_digits, values))
     for row in manifest.rows:
-        if not _is_time(row, dated=dated):
-            yield f"{row.place}: {TIME}: `{row.values[TIME]}` is {kind}, as others of the column are"
+        value = row.values[TIME]
+        wrong = "a date without hyphens: write dates as 2026-01-31" if digits else _wrong_time(value, kind)
+        if _text(value) and wrong:
+            yield f"{row.place}: {TIME}: `{value}` is {wrong}"
 
 
 def _numbered(texts: list[str]) -> tuple[tuple[str, ...], IntArray]:
@@ -91,15 +101,32 @@ def _text(value: Value) -> str:
     return "" if value is None else str(value).strip()
 
 
-def _are_dates(values: list[Value]) -> bool:
-    """Whether the first time is a date; the others are to be the same."""
-    first = next((value for value in values if _text(value)), "0")
-    return not math.isfinite(_number(first)) and _day_or_none(first) is not None
+def _kind(values: list[Value]) -> str:
+    """What the first time is that is one; the others are to be the same."""
+    for value in values:
+        if math.isfinite(_number(value)):
+            return _NUMBER
+        if _day_or_none(value) is not None:
+            return _DATE
+    return ""
 
 
-def _is_time(row: Row, *, dated: bool) -> bool:
-    value = row.values[TIME]
-    return not _text(value) or (_day_or_none(value) is not None if dated else math.isfinite(_number(value)))
+def _wrong_time(value: Value, kind: str) -> str:
+    """What is wrong with a time among others of a kind; empty where it is fine."""
+    if not kind:
+        return "neither a date as 2026-01-31 nor a number"
+    if kind == _DATE:
+        return "" if _day_or_none(value) is not None else f"no {_DATE}, as others of the column are"
+    number = _number(value)
+    if not math.isfinite(number):
+        return f"no {_NUMBER}, as others of the column are"
+    return "" if abs(number) <= _LARGEST_TIME else f"too large: count from a later day, below {_LARGEST_TIME:g}"
+
+
+def _is_date_in_digits(value: Value) -> bool:
+    """Whether a time is written as 20260131, whose differences are no times."""
+    text = _text(value)
+    return _DIGITS.fullmatch(text) is not None and _day_or_none(text[:8]) is not None
 
 
 def _number(value: Value) -> float:

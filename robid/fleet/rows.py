@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -78,9 +80,11 @@ def load_fleet(manifest_path: Path, template_path: Path) -> Fleet:
     problems = [str(problem) for problem in check_placeholders(template, manifest.columns)]
     problems += [*wrong_rows(manifest, used), *wrong_times(manifest)]
     _refuse(problems)
-    first, rows = _check_rows(manifest, template, asked)
+    first, rows, twins = _check_rows(manifest, template, asked)
     unused = [f"`{column}`" for column in manifest.columns if column not in {ID, *COLUMNS, *used}]
-    warnings = [f"{manifest_path}: no placeholder asks for {', '.join(unused)}"] if unused else []
+    warnings = [*twins[:_SHOWN_PROBLEMS]]
+    warnings += [f"and {len(twins) - _SHOWN_PROBLEMS} more such rows"] if len(twins) > _SHOWN_PROBLEMS else []
+    warnings += [f"{manifest_path}: no placeholder asks for {', '.join(unused)}"] if unused else []
     if not used:
         warnings.append(f"{template_path}: it has no placeholder, so that all rows are the same")
     robots = robots_of(manifest, asked.get(("robot",), ()))
@@ -104,12 +108,14 @@ def logs_of(nodes: Iterable[Node]) -> dict[str, Path]:
 
 def _check_rows(
     manifest: Manifest, template: Document, asked: Mapping[FieldPath, Sequence[str]]
-) -> tuple[LoadedExperiment, tuple[PlannedRow, ...]]:
-    """Plans every row; the first one's experiment stands for what all have in common."""
+) -> tuple[LoadedExperiment, tuple[PlannedRow, ...], list[str]]:
+    """Plans every row, and tells of twins; the first one's experiment stands for what all have in common."""
     read = cache(read_robot)
     first: LoadedExperiment | None = None
     planned: list[PlannedRow] = []
     wrong: dict[SettingsProblem, list[Row]] = {}
+    seen: dict[str, Row] = {}
+    twins: list[str] = []
     for row in manifest.rows:
         loaded, problems = load_row(template, row, read)
         if loaded is not None:
@@ -117,13 +123,34 @@ def _check_rows(
             nodes = chain_of(loaded)
             planned.append(PlannedRow(row, settings_hash_of(nodes), logs_of(nodes)))
             first = first or loaded
+            twin = seen.setdefault(_measurement(nodes) or row.id, row)
+            if twin is not row:
+                twins.append(
+                    f"{row.place}: row {row.id} is row {twin.id} again, {twin.place}: the same logs and settings"
+                )
         for problem in problems:
             wrong.setdefault(problem, []).append(row)
     _refuse([_told(problem, rows, len(manifest.rows), asked) for problem, rows in wrong.items()])
     if first is None:
         message = "a manifest without a problem has a row"
         raise RuntimeError(message)
-    return first, tuple(planned)
+    return first, tuple(planned), twins
+
+
+def _measurement(nodes: Iterable[Node]) -> str:
+    """What the result of a row that reads logs comes from, however the names of these are spelt; else empty."""
+    nodes = tuple(nodes)
+    files = logs_of(nodes)
+    real = {path: os.path.realpath(path) for path in set(files.values())}
+    logs = {name: real[path] for name, path in files.items()}
+    settings = {node.output: _without_files(node.plan.settings) for node in nodes}
+    return canonical_hash({"logs": logs, "settings": settings}) if logs else ""
+
+
+def _without_files(settings: Any) -> Any:  # noqa: ANN401
+    if isinstance(settings, Mapping):
+        return {key: _without_files(value) for key, value in settings.items() if key != "file"}
+    return [_without_files(each) for each in settings] if isinstance(settings, list) else settings
 
 
 def _row_problems(

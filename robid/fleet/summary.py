@@ -1,6 +1,7 @@
 """The file `fleet.json`: failures by cause, populations, outliers and drifts, for programs.
 
 Schema history:
+    1.1: `repeated` and `followed`; the group of a fleet without groups is `all`.
     1.0: the first.
 """
 
@@ -18,7 +19,7 @@ from robid.fleet.ledger import Ledger
 from robid.validation.fleet.drift import Drift
 from robid.validation.fleet.outliers import LEVEL, Outlier
 
-SUMMARY_VERSION = "1.0"
+SUMMARY_VERSION = "1.1"
 _KIND = "fleet"
 
 
@@ -75,6 +76,8 @@ def write_summary(path: Path, name: str, ledgers: Sequence[Ledger], comparison: 
         "untold": [comparison.robots.groups[group] for group in comparison.untold],
         "populations": _populations(comparison),
         "outliers": [_outlier(comparison, each, ledgers) for each in comparison.outliers],
+        "repeated": comparison.robots.repeated,
+        "followed": len(comparison.followed),
         "time_unit": comparison.robots.time_unit,
         "drifts": [_drift(comparison, each) for each in comparison.drifts],
     }

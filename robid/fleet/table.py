@@ -1,6 +1,7 @@
 """The table of results: a Parquet file with a row for each robot and parameter.
 
 Schema history:
+    1.2: `row.robot` and `row.group` are texts, and so is a column with a text that is no plain number.
     1.1: `away`, `outlier`, `outlier_row`.
     1.0: the first.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -19,7 +21,7 @@ import robid
 from robid.artifacts.atomic import replacing
 from robid.artifacts.provenance import canonical_hash
 from robid.errors import ArtifactError, require_module
-from robid.fleet.manifest import ID
+from robid.fleet.manifest import GROUP, ID, ROBOT
 from robid.settings.placeholders import read_as_yaml
 from robid.validation.grade import WORDS
 
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from robid.fleet.rows import Fleet
     from robid.settings.placeholders import Value
 
-TABLE_VERSION = "1.1"
+TABLE_VERSION = "1.2"
 ROW_COLUMNS = {
     "id": "string",
     "status": "string",
@@ -71,6 +73,9 @@ LAST_COLUMNS = {"outlier_row": "bool", "settings_sha256": "string", "seconds": "
 _KEY = b"robid"
 _MANIFEST = "row."
 _ENTRIES = 10_000
+_WHOLE = re.compile(r"0|-?[1-9][0-9]{0,18}")
+_DECIMAL = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+(?:[eE][+-][0-9]+)?|[eE][+-][0-9]+)")
+_INT64, _EXACT = 2**63, 2**53
 
 Ledgers = Callable[[], Iterable["Ledger | None"]]
 """Reads the ledgers of all rows, in the order of the manifest; None for a row that has not been made."""
@@ -113,14 +118,12 @@ def write_table(
     import pyarrow.parquet as pq
 
     own = {f"{_MANIFEST}{name}": name for name in fleet.manifest.columns if name != ID}
-    values = {shown: [planned.row.values[name] for planned in fleet.rows] for shown, name in own.items()}
-    types = (
-        ROW_COLUMNS
-        | {shown: column_type(column) for shown, column in values.items()}
-        | PARAMETER_COLUMNS
-        | LAST_COLUMNS
-    )
-    cells = {shown: _cells(column) for shown, column in values.items()}
+    columns = {
+        shown: column_of([planned.row.values[name] for planned in fleet.rows], name, typed=fleet.rows[0].row.typed)
+        for shown, name in own.items()
+    }
+    types = ROW_COLUMNS | {shown: kind for shown, (kind, _) in columns.items()} | PARAMETER_COLUMNS | LAST_COLUMNS
+    cells = {shown: column for shown, (_, column) in columns.items()}
     content = _content_sha256(types, _entries(fleet, ledgers(), cells, comparison))
     about = {
         "kind": "fleet",
@@ -209,17 +212,39 @@ def _graded(ledger: Ledger, fit: str) -> dict[str, Any]:
     return {"grade": value, "grade_word": WORDS[value], "verdict": sentence}
 
 
-def _cells(column: Sequence[Value]) -> list[Value]:
-    """The values of a column of the manifest as its type has them."""
-    if column_type(column) == "string":
-        return [None if value is None or value == "" else str(value) for value in column]
-    return [read_as_yaml(value) for value in column]
+def column_of(values: Sequence[Value], name: str, *, typed: bool) -> tuple[str, list[Value]]:
+    """Returns type and cells of a column of the manifest: the narrowest type that changes nothing written in it.
+
+    Args:
+        values: Its values.
+        name: Its name; robots and groups have names, whatever these look like.
+        typed: Whether a text is one even where it looks like a number.
+    """
+    read = list(values) if typed else [_read(value) for value in values]
+    kind = "string" if name in (ROBOT, GROUP) else _narrowest([value for value in read if value is not None])
+    if kind == "string":
+        return kind, [None if value is None or value == "" else str(value) for value in values]
+    return kind, read
 
 
-def column_type(column: Sequence[Value]) -> str:
-    """Returns the type of a column of the manifest: the narrowest that holds all that is written in it."""
-    kinds = {type(value) for value in map(read_as_yaml, column) if value is not None}
-    for kind, name in ((bool, "bool"), (int, "int64"), (float, "double")):
-        if kinds and kinds <= ({int, float} if kind is float else {kind}):
-            return name
-    return "string"
+def _narrowest(values: Sequence[Value]) -> str:
+    kinds = {type(value) for value in values}
+    if kinds == {bool}:
+        return "bool"
+    wholes = [value for value in values if type(value) is int]
+    if kinds == {int} and all(-_INT64 <= whole < _INT64 for whole in wholes):
+        return "int64"
+    is_double = kinds and kinds <= {int, float} and all(abs(whole) <= _EXACT for whole in wholes)
+    return "double" if is_double else "string"
+
+
+def _read(value: Value) -> Value:
+    """The number or truth value that a text is, if it would be written no other way; else the text."""
+    if not isinstance(value, str):
+        return value
+    if _WHOLE.fullmatch(value):
+        return int(value)
+    if _DECIMAL.fullmatch(value) and math.isfinite(float(value)):
+        return float(value)
+    found = read_as_yaml(value)
+    return found if found is None or isinstance(found, bool) else value

@@ -23,6 +23,7 @@ Value: TypeAlias = str | int | float | bool | None
 COLUMN_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
 _PLACEHOLDER = re.compile(r"\$\{row\.(" + COLUMN_PATTERN + r")\}")
 _ANY = re.compile(r"\$\{[^}]*\}?")
+_OF_ALL = {"name": "the name of the run folder of all rows", "execution": "how all rows are computed"}
 _TYPED = ("null", "bool", "int", "float")
 _OUTSIDE = "`{}` lies outside the {}, where a file that a row names must be"
 
@@ -35,13 +36,22 @@ class Row:
         id: Its name.
         place: Where it stands, as `fleet.csv:7`.
         folder: Folder of the manifest, an absolute path.
-        values: Its values by column; texts are read as YAML would where they stand alone.
+        values: Its values by column.
+        typed: Whether a text is one, as in Parquet; else it is read as YAML would where it stands alone.
     """
 
     id: str
     place: str
     folder: Path
     values: Mapping[str, Value]
+    typed: bool = False
+
+    def alone(self, column: str) -> Value:
+        """Returns what stands in the place of a placeholder that is a whole value; nothing for an empty text."""
+        value = self.values[column]
+        if self.typed and isinstance(value, str):
+            return value if value.strip() else None
+        return read_as_yaml(value)
 
 
 @dataclass(frozen=True)
@@ -94,9 +104,10 @@ def check_placeholders(document: Document, columns: tuple[str, ...]) -> list[Set
             elif match is not None and match[1] not in columns:
                 message = f"the manifest has no column `{match[1]}`; {suggest(match[1], columns)}"
                 problems.append(problem_at(document, field, message))
-    if any(field == ("name",) for field in placeholders(document)):
-        message = "is the name of the run folder of all rows: write it without a placeholder"
-        problems.append(problem_at(document, ("name",), message))
+    for field in placeholders(document):
+        if field[0] in _OF_ALL:
+            message = f"is {_OF_ALL[str(field[0])]}: write it without a placeholder"
+            problems.append(problem_at(document, field, message))
     return problems
 
 
@@ -111,7 +122,7 @@ def fill(document: Document, row: Row) -> Filled:
             return text
         is_file = _names_file(field)
         if _PLACEHOLDER.fullmatch(text) and not is_file:
-            return read_as_yaml(row.values[columns[0]])
+            return row.alone(columns[0])
         empty = [column for column in columns if row.values[column] in ("", None)]
         if empty:
             problems.append(problem_at(document, field, f"`{empty[0]}` is empty in this row"))
@@ -140,6 +151,8 @@ def _names_file(field: FieldPath) -> bool:
 
 def _outside(name: str) -> str:
     """Says that a name leads out of its folder, as far as the name alone tells; empty where it does not."""
+    if "\0" in name:
+        return f"`{name}` is no name of a file: it has a NUL character".replace("\0", "\N{REPLACEMENT CHARACTER}")
     inside = name.removeprefix(DATA_VARIABLE)
     kind = "manifest's folder" if inside == name else "data folder"
     clean = Path(os.path.normpath(inside.lstrip("/") if inside != name else inside))
@@ -147,13 +160,17 @@ def _outside(name: str) -> str:
 
 
 def leads_outside(path: Path, folder: Path) -> str:
-    """Says that a path leads out of its folder through links; empty where it does not.
+    """Says that a path leads out of its folder through links, or nowhere; empty where it does not.
 
     Args:
         path: The path, below the folder by its name.
         folder: The folder.
     """
-    if path.resolve().is_relative_to(folder.resolve()):
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):
+        return f"`{path.relative_to(folder)}` cannot be followed: a link leads back to itself"
+    if inside:
         return ""
     return _OUTSIDE.format(path.relative_to(folder), "folder it is named in, through a link")
 
@@ -169,7 +186,11 @@ def _read(text: str) -> Value:
     tag = str(yaml.resolver.resolve(ScalarNode, text, (True, False)))
     if tag.rpartition(":")[2] not in _TYPED:
         return text
-    value: Value = yaml.constructor.construct_object(ScalarNode(tag, text))
+    try:
+        value: Value = yaml.constructor.construct_object(ScalarNode(tag, text))
+    except (ValueError, IndexError):
+        # The resolver takes more for numbers than there are: `-_`, `0x_`, very many digits.
+        return text
     return value
 
 

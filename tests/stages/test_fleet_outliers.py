@@ -66,7 +66,7 @@ def test_the_outlier_has_its_whole_page_and_the_others_on_request(done):
     assert not list(done.rows.glob(".*"))
     (done.rows / "soft/report.html").unlink()
     done.write(["soft", "r1"])
-    assert done.json("--pages", "none")["untold"] == [""]
+    assert done.json("--pages", "none")["untold"] == ["all"]
     assert pages(done) == []
     done.json("--pages", "all")
     assert pages(done) == ["r1", "soft"]
@@ -108,7 +108,7 @@ def test_a_robot_that_softened_between_two_logs_drifts(done):
     ]
     (done.folder / "floor/robots.csv").write_text("\n".join(text))
     answer = done.json()
-    assert (answer["made"], answer["untold"]) == (0, [""])
+    assert (answer["made"], answer["untold"]) == (0, ["all"])
     assert [(each["robot"], each["name"]) for each in answer["drifts"]] == [("arm4", SPRING)]
     told = json.loads((done.table.parent / "fleet.json").read_text())
     assert told["time_unit"] == "day"

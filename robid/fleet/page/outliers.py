@@ -65,11 +65,14 @@ def drift_sections(found: Found) -> tuple[Section, ...]:
     comparison = found.comparison
     if not comparison.robots.repeated:
         return ()
-    counted = _counted(comparison.robots.repeated, "robot")
+    counted = f"{_counted(comparison.robots.repeated, 'robot')} that were measured more than once"
     level = f"a chance of {_LEVEL} for a fleet that does not change to have any robot named here"
+    if not len(comparison.followed):
+        return (Section("Drift", f"Of {counted}, none has values of different times: no drift can be told."),)
+    left = comparison.robots.repeated - len(comparison.followed)
+    untold = f" {_counted(left, 'robot')} cannot be told of, without values of different times." if left else ""
     if not comparison.drifts:
-        lead = f"Of {counted} that were measured more than once, none changes clearly: {level}."
-        return (Section("Drift", lead),)
+        return (Section("Drift", f"Of {counted}, none changes clearly: {level}.{untold}"),)
     rows = []
     for drift in comparison.drifts[:MOST_SHOWN]:
         of = comparison.compared[drift.trait]
@@ -77,7 +80,7 @@ def drift_sections(found: Found) -> tuple[Section, ...]:
         rows.append((comparison.robots.names[drift.robot], name, str(drift.count), *changes(comparison, drift)))
     columns = ("Robot", "What changes", "Measured", "Slope", "Change in all")
     table = Table(columns, tuple(rows), styles=("name", "text", "number", "number", "number"), fit="compact")
-    lead = f"Robots, of {counted} that were measured more than once, that change: {level}. Intervals are of 95 %."
+    lead = f"Robots, of {counted}, that change: {level}. Intervals are of 95 %.{untold}"
     return (Section("Drift", lead, (table,)),)
 
 
@@ -90,7 +93,8 @@ def population_sections(found: Found) -> tuple[Section, ...]:
     off = Counter(outlier.trait for outlier in comparison.outliers)
     rows = [
         Row(
-            (_with_fit(found, each), *_numbers(each), str(off[trait] or "")), group=comparison.robots.groups[each.group]
+            (_with_fit(found, each), *_numbers(each), str(off[trait] or "")),
+            group=comparison.robots.groups[each.group] if len(comparison.robots.groups) > 1 else "",
         )
         for trait, each in sorted(told, key=lambda pair: pair[1].group)
     ]

@@ -46,7 +46,8 @@ def _table(parameters: dict[str, Collected]) -> Table:
         scale = scale_for(centre, _unit(of), float(np.ptp(values)) / 2)
         half = _known((np.array(of.high) - np.array(of.low)) / 2)
         relative = percent(float(np.median(half)) / abs(centre)) if half.size and centre else MISSING
-        stated = scale.text(float(nominal[0])) if np.ptp(nominal) == 0 else "several"
+        different = "several" if np.isfinite(nominal).any() else MISSING
+        stated = scale.text(float(nominal[0])) if np.ptp(nominal) == 0 else different
         numbers = (scale.text(each) for each in (centre, float(values.min()), float(values.max())))
         rows.append((name, kind_title(of.kind), scale.unit, str(len(values)), stated, *numbers, relative))
     columns = ("Parameter", "Kind", "Unit", "Rows", "Robot file", "Median", "Lowest", "Highest", "Half interval")

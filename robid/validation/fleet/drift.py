@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from scipy.optimize import brentq
@@ -49,7 +50,8 @@ def find_drifts(traits: Sequence[Trait], robots: IntArray, time: FloatArray, lev
 
     A line is laid through each robot's values. They scatter by their own errors and by what measurements of one robot
     differ from day to day. The scatter of half of the robots about their lines tells that; of two measurements it is
-    the difference: where all robots have but two, most of them must not change.
+    the difference: where all robots have but two, most of them must not change. Where small values are nothing to
+    worry about, neither are values that fall.
 
     Args:
         traits: The traits.
@@ -64,6 +66,12 @@ def find_drifts(traits: Sequence[Trait], robots: IntArray, time: FloatArray, lev
     kept = np.flatnonzero(chance <= level)
     kept = kept[np.argsort(chance[kept], kind="stable")]
     return tuple(lines[of[k]].drift(int(place[k]), int(of[k]), float(chance[k])) for k in kept)
+
+
+def followed(traits: Sequence[Trait], robots: IntArray, time: FloatArray) -> IntArray:
+    """Returns the numbers of robots that have values at different times in any trait: those that can drift."""
+    found = [_repeated(trait, robots, time) for trait in traits]
+    return reduce(np.union1d, [names[last > first] for names, _, first, last in found], np.zeros(0, int))
 
 
 def repeat_spread(measured: Measured) -> float:
@@ -135,9 +143,12 @@ class _Lines:
     length: FloatArray
     count: IntArray
     freedom: float
+    only_large: bool
 
     @property
     def chance(self) -> FloatArray:
+        if self.only_large:
+            return np.asarray(t.sf(self.slope / self.std, self.freedom))
         return np.asarray(2 * t.sf(np.abs(self.slope) / self.std, self.freedom))
 
     def drift(self, place: int, trait: int, chance: float) -> Drift:
@@ -147,23 +158,29 @@ class _Lines:
         return Drift(int(self.robot[place]), trait, slope, half, *change, int(self.count[place]), chance)
 
 
-def _lines(trait: Trait, robots: IntArray, time: FloatArray) -> _Lines:
-    own, when = robots[trait.rows], time[trait.rows]
-    names, index = np.unique(own, return_inverse=True)
+def _repeated(trait: Trait, robots: IntArray, time: FloatArray) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """A trait's robots, which of them each row is, and their first and last times."""
+    names, index = np.unique(robots[trait.rows], return_inverse=True)
     first, last = np.full(len(names), np.inf), np.full(len(names), -np.inf)
-    np.minimum.at(first, index, when)
-    np.maximum.at(last, index, when)
+    np.minimum.at(first, index, time[trait.rows])
+    np.maximum.at(last, index, time[trait.rows])
+    return names, index, first, last
+
+
+def _lines(trait: Trait, robots: IntArray, time: FloatArray) -> _Lines:
+    names, index, first, last = _repeated(trait, robots, time)
+    when = time[trait.rows]
     repeated = last > first
     chosen = repeated[index]
     kept = np.unique(index[chosen])
     nothing = np.zeros(0)
     if not kept.size:
-        return _Lines(np.zeros(0, int), nothing, nothing, nothing, np.zeros(0, int), 1.0)
+        return _Lines(np.zeros(0, int), nothing, nothing, nothing, np.zeros(0, int), 1.0, trait.only_large)
     robot = np.searchsorted(kept, index[chosen])
     measured = _measured(robot, when[chosen] - first[index][chosen], trait.value[chosen], trait.std[chosen])
     slope, std = measured.line(repeat_spread(measured))
     freedom = _EFFICIENCY * float(measured.freedom.sum())
-    return _Lines(names[kept], slope, std, (last - first)[kept], measured.count, freedom)
+    return _Lines(names[kept], slope, std, (last - first)[kept], measured.count, freedom, trait.only_large)
 
 
 def _measured(robot: IntArray, time: FloatArray, value: FloatArray, std: FloatArray) -> Measured:

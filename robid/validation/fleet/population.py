@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import norm, t
+from scipy.stats import chi2, norm, t
 
 from robid.arrays import BoolArray, FloatArray
 
@@ -17,6 +17,14 @@ _LEFT = 1 - 2 * _FAR * norm.pdf(_FAR) / (2 * norm.cdf(_FAR) - 1)
 
 _ROUNDS = 50
 _ROUNDING = 1e-12
+_INSIDE = 0.4
+"""Share of all robots that a value is compared with at least: those nearest to the centre."""
+_SEARCHED = 2
+"""Robots that tell nothing of the scatter: one for the centre, one because the farthest were searched for."""
+_SAME = 1e-9
+"""Distances that differ by as little are the same."""
+_LUCK = 0.05
+"""Chance of as little scatter as there is, at the upper end of the spread's interval."""
 
 
 @dataclass(frozen=True)
@@ -27,28 +35,62 @@ class Population:
         centre: Its mean.
         centre_std: Standard deviation of that.
         spread: Standard deviation of the figure itself between robots, errors of measurement apart.
+        spread_high: Upper end of its interval, of 95 % to one side.
         kept (n,): Which of the values it was found from.
-        degrees_of_freedom: Robots among these less two: one for the centre, one for what was left out first.
-        robots: Number of robots that it was found from.
+        weight (n,): How much each value counts; a robot that was measured several times counts once.
     """
 
     centre: float
     centre_std: float
     spread: float
+    spread_high: float
     kept: BoolArray
-    degrees_of_freedom: float
-    robots: int
+    weight: FloatArray
+
+    @property
+    def robots(self) -> int:
+        """Number of robots that it was found from."""
+        return round(float(self.weight.sum()))
 
     def away(self, value: FloatArray, std: FloatArray) -> FloatArray:
         """Returns by how many standard deviations values (n,) that are known to `std` (n,) are off the centre."""
         return np.asarray((value - self.centre) / np.sqrt(self.spread**2 + std**2 + self.centre_std**2))
 
     def chance(self, value: FloatArray, std: FloatArray, *, only_large: bool = False) -> FloatArray:
-        """Returns the chance (n,) that a robot of this population is as far off, to both sides or above it alone."""
-        away = self.away(value, std)
-        if only_large:
-            return np.asarray(t.sf(away, self.degrees_of_freedom))
-        return np.asarray(2 * t.sf(np.abs(away), self.degrees_of_freedom))
+        """Returns the chance (n,) that a robot of this population is as far off, to both sides or above it alone.
+
+        Each value is held against those nearer to the centre alone, whose own scatter says what is far. Thus neither
+        other strangers hide it, nor does a cut that left out too much accuse it. A value that lies beyond a stranger
+        is one as well. Of the spread only what it makes of different errors counts: the most that it may be, so that
+        a well known value is not off because the spread was found too small.
+
+        Args:
+            value (n,): The values that the population was found from.
+            std (n,): Standard deviations of their errors.
+            only_large: Whether a small value is nothing to worry about.
+
+        Source:
+            Rosner (1983), Technometrics 25, with deleted residuals, one degree of freedom less;
+            Viechtbauer (2007), Stat. Med. 26, for the interval of the spread.
+        """
+        std = _at_least_rounding(value, std)
+        away, variance = value - self.centre, self.spread_high**2 + std**2
+        distance = np.abs(away) / np.sqrt(variance)
+        order = np.argsort(distance, kind="stable")
+        nearer = np.searchsorted(distance[order], distance[order] * (1 - _SAME))
+        precision = self.weight / variance
+        summed = np.stack([self.weight, precision, precision * away, precision * away**2])[:, order]
+        count, size, first, second = np.pad(np.cumsum(summed, axis=1), ((0, 0), (1, 0)))[:, nearer]
+        told = (count > _SEARCHED) & (count >= _INSIDE * self.weight.sum() * (1 - _SAME))
+        count, size, mean, second = count[told], size[told], first[told] / size[told], second[told]
+        own = order[told]
+        scale = np.maximum(second - size * mean**2, 0.0) / (count - 1)
+        deviation = np.sqrt(np.maximum(scale * variance[own], std[own] ** 2) + scale / size)
+        off = (away[own] - mean) / deviation
+        chance = t.sf(off, count - _SEARCHED) if only_large else 2 * t.sf(np.abs(off), count - _SEARCHED)
+        found = np.ones(len(value))
+        found[own] = np.where((off > 0) | (not only_large), np.minimum.accumulate(chance), 1.0)
+        return found
 
 
 def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = None) -> Population:
@@ -71,7 +113,7 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
         Paule and Mandel (1982), J. Res. NBS 87; Rousseeuw and Leroy (1987), sec. 5.1, for the reweighting.
     """
     weight = np.ones(len(value)) if weight is None else weight
-    std = np.maximum(std, _ROUNDING * max(float(np.abs(value).max(initial=0.0)), 1.0))
+    std = _at_least_rounding(value, std)
     centre = _median(value, weight)
     for _ in range(3):
         spread = _middle_spread(value - centre, std, weight)
@@ -81,7 +123,8 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
         before = kept
         limit = _FAR * np.sqrt(spread**2 + std**2 + centre_std**2)
         kept = np.abs(value - centre) <= limit
-        spread = _moment_spread(value[kept], std[kept], weight[kept])
+        robots = float(weight[kept].sum()) - 1
+        spread = _moment_spread(value[kept], std[kept], weight[kept], robots)
         precision = weight[kept] / (spread**2 + std[kept] ** 2)
         centre = float(precision @ value[kept] / precision.sum())
         centre_std = float(
@@ -89,8 +132,13 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
         )
         if (kept == before).all():
             break
-    freedom = max(float(weight[kept].sum()) - 2, 0.0)
-    return Population(centre, centre_std, spread, kept, freedom, round(float(weight.sum())))
+    least = float(chi2.ppf(_LUCK, robots)) if robots > 0 else 0.0
+    high = _moment_spread(value[kept], std[kept], weight[kept], least)
+    return Population(centre, centre_std, spread, high, kept, weight)
+
+
+def _at_least_rounding(value: FloatArray, std: FloatArray) -> FloatArray:
+    return np.maximum(std, _ROUNDING * max(float(np.abs(value).max(initial=0.0)), 1.0))
 
 
 def _median(value: FloatArray, weight: FloatArray) -> float:
@@ -102,26 +150,20 @@ def _median(value: FloatArray, weight: FloatArray) -> float:
 
 def _middle_spread(away: FloatArray, std: FloatArray, weight: FloatArray) -> float:
     """The spread for which half of the weight lies within the quartiles of its distribution."""
-
-    def excess(spread: float) -> float:
-        return _median(np.abs(away) / np.sqrt(spread**2 + std**2), weight) - _HALF
-
-    most = float(np.abs(away).max(initial=0.0)) / _HALF
-    least = 1e-9 * most
-    return 0.0 if most == 0 or excess(least) <= 0 else float(brentq(excess, least, most, rtol=1e-6))
+    return float(np.sqrt(max(_median((away / _HALF) ** 2 - std**2, weight), 0.0)))
 
 
-def _moment_spread(value: FloatArray, std: FloatArray, weight: FloatArray) -> float:
-    """The spread for which the weighted squares about the mean are as many as there are degrees of freedom."""
-    freedom = _LEFT * (weight.sum() - 1)
-    if freedom <= 0:
+def _moment_spread(value: FloatArray, std: FloatArray, weight: FloatArray, squares: float) -> float:
+    """The spread for which the weighted squares about the mean add up as stated, but for what was cut off."""
+    wanted = _LEFT * squares
+    if wanted <= 0:
         return 0.0
 
     def excess(spread: float) -> float:
         precision = weight / (spread**2 + std**2)
         mean = precision @ value / precision.sum()
-        return float(precision @ (value - mean) ** 2 - freedom)
+        return float(precision @ (value - mean) ** 2 - wanted)
 
-    most = float(np.ptp(value)) * np.sqrt(weight.sum() / freedom)
+    most = float(np.ptp(value)) * np.sqrt(weight.sum() / wanted)
     least = 1e-9 * most
     return 0.0 if most == 0 or excess(least) <= 0 else float(brentq(excess, least, most, rtol=1e-9))

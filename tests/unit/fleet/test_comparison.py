@@ -8,7 +8,7 @@ import pytest
 
 from fabricated_fleets import KNOWN, SPREAD, entry, failed, found_in, ledger, sound, with_factor
 from robid.fleet.collected import collect
-from robid.fleet.page.outliers import outlier_sections
+from robid.fleet.page.outliers import drift_sections, outlier_sections
 from robid.fleet.summary import check_summary, write_summary
 from robid.robot.parameters import LOGARITHMIC
 
@@ -95,10 +95,12 @@ def test_groups_are_populations_of_their_own(fleet):
     assert "Are these two types? A column `group` tells" in section.lead
 
 
-def test_with_few_robots_it_is_said_that_outliers_cannot_be_told(fleet):
+def test_with_few_robots_it_is_said_that_outliers_cannot_be_told(fleet, tmp_path):
     fleet[0] = with_factor(fleet[0], SPRING, 0.1)
     found = found_in(fleet[:7])
     assert off(found) == {}
+    write_summary(tmp_path / "fleet.json", "arms", found.ledgers, found.comparison)
+    assert json.loads((tmp_path / "fleet.json").read_text())["untold"] == ["all"]
     [section] = outlier_sections(found)
     assert "With fewer than 8 robots, outliers cannot be told." in section.lead
     groups = ["A"] * 35 + ["B"] * 5
@@ -134,13 +136,34 @@ def test_the_robot_that_changes_is_named_with_slope_and_interval(timed, tmp_path
     assert drift.slope * months == pytest.approx(np.log(0.9), abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("rows", "times", "followed", "text"),
+    [
+        (8, [0, 0, 0, 0, 1, 1, 1, 1], 4, "Of 4 robots that were measured more than once, none changes clearly"),
+        (8, [0] * 8, 0, "Of 4 robots that were measured more than once, none has values of different times"),
+        (4, [0, 0, 0, 0, 1, 1, 1, 1], 0, "Of 4 robots that were measured more than once, none has values of"),
+        (6, [0, 0, 0, 0, 1, 1, 1, 1], 2, "clearly: a chance of 1 % for a fleet that does not change to have any"
+         " robot named here. 2 robots cannot be told of, without values of different times."),
+    ],
+)  # fmt: skip
+def test_robots_that_could_not_be_followed_are_told(rows, times, followed, text, tmp_path):
+    """Of eight rows of four robots the last have failed."""
+    fleet = [each if place < rows else failed(each.id, "a channel is dead") for place, each in enumerate(sound(8))]
+    found = found_in(fleet, robot=[f"arm{place % 4}" for place in range(8)], time=times)
+    [section] = drift_sections(found)
+    assert text in section.lead
+    write_summary(tmp_path / "fleet.json", "arms", found.ledgers, found.comparison)
+    told = json.loads((tmp_path / "fleet.json").read_text())
+    assert (told["repeated"], told["followed"], told["drifts"]) == (4, followed, [])
+
+
 def test_the_file_names_everything_and_is_written_once(fleet, tmp_path):
     found, path = found_in(planted(fleet)), tmp_path / "fleet.json"
     assert write_summary(path, "arms", found.ledgers, found.comparison) == "made"
     assert write_summary(path, "arms", found.ledgers, found.comparison) == "fresh"
     check_summary(path)
     told = json.loads(path.read_text())
-    assert (told["kind"], told["schema_version"], told["rows"], told["robots"]) == ("fleet", "1.0", 40, 40)
+    assert (told["kind"], told["schema_version"], told["rows"], told["robots"]) == ("fleet", "1.1", 40, 40)
     assert told["failures"] == [
         {"kind": "data", "message": "a channel is dead", "remedy": "log again", "count": 1, "rows": ["r30"]}
     ]

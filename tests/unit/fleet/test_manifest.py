@@ -1,6 +1,7 @@
 """Manifests: CSV as spreadsheets write it, and Parquet."""
 
 import datetime
+import decimal
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -28,6 +29,10 @@ def manifest(tmp_path):
         'id,log,kg\n"a","x.mat","5"\n\n"b",y.mat,""',
         "id;log;kg;;\na;x.mat;5;;\n;;;;\nb;y.mat;;;\n",
         " id , log , kg\n a, x.mat ,5\nb,y.mat,\n",
+        "sep=;\nid;log;kg\na;x.mat;5\nb;y.mat;\n",
+        "sep=,\r\nid,log,kg\r\na,x.mat,5\r\nb,y.mat,\r\n",
+        "\n\nid;log;kg\na;x.mat;5\nb;y.mat;\n",
+        "id\tlog\tkg\na\tx.mat\t5\nb\ty.mat\t\n",
     ],
 )
 def test_tables_of_text_are_read_as_spreadsheets_write_them(manifest, content):
@@ -49,6 +54,12 @@ def test_quotes_hold_separators_and_rows_know_their_line(manifest):
     assert found.rows[0].folder == path.parent
 
 
+def test_a_line_that_names_the_separator_counts_as_a_line(manifest):
+    path = manifest("sep=;\nid;log\na;x,y\n")
+    [row] = read_manifest(path).rows
+    assert (row.place, row.values["log"]) == (f"{path}:3", "x,y")
+
+
 def test_rows_without_names_are_numbered(manifest):
     assert [row.id for row in read_manifest(manifest("log\nx\ny\n")).rows] == ["1", "2"]
 
@@ -62,6 +73,29 @@ def test_parquet_keeps_its_types(tmp_path):
     assert found.rows[0].values == {"id": 7, "kg": 4.5, "on": "2024-01-31", "ok": True}
     assert found.rows[1].values["kg"] is None
     assert found.rows[1].place == f"{path}:row 2"
+
+
+def test_parquet_has_types_of_its_own(tmp_path):
+    """Names that pandas made numbers with a point, decimals, and times finer than microseconds."""
+    path = tmp_path / "fleet.parquet"
+    columns = {
+        "id": [1.0, 2.0], "robot": [7.0, None], "kg": [decimal.Decimal("4.5"), decimal.Decimal("5.0")],
+        "serial": ["007", "1e5"], "time": pa.array([1_700_000_000_000_000_001, None], pa.timestamp("ns", "UTC")),
+    }  # fmt: skip
+    pq.write_table(pa.table(columns), path)
+    first, second = read_manifest(path).rows
+    assert (first.id, second.id) == ("1", "2")
+    assert first.values == {"id": 1, "robot": 7, "kg": 4.5, "serial": "007", "time": "2023-11-14T22:13:20+00:00"}
+    assert [row.alone("serial") for row in (first, second)] == ["007", "1e5"]
+    assert type(first.values["id"]) is int
+
+
+def test_a_time_that_no_date_holds_is_told_with_its_column(tmp_path):
+    path = tmp_path / "fleet.parquet"
+    pq.write_table(pa.table({"id": ["a"], "late": pa.array([253402300805], pa.timestamp("s"))}), path)
+    with pytest.raises(SettingsError, match="column `late` cannot be read") as caught:
+        read_manifest(path)
+    assert "9999" in caught.value.remedy
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from robid.fleet.page.found import flagged
 from robid.fleet.page.report import report_content, write_report
 from robid.fleet.pages import failure_content
 from robid.fleet.summary import causes
+from robid.report.numbers import MISSING
 from robid.report.page import render
 from robid.report.section import Choice
 
@@ -56,6 +57,16 @@ def test_the_page_says_what_failed_and_shows_every_row_with_its_interval():
     assert intervals.y[:2] + intervals.y[3:5] == (0.98e6, 1.02e6, 0.68e6, 0.72e6)
     assert figure.lines[0].at == 1e6
     assert [row[0] for row in section(content, "Grades").tables[0].texts] == ["do not use", "trust"]
+
+
+@pytest.mark.parametrize(
+    ("nominal", "text"),
+    [((1e6, 1e6), "1000.0"), ((1e6, 2e6), "several"), ((None, None), MISSING), ((1e6, None), "several")],
+)
+def test_the_robot_files_value_is_shown_where_all_say_the_same(nominal, text):
+    rows = [ledger(f"r{place}", [entry(SPRING, 0.7e6, nominal=value)]) for place, value in enumerate(nominal)]
+    [row] = section(report_content(found_in(rows)), "Parameters").tables[0].texts
+    assert row[4] == text
 
 
 def with_outliers(count=40):

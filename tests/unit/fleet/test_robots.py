@@ -18,7 +18,7 @@ def manifest(tmp_path):
 
 def test_every_row_is_a_robot_of_one_population_unless_columns_say_otherwise(manifest):
     robots = robots_of(manifest("id,log\na,1\nb,2\n"))
-    assert (robots.names, robots.groups, robots.repeated) == (("a", "b"), ("",), 0)
+    assert (robots.names, robots.groups, robots.repeated) == (("a", "b"), ("all",), 0)
     robots = robots_of(manifest("id,robot,group\na,X,north\nb,Y,south\nc,X,north\nd,,\n"))
     assert (robots.names, robots.robot.tolist()) == (("X", "Y", "d"), [0, 1, 0, 2])
     assert (robots.groups, robots.group.tolist()) == (("north", "south", ""), [0, 1, 0, 2])
@@ -50,6 +50,20 @@ def test_times_are_dates_or_numbers(manifest, times, expected, unit):
     [
         (["2026-01-31", "soon"], ["robots.csv:3: time: `soon` is no date and time as 2026-01-31T14:00"]),
         (["3", "2026-01-31"], ["robots.csv:3: time: `2026-01-31` is no number"]),
+        (
+            ["31.01.2026", "1 Feb"],
+            ["robots.csv:2: time: `31.01.2026` is neither a date as 2026-01-31 nor", "robots.csv:3: time: `1 Feb`"],
+        ),
+        (["soon", "2026-01-31"], ["robots.csv:2: time: `soon` is no date and time"]),
+        (
+            ["20260131", "20260201", ""],
+            [
+                "robots.csv:2: time: `20260131` is a date without hyphens: write dates as",
+                "robots.csv:3: time: `20260201`",
+            ],
+        ),
+        (["20260131", "20269999"], []),
+        (["1", "1e308"], ["robots.csv:3: time: `1e308` is too large"]),
         (["1", "2"], []),
         (["1", ""], []),
     ],

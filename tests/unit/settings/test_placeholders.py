@@ -1,5 +1,7 @@
 """Placeholders: what a row fills in, as which type, and where its files are."""
 
+from dataclasses import replace
+
 import pytest
 
 from robid.errors import SettingsError
@@ -69,6 +71,7 @@ def test_files_that_a_row_names_start_at_the_manifest_or_the_data_folder(templat
         ({"robot": ""}, "robot", "`robot` is empty in this row"),
         ({"robot": None}, "robot", "`robot` is empty in this row"),
         ({"id": "../x"}, "campaigns.log.source.acquire.file", "lies outside the data folder"),
+        ({"robot": "a\0.yaml"}, "robot", "it has a NUL character"),
         ({"kg": None}, "campaigns.log.note", "`kg` is empty in this row"),
     ],
 )
@@ -94,12 +97,28 @@ def test_an_empty_value_that_stands_alone_says_nothing(template, tmp_path):
     [
         ("5", 5), ("-1e-3", -1e-3), ("1E6", 1e6), (".5", 0.5), ("true", True), ("", None), ("null", None), ("~", None),
         ("yes", "yes"), ("007", 7), ("12,5", "12,5"), ("2024-01-31", "2024-01-31"), ("a: b", "a: b"), ("#5", "#5"),
+        ("-_", "-_"), ("0x_", "0x_"), ("0b_", "0b_"), ("._", "._"), ("9" * 5000, "9" * 5000),
         ("[1]", "[1]"), (" 5 ", 5), ("${row.kg}", "${row.kg}"), (5.5, 5.5), (None, None),
     ],
 )  # fmt: skip
 def test_values_are_read_as_yaml_reads_them(text, value):
     found = read_as_yaml(text)
     assert (found, type(found)) == (value, type(value))
+
+
+@pytest.mark.parametrize(("text", "value"), [("5", "5"), ("true", "true"), ("", None), (" ", None), (5, 5)])
+def test_texts_of_a_row_that_has_types_stay_texts(template, tmp_path, text, value):
+    typed = replace(row(tmp_path, kg=text), typed=True)
+    assert fill(template, typed).document.data["campaigns"]["log"]["payload_kg"] == value
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [("name: ${row.id}\n", "name"), ("name: a\nexecution: {workers: '${row.id}'}\n", "execution.workers")],
+)
+def test_what_all_rows_share_is_no_matter_of_one(tmp_path, text, field):
+    [problem] = check_placeholders(parse_yaml(tmp_path / "a.yaml", text), ("id",))
+    assert (problem.field, "write it without a placeholder" in problem.message) == (field, True)
 
 
 def test_what_a_row_says_is_not_filled_again(template, tmp_path):
@@ -137,3 +156,10 @@ def test_a_link_is_followed_before_a_path_counts_as_inside(tmp_path):
     (tmp_path / "in/same").symlink_to(tmp_path / "in")
     assert "through a link" in leads_outside(tmp_path / "in/link/a.mat", tmp_path / "in")
     assert leads_outside(tmp_path / "in/same/a.mat", tmp_path / "in") == ""
+
+
+def test_a_link_that_leads_back_to_itself_is_told(tmp_path):
+    (tmp_path / "loop.mat").symlink_to("loop.mat")
+    assert (
+        leads_outside(tmp_path / "loop.mat", tmp_path) == "`loop.mat` cannot be followed: a link leads back to itself"
+    )

@@ -5,10 +5,11 @@ import pytest
 import statsmodels.api as sm
 from scipy.stats import t as student
 from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.outliers_influence import OLSInfluence
 
-from robid.validation.fleet.drift import find_drifts
+from robid.validation.fleet.drift import find_drifts, followed
 from robid.validation.fleet.outliers import FEWEST_ROBOTS, Trait, find_outliers, holm, populations
-from robid.validation.fleet.population import population
+from robid.validation.fleet.population import Population, population
 
 CUT = 0.973337  # variance of a standard normal distribution within three deviations
 
@@ -76,6 +77,75 @@ def test_hardly_a_sound_fleet_has_a_robot_accused(generator, count, fleets):
         std = 0.3 * generator.uniform(0.5, 1.5, count)
         wrong += bool(accused(generator.standard_normal(count) + std * generator.standard_normal(count), std))
     assert wrong <= 0.025 * fleets
+
+
+def test_the_chance_of_the_farthest_value_is_that_of_its_deleted_residual(generator):
+    value = generator.standard_normal(12)
+    value[4] += 6
+    found = population(value, np.zeros(12)).chance(value, np.zeros(12))
+    residual = OLSInfluence(sm.OLS(value, np.ones(12)).fit()).resid_studentized_external[4]
+    assert found[4] == pytest.approx(2 * student.sf(residual, 12 - 1 - 2))
+    assert found.argmin() == 4
+
+
+def test_a_cut_that_leaves_out_too_much_accuses_nobody():
+    """The three at the ends are beyond three deviations of the six in the middle, who are alike by chance."""
+    value = np.array([-0.02, -0.01, 0.0, 0.0, 0.01, 0.02, 0.1, 0.2, -0.3])
+    found = population(value, np.zeros(9))
+    assert found.kept.sum() == 6
+    assert found.chance(value, np.zeros(9)).min() > 0.01 / 9
+    cut = 2 * student.sf(np.abs(found.away(value, np.zeros(9))), 4)
+    assert cut.min() < 0.01 / 9, "as chances were found that did not know of the cut"
+
+
+@pytest.mark.parametrize("count", [8, 12])
+def test_the_least_chance_of_a_sound_fleet_is_below_a_level_as_often_as_it_says(generator, count):
+    value = generator.standard_normal((1500, count))
+    least = [
+        Population(0.0, 0.0, 1.0, 1.0, np.ones(count, bool), np.ones(count)).chance(own, np.zeros(count)).min()
+        for own in value - np.median(value, axis=1)[:, None]
+    ]
+    assert np.mean(np.array(least) * count <= 0.01) <= 0.013
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("error", [0.0, 1.0])
+@pytest.mark.parametrize(("count", "draws"), [(8, 7000), (12, 5000), (30, 3000), (100, 1200)])
+def test_the_level_of_a_fleet_holds_for_any_number_of_robots_and_parameters(count, draws, error):
+    """Errors differ by half, and are none or as large as what robots differ by; parameters are independent."""
+    generator, least = np.random.default_rng(31), []
+    for _ in range(draws):
+        std = error * np.exp(0.5 * generator.standard_normal(count))
+        value = generator.standard_normal(count) + std * generator.standard_normal(count)
+        least.append(population(value, std).chance(value, std).min() * count)
+    for parameters in (1, 10, 20):
+        share = np.mean(np.array(least) <= 0.01 / parameters)
+        allowed = 0.013 / parameters
+        assert share <= allowed + 3 * np.sqrt(allowed / draws)
+
+
+@pytest.mark.parametrize(("robots", "soft", "spread"), [(10, 1, 0.03), (30, 1, 0.05), (30, 3, 0.03), (30, 3, 0.01)])
+def test_softened_springs_are_found_in_small_fleets(generator, robots, soft, spread):
+    found = 0
+    for _ in range(10):
+        value = spread * generator.standard_normal(robots)
+        value[:soft] += np.log(0.7)
+        found += set(accused(value, np.full(robots, 0.005))) == set(range(soft))
+    assert found >= 9
+
+
+@pytest.mark.parametrize("std", [0.0, 0.1])
+@pytest.mark.parametrize("seven", [np.zeros(7), np.arange(7) / 10])
+def test_extremes_are_judged_without_an_error(seven, std):
+    """Values of one kind, of two, and one that is far away; two kinds in equal shares are no outliers."""
+    for value in (np.append(seven, 0.0), np.append(seven, 1e9), np.append(seven, 1e60), np.append(seven, seven + 1)):
+        expected = [7] if value[7] > 1e8 else []
+        assert accused(value, np.full(value.size, std)) == expected
+
+
+def test_misfits_of_two_values_are_judged_without_an_error(generator):
+    for pair in np.log(np.round(generator.uniform(0.2, 2, (200, 2)), 6)):
+        assert accused(np.repeat(pair, 7), np.zeros(14)) == []
 
 
 def test_the_softened_robots_are_found_and_those_alone_that_are_known_well_enough(generator):
@@ -153,6 +223,25 @@ def test_what_differs_from_day_to_day_alone_is_no_drift(generator):
         value, robots, time = measured(generator, 15, 4, 0.1)
         clear += bool(find_drifts([trait(value, np.full(value.size, 0.01))], robots, time))
     assert clear <= 4
+
+
+def test_a_misfit_that_falls_is_no_drift(generator):
+    value, robots, time = measured(generator, 20, 5, 0.1, slope=2.0)
+    std = np.full(value.size, 0.01)
+    for sign, two_sided, one_sided in ((1, [0], [0]), (-1, [0], [])):
+        assert [each.robot for each in find_drifts([trait(sign * value, std)], robots, time)] == two_sided
+        assert [
+            each.robot for each in find_drifts([trait(sign * value, std, only_large=True)], robots, time)
+        ] == one_sided
+
+
+def test_robots_with_values_of_different_times_are_followed():
+    time = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+    robots = np.array([4, 4, 7, 7, 9, 9])
+    some = Trait(np.array([0, 1, 2, 3, 4]), np.zeros(5), np.ones(5))
+    assert followed([some], robots, time).tolist() == [4]
+    assert followed([some, Trait(np.array([4, 5]), np.zeros(2), np.ones(2))], robots, time).tolist() == [4, 9]
+    assert followed([], robots, time).tolist() == []
 
 
 def test_robots_that_were_measured_once_do_not_drift(generator):
