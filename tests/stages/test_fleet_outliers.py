@@ -148,9 +148,8 @@ def test_pages_that_end_their_worker_are_told_and_stop_nothing(done, monkeypatch
 
 def test_a_wrong_time_is_told_before_the_first_row(done):
     done.write(["r1", "r2"], head="id,log,step_s,time", line="{0},logs/{0}.mat,1e-3,in {0} days")
-    done.shop.refuse(
-        2, "robots.csv:2: time: `in r1 days` is no number", command=("reprocess", "floor/robots.csv", "fleet.yaml")
-    )
+    text = "robots.csv:2: time: `in r1 days` is neither a date as 2026-01-31 nor a number"
+    done.shop.refuse(2, text, command=("reprocess", "floor/robots.csv", "fleet.yaml"))
 
 
 def test_a_file_of_somebody_else_in_the_place_of_the_summary_is_refused(done):
