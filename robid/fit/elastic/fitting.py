@@ -96,7 +96,7 @@ def fit_elastic(
     best = min(ends, key=lambda end: end.cost)
     reached = _update(_Reached(problem, dropped, best), start, options, set_up_at)
     reached = _on_better_sides(reached, options, set_up_at)
-    suspicion = Suspicion(robot, options, doubtful) if reached.rests else None
+    suspicion = Suspicion(robot, options, doubtful, reached.rests)
     endings = ends, predicted, reached.dropped
     solution = make_solution(reached.problem, options, reached.best, *endings, parallel_map, suspicion)
     if reached.rests:

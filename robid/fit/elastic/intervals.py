@@ -115,7 +115,7 @@ def _of_few_places(
     covariance *= max(1.0, excess)
     told = rule if excess <= 1 else f"{rule}, widened by the misfit"
     spread = Spread(internal, covariance, np.full(internal.size, np.inf), told)
-    doubts = None if suspicion is None else name_doubts(problem, (internal,), suspicion)
+    doubts = None if suspicion is None or not suspicion.rested else name_doubts(problem, (internal,), suspicion)
     if doubts is None:
         return Spreads(spread, spread, covariance)
     far = weigh_few(doubts, influence(doubts.problem, internal), max(1.0, excess))

@@ -70,11 +70,13 @@ class Suspicion:
         robot: The robot that the fit started from.
         options: Options of the fit.
         doubtful: Robots that are off along independent directions that a rigid fit leaves open.
+        rested: Whether the fit ended where its robot rests; where it did not, only a missing spring may say why.
     """
 
     robot: Robot
     options: ElasticOptions
     doubtful: Sequence[DoubtfulRobot] = ()
+    rested: bool = True
 
 
 def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion) -> Named | None:

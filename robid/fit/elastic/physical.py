@@ -11,6 +11,7 @@ from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.elastic.doubts.column import RobotMove
 from robid.fit.elastic.doubts.refit import SettledSprings, settle_springs
+from robid.fit.elastic.doubts.unseen import Told, UnseenSpring, leave_room, unseen_springs
 from robid.fit.elastic.effective import Settled, settle
 from robid.fit.elastic.named import Named, Suspicion, linearise, move, name_doubts
 from robid.fit.elastic.problem import Problem
@@ -22,6 +23,7 @@ _MOVES = 8
 _SHARES = (1.0, 0.5, 0.25, 0.1)
 _RISES = 1
 _SAME = 0.01  # of the cost
+_EXPLAINED = 0.5  # of the cost, where what fits best does not rest
 
 
 @dataclass(frozen=True)
@@ -49,36 +51,63 @@ def find_physical(
     """Estimates parameters and doubts together, from what is known of the doubts beforehand on.
 
     Springs that the file lacks are put in place where the data call for them: to first order nothing can be said of a
-    spring as soft as a gear.
+    spring as soft as a gear. Where the robot does not rest with what fits best, only springs that explain that count.
 
     Args:
         problem: The fit's problem.
-        points: Internal parameters (n_param,) to linearise at: the first where the robot and those near it rest.
+        points: Internal parameters (n_param,) to linearise at: the first where the robot and those near it rest. The
+            last is the minimum.
         suspicion: What the robot file may have wrong.
         confidence: Level of the intervals.
 
     Returns:
-        The parameters; None where there are no doubts, or the robot rests nowhere.
+        The parameters; None where there are no doubts, or the robot rests nowhere with what is found.
     """
-    named = name_doubts(problem, points, suspicion)
+    named = name_doubts(problem, points if suspicion.rested else (np.zeros_like(points[-1]),), suspicion)
     if named is None:
         return None
     robot, options = suspicion.robot, suspicion.options
     found = settle_springs(problem, named.point, robot, options, named.doubts, named.columns)
     extended = _extended(found, suspicion) if found.springs else None
-    named, springs = (named, ()) if extended is None else (extended, found.springs)
-    given = replace(suspicion, robot=found.robot, options=found.options) if springs else suspicion
+    if extended is None:
+        return _estimated(problem, named, suspicion, (), (), confidence) if suspicion.rested else None
+    if not suspicion.rested and found.cost > _EXPLAINED * problem.cost(points[-1]):
+        return None
+    unseen = unseen_springs(found, extended)
+    given = replace(suspicion, robot=found.robot, options=found.options)
+    return _estimated(problem, _as_soft(extended, unseen), given, found.springs, unseen, confidence)
+
+
+def _estimated(
+    problem: Problem,
+    named: Named,
+    given: Suspicion,
+    springs: Sequence[str],
+    unseen: Sequence[UnseenSpring],
+    confidence: float,
+) -> Physical:
+    """The problem's own parameters among those of a robot with springs put in place, and others that may be there."""
     named, far = _settled(named, given)
+    told = Told(np.concatenate([far.values, far.amounts]), *far.pooled.spread(confidence))
+    rows = {doubt.name: far.values.size + number for number, doubt in enumerate(named.doubts)}
+    for spring in unseen:
+        told = leave_room(told, spring, rows[spring.name])
     names = named.problem.parameters.names
     own = np.array([names.index(name) for name in problem.parameters.names])
-    covariance, freedom = far.pooled.spread(confidence)
     return Physical(
-        values=far.values[own],
-        covariance=covariance[np.ix_(own, own)],
-        degrees_of_freedom=freedom[own],
-        doubts=_estimates(named, far, springs, confidence),
+        values=told.values[own],
+        covariance=told.covariance[np.ix_(own, own)],
+        degrees_of_freedom=told.degrees_of_freedom[own],
+        doubts=_estimates(named, told, springs, confidence),
         rigid=named.rigid,
     )
+
+
+def _as_soft(named: Named, unseen: Sequence[UnseenSpring]) -> Named:
+    """The doubts, those of springs that others can stand for as large as they may be."""
+    known = {spring.name: spring.std for spring in unseen}
+    doubts = (replace(each, common_std=known.get(each.name, each.common_std)) for each in named.doubts)
+    return replace(named, doubts=tuple(doubts))
 
 
 def _settled(named: Named, given: Suspicion) -> tuple[Named, Settled]:
@@ -169,11 +198,11 @@ def _extended(found: SettledSprings, suspicion: Suspicion) -> Named | None:
     return name_doubts(found.problem, points, Suspicion(found.robot, found.options, doubtful))
 
 
-def _estimates(named: Named, far: Settled, springs: Sequence[str], confidence: float) -> NamedDoubts:
-    every, reach, size = named.doubts, far.pooled.reach(confidence), far.values.size
+def _estimates(named: Named, told: Told, springs: Sequence[str], confidence: float) -> NamedDoubts:
+    every, reach, size = named.doubts, told.reach(confidence), named.point.size
     names = named.problem.parameters.names
     placed = np.array([names.index(f"{spring}.stiffness") for spring in springs], int)
-    value, half = _compliance(far.values, reach, placed)
+    value, half = _compliance(told.values, reach, placed)
     nothing = np.zeros(len(springs))
     return NamedDoubts(
         names=(*(f"{spring}.compliance" for spring in springs), *(doubt.name for doubt in every)),
@@ -181,7 +210,7 @@ def _estimates(named: Named, far: Settled, springs: Sequence[str], confidence: f
         units=(*("% of its gear's compliance" for _ in springs), *(doubt.unit for doubt in every)),
         prior_std=np.concatenate([nothing + np.inf, named.common_std]),
         place_std=np.concatenate([nothing, named.place_std]),
-        value=np.concatenate([value, far.amounts]),
+        value=np.concatenate([value, told.values[size:]]),
         half_width=np.concatenate([half, reach[size:]]),
     )
 

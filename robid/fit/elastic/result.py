@@ -58,7 +58,7 @@ def make_solution(
         predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
         dropped: Response elements that the logarithm dropped.
         parallel_map: Ordered map that runs the bootstrap.
-        suspicion: What the robot file may have wrong; nothing where the robot does not rest.
+        suspicion: What the robot file may have wrong; nothing when not given.
     """
     parameters, internal = problem.parameters, best.parameters
     modelled = problem.model_response(internal)

@@ -25,6 +25,13 @@ def extend_options(options: ElasticOptions, springs: Sequence[Spring]) -> Elasti
     return replace(options, free=free, fixed=fixed, statics="updates")
 
 
+def hold_options(options: ElasticOptions, spring: Spring) -> ElasticOptions:
+    """Returns options with which a further spring stays as it is."""
+    names = [name for kind in options.kinds for name in names_of(kind, [spring], []) if name is not None]
+    own = [name for name in names if name.startswith(f"{spring.name}.")]
+    return replace(options, fixed=(*options.fixed, *own), statics="updates")
+
+
 def extend_problem(problem: Problem, internal: FloatArray, robot: Robot, options: ElasticOptions) -> Problem:
     """Returns a problem, weights included, for a robot with further springs after its own.
 

@@ -16,6 +16,7 @@ from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
+from robid.fit.elastic.strategy import make_strategy
 from robid.places.grouping import group_places
 from robid.robot.description import Robot, Spring
 
@@ -45,6 +46,11 @@ class SettledSprings:
     robot: Robot
     options: ElasticOptions
     springs: tuple[str, ...] = ()
+
+    @property
+    def cost(self) -> float:
+        """Cost at the minimum."""
+        return self.problem.cost(self.internal)
 
 
 def settle_springs(
@@ -77,27 +83,16 @@ def settle_springs(
     listed = [doubt.direction.spring for doubt in doubts if isinstance(doubt.direction, Compliance)]
     now = before = SettledSprings(problem, internal, robot, options)
     left = listed
-    cost, expected = _cost_beside(now, *beside), expected_cost(problem)
+    cost, expected = cost_beside(now, *beside), expected_cost(problem)
     while left and len(now.springs) < _MOST and cost > expected:
-        trials = _costs(_best_trials(now, left), beside, expected)
+        trials = [(trial, cost_beside(trial, *beside)) for trial in _best_trials(now, left)]
         called = [each for each in trials if each[1] < (1 - _TELLING) * cost and _agree(now, each[0])]
         if not called:
             break
-        now, cost = min(called, key=lambda each: each[1])
+        now = _anew(min(called, key=lambda each: each[1])[0])
+        cost = cost_beside(now, *beside)
         left = [spring for spring in left if spring.name not in now.springs]
     return _rested(_pruned(before, now, listed, beside)) if now.springs else now
-
-
-def _costs(
-    trials: Sequence[SettledSprings], beside: tuple[ComplexArray, FloatArray], expected: float
-) -> list[tuple[SettledSprings, float]]:
-    """Trials with the cost that other doubts leave, up to the first that leaves no more than is expected."""
-    found: list[tuple[SettledSprings, float]] = []
-    for trial in trials:
-        found.append((trial, _cost_beside(trial, *beside)))
-        if found[-1][1] <= expected:
-            break
-    return found
 
 
 def _pruned(
@@ -107,11 +102,11 @@ def _pruned(
     beside: tuple[ComplexArray, FloatArray],
 ) -> SettledSprings:
     """The fit without those springs of pairs that no longer matter since others are in place."""
-    cost = _cost_beside(found, *beside)
+    cost = cost_beside(found, *beside)
     for name in found.springs:
         rest = [spring for spring in listed if spring.name in found.springs and spring.name != name]
         fewer = _put_in_place(before, rest, found) if rest else None
-        left = np.inf if fewer is None else _cost_beside(fewer, *beside)
+        left = np.inf if fewer is None else cost_beside(fewer, *beside)
         if fewer is not None and (1 - _TELLING) * left <= cost:
             found, cost = fewer, left
     return found
@@ -122,8 +117,14 @@ def expected_cost(problem: Problem) -> float:
     return 0.5 * problem.residual_kind.parts * float((problem.weight > 0).sum())
 
 
-def _cost_beside(now: SettledSprings, columns: ComplexArray, std: FloatArray) -> float:
-    """Cost that parameters and other doubts, with what is known of them, leave after one linear step together."""
+def cost_beside(now: SettledSprings, columns: ComplexArray, std: FloatArray) -> float:
+    """Returns the cost that parameters and other doubts, with what is known of them, leave after one linear step.
+
+    Args:
+        now: The fit.
+        columns (n_conf, n_freq, n_out, n_in, n_doubt): The other doubts' columns.
+        std (n_doubt,): Their deviations.
+    """
     error, derivative = now.problem.linear(now.internal)
     rows = _rows(now.problem, np.concatenate([derivative, columns], axis=-1))
     left = _rows(now.problem, error[..., None])[:, 0]
@@ -146,9 +147,9 @@ def _best_trials(now: SettledSprings, springs: Sequence[Spring]) -> list[Settled
     pairs = [pair for pair in combinations(springs, 2) if pair[0].joint == pair[1].joint]
     candidates = [*((spring,) for spring in springs), *pairs]
     begun = [trial for each in candidates if (trial := _put_in_place(now, each)) is not None]
-    begun.sort(key=lambda trial: trial.problem.cost(trial.internal))
+    begun.sort(key=lambda trial: trial.cost)
     ends = [_descended(trial, _STEPS) for trial in begun[:_KEPT]]
-    ends.sort(key=lambda trial: trial.problem.cost(trial.internal))
+    ends.sort(key=lambda trial: trial.cost)
     return [end for end in ends if _stiffest(end, end.springs[len(now.springs) :]) < _RIGID]
 
 
@@ -186,6 +187,18 @@ def _starts(problem: Problem, start: FloatArray, robot: Robot, springs: Sequence
 
 def _descended(now: SettledSprings, steps: int) -> SettledSprings:
     return replace(now, internal=optimise(now.problem, now.internal, max_iterations=steps).parameters)
+
+
+def _anew(now: SettledSprings) -> SettledSprings:
+    """The same springs, the others fitted from the robot file's values on where that ends lower.
+
+    What a fit without them ran away with does not come back by itself.
+    """
+    names = now.problem.parameters.names
+    kept = np.array([name.split(".")[0] in now.springs for name in names])
+    start = np.where(kept | ~now.problem.parameters.logarithmic, now.internal, 0.0)
+    end = make_strategy(now.problem, now.robot, now.options).descend(start, straight_too=True)
+    return replace(now, internal=end.parameters) if end.cost < now.cost else now
 
 
 def _stiffest(now: SettledSprings, springs: Sequence[str]) -> float:
