@@ -11,6 +11,7 @@ import typer
 import robid
 from robid.commands.output import print_json
 from robid.errors import RobidError, SettingsError
+from robid.interrupts import hearing, was_interrupted
 from robid.pipeline import STAGES, Run
 from robid.stages.stage import Stage
 
@@ -56,22 +57,34 @@ def main() -> None:
 
 def run_command(arguments: list[str]) -> int:
     """Runs a command; every error becomes one message and an exit code."""
+    with hearing():
+        return _run(arguments)
+
+
+def _run(arguments: list[str]) -> int:
     try:
         code = app(arguments or ["--help"], prog_name="robid", standalone_mode=False)
-    except RobidError as error:
-        return _fail(arguments, str(error), error.exit_code)
-    except _UsageError as error:
-        message = getattr(error, "format_message", error.__str__)()
-        return _fail(arguments, f"{message}\n  remedy: `robid --help` lists commands and options", 2)
     except (KeyboardInterrupt, typer.Abort):
         code = _INTERRUPTED
     except Exception as error:  # noqa: BLE001  the one place that turns a defect into a message
-        first = (str(error) or "no message").splitlines()[0]
-        remedy = "report it with what --debug prints"
-        return _fail(arguments, f"a defect of ours: {type(error).__name__}: {first}\n  remedy: {remedy}", 1)
+        if not was_interrupted():
+            return _fail(arguments, *_told(error))
+        code = _INTERRUPTED
     if code == _INTERRUPTED:
         return _fail(arguments, "interrupted; what is finished is kept, and the same command goes on from there", code)
     return int(code or 0)
+
+
+def _told(error: Exception) -> tuple[str, int]:
+    """Message and exit code of an error."""
+    if isinstance(error, RobidError):
+        return str(error), error.exit_code
+    if isinstance(error, _UsageError):
+        message = getattr(error, "format_message", error.__str__)()
+        return f"{message}\n  remedy: `robid --help` lists commands and options", 2
+    first = (str(error) or "no message").splitlines()[0]
+    remedy = "report it with what --debug prints"
+    return f"a defect of ours: {type(error).__name__}: {first}\n  remedy: {remedy}", 1
 
 
 def _fail(arguments: list[str], message: str, code: int) -> int:

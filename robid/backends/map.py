@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from robid.backends.threads import ONE_THREAD, environment
 from robid.errors import WorkerError
+from robid.interrupts import stop_if_interrupted
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -96,6 +97,7 @@ def _map_serially(
     results = []
     with threadpool_limits(1):
         for index, task in enumerate(tasks):
+            stop_if_interrupted()
             results.append(function(task))
             if on_done is not None:
                 on_done(index, results[-1])

@@ -20,6 +20,7 @@ from robid.fleet.folders import aside, begin, check_own, keep_files, new_attempt
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
 from robid.fleet.results import misfits_of, results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
+from robid.interrupts import stop_if_interrupted
 from robid.pipeline import Node, Run, run_all
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.load import LoadedExperiment
@@ -141,6 +142,8 @@ def run_row(task: RowTask) -> Ledger:
         error = RowError(
             "defect", "", f"a defect of ours: {type(caught).__name__}: {first}", f"report it; {_TRY_AGAIN}"
         )
+    if error is not None:
+        stop_if_interrupted()
     ledger = _finish(task, loaded, inputs, found, told, error, begun)
     _trim_memory()
     return ledger

@@ -1,7 +1,9 @@
 """`robid reprocess`: rows of a manifest, each from a log of its own; what is finished stays, what is wrong is told."""
 
 import json
+import os
 import shutil
+import signal
 import sys
 from contextlib import contextmanager
 
@@ -315,6 +317,21 @@ def test_a_row_that_kills_its_worker_fails_alone(floor, monkeypatch):
     assert {row["id"]: row["status"] for row in floor.results()} == {"soft": "done", "mean": "failed", "hard": "done"}
     assert opened == [3, 1, 3, 3]  # the last for pages
     assert floor.json(code=5)["made"] == 0
+
+
+def test_an_interrupt_that_comes_out_as_another_error_fails_no_row(floor, monkeypatch):
+    def swallowed(*_):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+        except KeyboardInterrupt:
+            message = "incompatible function arguments"
+            raise TypeError(message) from None
+
+    with monkeypatch.context() as broken:
+        broken.setattr("robid.fleet.row.results_of", swallowed)
+        floor.json(code=130)
+    assert not list(floor.rows.glob("*/row.json"))
+    assert floor.json()["made"] == 3
 
 
 def test_a_fit_that_has_not_converged_and_a_defect_fail_their_rows(floor, monkeypatch):
