@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robid.arrays import FloatArray
@@ -20,3 +22,11 @@ def group_places(configurations: FloatArray) -> list[list[int]]:
         else:
             places.append([index])
     return places
+
+
+def spread_over(places: Sequence[Sequence[int]], values: FloatArray) -> FloatArray:
+    """Values (n_conf, ...) of configurations from those of their places (n_place, ...)."""
+    spread = np.empty((sum(map(len, places)), *values.shape[1:]))
+    for place, own in zip(places, values, strict=True):
+        spread[list(place)] = own
+    return spread

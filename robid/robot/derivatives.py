@@ -64,7 +64,7 @@ def _columns(
     if through_rest is not None:
         return through_rest
     if kind == "stiffness":
-        return scale * _outer(result, slice(n_motor, None)) * model.rest.factor[:, None, None, None]
+        return scale * _spring_outer(result) * model.rest.factor[:, None, None, None]
     if kind == "viscous":
         return scale * rate * _outer(result, slice(0, n_motor))
     if kind == "arm_viscous":
@@ -108,7 +108,7 @@ def _rest_columns(
         return {}
     model = result.model
     scale = (result.hold * result.omega**2)[:, None, None, None]
-    stiffness = scale * _outer(result, slice(model.n_motor, None))
+    stiffness = scale * _spring_outer(result)
     columns = {kind: np.einsum("cfois,cst->cfoit", stiffness, each.stiffness) for kind, each in slopes.items()}
     if model.rest.moves is not None:
         moved = _move_columns(parameters, result, model.rest.moves, sampling_period_s)
@@ -145,6 +145,12 @@ def _effect_columns(parameters: ElasticParameters, result: Response) -> ComplexA
     outer = _outer(result, slice(model.n_motor, None))
     moved = np.einsum("cfois,cfsd->cfoid", outer, slopes, optimize=True)
     return np.asarray((result.hold * omega**2)[:, None, None, None] * moved)
+
+
+def _spring_outer(result: Response) -> ComplexArray:
+    """Outer products of the springs, over what their stiffness alone is of all that they have."""
+    found, added = _outer(result, slice(result.model.n_motor, None)), result.model.added
+    return found if added is None else np.asarray(found * (1 + added)[:, :, None, None])
 
 
 def _outer(result: Response, rows: slice) -> ComplexArray:

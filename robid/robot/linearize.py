@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.robot.description import HarmonicBalance, Sensor
 from robid.robot.gear_effects import GearEffects
@@ -17,6 +17,7 @@ from robid.robot.rest import Rest
 _GRADIENT_STEP_RAD = 1e-5
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE_RAD = 1e-12
+_STALE = 0.05  # of the step before
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,10 @@ class LinearModel:
         rest: Where the springs rest.
         shifts: How all this moves with doubts that a fit estimates; None without any.
         effects: What gears do beside springs and dampers by such doubts; None without any.
+        added (n_conf, n_freq, n_spring): What springs have at each frequency of a response beyond their stiffness, over
+            it; None for nothing.
+        clinging (n_conf, n_motor): Torques that follow the motors' angles, as complex stiffnesses [N m/rad]; None for
+            none.
     """
 
     mass: FloatArray
@@ -91,6 +96,8 @@ class LinearModel:
     rest: Rest
     shifts: Shifts | None = None
     effects: GearEffects | None = None
+    added: ComplexArray | None = None
+    clinging: ComplexArray | None = None
 
     @property
     def n_motor(self) -> int:
@@ -225,11 +232,16 @@ def _settle(
     position[model.motor] = model.robot.motor_per_arm @ configuration / model.turns
     position[model.arm] = configuration
     free = model.passive
+    gravity: FloatArray = np.zeros((0, 0))
+    before = 0.0
     for _ in range(_NEWTON_STEPS):
         deflection = model.deflection @ position
         slope = linear + 3 * cubic * deflection**2
         torque = linear * deflection + cubic * deflection**3
-        besides, gradient = _gravity(model, data, position), _gravity_gradient(model, data, position)
+        besides = _gravity(model, data, position)
+        if not gravity.size:
+            gravity = _gravity_gradient(model, data, position)
+        gradient = gravity
         if model.varying:
             energy = 0.5 * linear * deflection**2 + 0.25 * cubic * deflection**4
             besides = besides + model.varying.load(position, energy)
@@ -241,8 +253,12 @@ def _settle(
         jacobian = (hessian + gradient)[np.ix_(free, free)]
         step = np.linalg.solve(jacobian, residual)
         position[free] -= step
-        if np.abs(step).max(initial=0.0) < _NEWTON_TOLERANCE_RAD:
+        size = float(np.abs(step).max(initial=0.0))
+        if size < _NEWTON_TOLERANCE_RAD:
             return position
+        if size > _STALE * before:  # gravity's gradient, dear and nearly the same, is kept while steps shrink fast
+            gravity = np.zeros((0, 0))
+        before = size
     shown = model.robot.shown(configuration)
     message = f"no equilibrium under gravity in configuration {shown}; the springs give way"
     raise DataError(message, where=model.robot.name, remedy="check stiffness values and payload of the robot file")

@@ -220,12 +220,29 @@ def _dynamic_stiffness(
     model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray
 ) -> ComplexArray:
     constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
-    dynamic = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
+    inertial = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
+    dynamic = inertial + _beside(model, springs)
     if model.effects is None:
         return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters))
-    added = np.pad(model.effects.stiffness(parameters.doubt, omega), ((0, 0), (0, 0), (model.n_motor, 0)))
-    dynamic = dynamic + added[..., None] * np.eye(added.shape[-1])
+    dynamic = dynamic + _on_springs(model, model.effects.stiffness(parameters.doubt, omega))
     return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters)[:, None])
+
+
+def _beside(model: LinearModel, springs: Springs) -> ComplexArray | float:
+    """What springs and motors have beside springs and inertias, broadcast to (n_conf, n_freq, n, n)."""
+    found: ComplexArray | float = 0.0
+    if model.added is not None:
+        found = _on_springs(model, springs.stiffness[:, None] * model.added)
+    if model.clinging is not None:
+        full = np.pad(model.clinging, ((0, 0), (0, model.mass.shape[-1] - model.n_motor)))
+        found = found + full[:, None, :, None] * np.eye(full.shape[-1])
+    return found
+
+
+def _on_springs(model: LinearModel, values: ComplexArray) -> ComplexArray:
+    """Matrices (n_conf, n_freq, n, n) of what springs (n_conf, n_freq, n_spring) have more."""
+    full = np.pad(values, ((0, 0), (0, 0), (model.n_motor, 0)))
+    return np.asarray(full[..., None] * np.eye(full.shape[-1]))
 
 
 def _seen(model: LinearModel, omega: FloatArray) -> FloatArray:

@@ -55,7 +55,7 @@ def place_evidence(
     error, derivative = problem.linear(internal)
     variance, middle = problem.parameters.prior_std**2, internal
     if doubts is not None:
-        derivative = np.concatenate([derivative, doubts.columns], axis=-1)
+        error, derivative = doubts.error, np.concatenate([derivative, doubts.columns], axis=-1)
         variance = np.concatenate([variance, doubts.common_std**2])
         middle = np.concatenate([internal, doubts.amounts])
     n_conf, n_param = len(error), derivative.shape[-1]

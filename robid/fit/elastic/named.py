@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.considered import DoubtfulRobot
-from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
+from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.columns import doubt_columns
 from robid.fit.elastic.doubts.drives import left_of_freed
 from robid.fit.elastic.doubts.listing import list_doubts
+from robid.fit.elastic.doubts.off import are_put_in, may_differ, put_in
 from robid.fit.elastic.options import ElasticOptions
-from robid.fit.elastic.parameters import map_parameters
 from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.rest_model import rest_model
+from robid.places.grouping import group_places, spread_over
 from robid.robot.description import Robot
-from robid.robot.response import nominal_parameters
 
 _KNOWN_TORQUE = "N m"
 
@@ -33,9 +33,11 @@ class Named:
         problem: The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link
             weighs, or what acts alike seems to be told apart.
         point (n_param,): Internal parameters where all is linearised.
-        amounts (n_doubt,): By how much the problem's robot is off along each doubt already.
+        amounts (n_doubt,): By how much all is off where it is linearised; the problem's robot is, along doubts that can
+            be put into one.
         columns (n_conf, n_freq, n_out, n_in, n_doubt): Negative derivatives of the residual by their amounts.
         rigid: Whether a rigid fit says how far masses may be off.
+        added (n_place, n_doubt): What each place adds to the amounts there; the problem's gears have it already.
     """
 
     doubts: tuple[DoubtColumn, ...]
@@ -44,6 +46,21 @@ class Named:
     amounts: FloatArray
     columns: ComplexArray
     rigid: bool
+    added: FloatArray
+
+    @cached_property
+    def places(self) -> list[list[int]]:
+        """Indices of the configurations of each place."""
+        return group_places(self.problem.frf.configurations)
+
+    @property
+    def error(self) -> ComplexArray:
+        """What is left (n_conf, n_freq, n_out, n_in) at the point by the amounts alone: without what places add."""
+        error = self.problem.residual(self.point, self.problem.model_response(self.point))
+        without = self.added * may_differ(self.doubts) - self.amounts * ~are_put_in(self.doubts)
+        for place, own in zip(self.places, without, strict=True):
+            error[place] += self.columns[place] @ own
+        return error
 
     @property
     def common_std(self) -> FloatArray:
@@ -102,62 +119,40 @@ def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion
         doubts = tuple(doubt for doubt in listed if doubt.name not in constants)
     for point in points if doubts else ():
         try:
-            return linearise(doubts, move(problem, doubts, point, np.zeros(len(doubts)), given), given)
+            return linearise(problem, doubts, point, given)
         except DataError:
             continue
     return None
 
 
-@dataclass(frozen=True)
-class Moved:
-    """A robot that is off by its doubts.
-
-    Attributes:
-        robot: The robot.
-        problem: The fit's problem, with that robot at rest.
-        point (n_param,): Internal parameters.
-        amounts (n_doubt,): By how much it is off; zero along doubts that are no move of a robot.
-    """
-
-    robot: Robot
-    problem: Problem
-    point: FloatArray
-    amounts: FloatArray
-
-
-def move(
-    problem: Problem, doubts: Sequence[DoubtColumn], point: FloatArray, amounts: FloatArray, given: Suspicion
-) -> Moved:
-    """Puts doubts into a robot that rests anew.
-
-    Args:
-        problem: The problem.
-        doubts: The doubts.
-        point (n_param,): Internal parameters.
-        amounts (n_doubt,): By how much it is off.
-        given: What is taken for granted.
-
-    Raises:
-        DataError: If that robot does not rest.
-    """
-    off = amounts * np.array([isinstance(doubt.direction, RobotMove) for doubt in doubts])
-    robot, frf = given.robot, problem.frf
-    for doubt, amount in zip(doubts, off.tolist(), strict=True):
-        if isinstance(doubt.direction, RobotMove) and amount:
-            robot = doubt.direction.moved(robot, amount)
-    values, resting = problem.parameters.parameters(point), replace(given.options, statics="every_iterate")
-    model = rest_model(robot, frf, resting, float(values.delay[0]), values)
-    nominal = nominal_parameters(robot, model, float(problem.parameters.nominal.delay[0]))
-    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    parameters = map_parameters(robot, nominal, given.options, *known)
-    return Moved(robot, replace(problem, model=model, parameters=parameters), point, off)
-
-
-def linearise(doubts: tuple[DoubtColumn, ...], at: Moved, given: Suspicion) -> Named:
+def linearise(
+    problem: Problem,
+    doubts: tuple[DoubtColumn, ...],
+    point: FloatArray,
+    given: Suspicion,
+    amounts: FloatArray | None = None,
+    added: FloatArray | None = None,
+    *,
+    all_rest: bool = True,
+) -> Named:
     """Linearises doubts at a robot that is off by them.
 
+    Args:
+        problem: The problem of the robot that is right.
+        doubts: The doubts.
+        point (n_param,): Internal parameters.
+        given: What is taken for granted.
+        amounts (n_doubt,): By how much all is off; nothing when not given.
+        added (n_place, n_doubt): What each place adds to that; nothing when not given.
+        all_rest: Whether robots near it must rest; otherwise nothing is said of doubts along which they do not.
+
     Raises:
-        DataError: If a robot near it does not rest.
+        DataError: If that robot does not rest, or one near it that must.
     """
-    columns = doubt_columns(at.problem, at.point, at.robot, given.options, doubts)
-    return Named(doubts, at.problem, at.point, at.amounts, columns, bool(given.doubtful))
+    places = group_places(problem.frf.configurations)
+    amounts = np.zeros(len(doubts)) if amounts is None else amounts
+    added = np.zeros((len(places), len(doubts))) if added is None else added
+    each = spread_over(places, added)
+    off = put_in(problem, point, given.robot, replace(given.options, statics="every_iterate"), doubts, amounts, each)
+    columns = doubt_columns(off.problem, point, off.robot, off.options, doubts, all_rest=all_rest)
+    return Named(doubts, off.problem, point, amounts, columns, bool(given.doubtful), added)

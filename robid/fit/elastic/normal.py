@@ -58,7 +58,8 @@ class SymmetricNormal:
     def serves(problem: Problem) -> bool:
         """Whether the problem has the symmetry and the parameters that this needs."""
         model, kinds = problem.model, set(problem.parameters.kinds)
-        constant = model.rest.moves is None and not problem.parameters.nominal.cubic.any()
+        bare = model.added is None and model.clinging is None
+        constant = bare and model.rest.moves is None and not problem.parameters.nominal.cubic.any()
         plain = "link_inertia" not in kinds or has_plain_inertias(model)
         return constant and plain and is_collocated(model) and kinds <= set(DIRECT)
 

@@ -9,20 +9,16 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.fit.elastic.doubts.column import RobotMove
-from robid.fit.elastic.doubts.refit import SettledSprings, settle_springs
+from robid.fit.elastic.doubts.refit import SettledSprings, expected_cost, settle_springs
 from robid.fit.elastic.doubts.unseen import Told, UnseenSpring, leave_room, unseen_springs
 from robid.fit.elastic.effective import Settled, settle
-from robid.fit.elastic.named import Named, Suspicion, linearise, move, name_doubts
+from robid.fit.elastic.joint import Joint, descend
+from robid.fit.elastic.named import Named, Suspicion, name_doubts
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import NamedDoubts
 from robid.fit.elastic.uncertainty import influence
 
 _PERCENT = 100.0
-_MOVES = 8
-_SHARES = (1.0, 0.5, 0.25, 0.1)
-_RISES = 1
-_SAME = 0.01  # of the cost
 _EXPLAINED = 0.5  # of the cost, where what fits best does not rest
 
 
@@ -66,28 +62,36 @@ def find_physical(
     named = name_doubts(problem, points if suspicion.rested else (np.zeros_like(points[-1]),), suspicion)
     if named is None:
         return None
+    alone = _descended(named, suspicion)
+    if alone is not None and alone.explains and not alone.lacks_springs:
+        return _estimated(problem, alone.named, (), (), confidence)
     robot, options = suspicion.robot, suspicion.options
     found = settle_springs(problem, named.point, robot, options, named.doubts, named.columns)
     extended = _extended(found, suspicion) if found.springs else None
     if extended is None:
-        return _estimated(problem, named, suspicion, (), (), confidence) if suspicion.rested else None
+        named = named if alone is None else alone.named
+        return _estimated(problem, named, (), (), confidence) if suspicion.rested else None
     if not suspicion.rested and found.cost > _EXPLAINED * problem.cost(points[-1]):
         return None
     unseen = unseen_springs(found, extended)
-    given = replace(suspicion, robot=found.robot, options=found.options)
-    return _estimated(problem, _as_soft(extended, unseen), given, found.springs, unseen, confidence)
+    soft = _as_soft(extended, unseen)
+    together = _descended(soft, replace(suspicion, robot=found.robot, options=found.options))
+    return _estimated(problem, soft if together is None else together.named, found.springs, unseen, confidence)
 
 
 def _estimated(
     problem: Problem,
     named: Named,
-    given: Suspicion,
     springs: Sequence[str],
     unseen: Sequence[UnseenSpring],
     confidence: float,
 ) -> Physical:
     """The problem's own parameters among those of a robot with springs put in place, and others that may be there."""
-    named, far = _settled(named, given)
+    found = influence(named.problem, named.point)
+    far = settle(named.problem, named.point, found, named)
+    further = _how_much_further(named, far)
+    if further > 1:
+        far = settle(named.problem, named.point, found, _less_sure(named, further))
     told = Told(np.concatenate([far.values, far.amounts]), *far.pooled.spread(confidence))
     rows = {doubt.name: far.values.size + number for number, doubt in enumerate(named.doubts)}
     for spring in unseen:
@@ -103,87 +107,42 @@ def _estimated(
     )
 
 
+def _descended(named: Named, given: Suspicion) -> Joint | None:
+    """Where parameters and doubts fit best together.
+
+    None where no robot rests, a rigid fit knows the masses, or no more is left than noise and assumed errors give.
+    """
+    if named.rigid or named.problem.cost(named.point) <= expected_cost(named.problem):
+        return None
+    try:
+        return descend(named, given)
+    except DataError:
+        return None
+
+
+def _how_much_further(named: Named, far: Settled) -> float:
+    """How many times as far off as known beforehand the doubts are that the data tell; at least as far.
+
+    Where all is as the file says it may be, it is 1 as far as the doubts are many. Where something is off that nobody
+    named, doubts stand for it that are right, and nothing is known so well.
+    """
+    known = named.common_std**2
+    told = np.maximum(1 - np.diag(far.pooled.assumed)[named.point.size :] / known, 0.0).sum()
+    return float(np.sqrt(max(1.0, (far.amounts**2 / known).sum() / told))) if told >= 1 else 1.0
+
+
+def _less_sure(named: Named, times: float) -> Named:
+    doubts = (
+        replace(each, common_std=times * each.common_std, place_std=times * each.place_std) for each in named.doubts
+    )
+    return replace(named, doubts=tuple(doubts))
+
+
 def _as_soft(named: Named, unseen: Sequence[UnseenSpring]) -> Named:
     """The doubts, those of springs that others can stand for as large as they may be."""
     known = {spring.name: spring.std for spring in unseen}
     doubts = (replace(each, common_std=known.get(each.name, each.common_std)) for each in named.doubts)
     return replace(named, doubts=tuple(doubts))
-
-
-def _settled(named: Named, given: Suspicion) -> tuple[Named, Settled]:
-    """Parameters and doubts that places agree on; robots follow their doubts as far as the cost falls with them."""
-    far = settle(named.problem, named.point, influence(named.problem, named.point), named)
-    best = now = _At(named, far, _cost(named, named.problem, named.point, named.amounts))
-    rises = 0
-    for _ in range(0 if named.rigid else _MOVES):
-        if _is_linear(now, given) or rises > _RISES:
-            break
-        ahead = _ahead(now, given)
-        if ahead is None:
-            break
-        now = ahead
-        best, rises = (now, 0) if now.cost < best.cost else (best, rises + 1)
-    return best.named, best.far
-
-
-@dataclass(frozen=True)
-class _At:
-    """Doubts at a robot that is off by them, what places agree on from there, and the cost there."""
-
-    named: Named
-    far: Settled
-    cost: float
-
-
-def _is_linear(now: _At, given: Suspicion) -> bool:
-    """Whether the cost where places agree is what was foreseen."""
-    named, far = now.named, now.far
-    error, derivative = named.problem.linear(named.point)
-    step = derivative @ (far.values - named.point) + named.columns @ (far.amounts - named.amounts)
-    foreseen = float((np.abs(named.problem.weighted(error - step)) ** 2).sum())
-    foreseen += _known(named, named.problem, far.values, far.amounts)
-    try:
-        there = move(named.problem, named.doubts, far.values, far.amounts, given)
-    except DataError:
-        return False
-    return abs(_cost(named, there.problem, far.values, far.amounts) - foreseen) < _SAME * foreseen
-
-
-def _ahead(now: _At, given: Suspicion) -> _At | None:
-    """Goes the way to what places agree on, or a part of it on which the cost falls; all of it where none does."""
-    named, found = now.named, []
-    for share in _SHARES:
-        point = named.point + share * (now.far.values - named.point)
-        amounts = named.amounts + share * (now.far.amounts - named.amounts)
-        try:
-            there = move(named.problem, named.doubts, point, amounts, given)
-        except DataError:
-            continue
-        found.append((there, _cost(named, there.problem, point, amounts)))
-        if found[-1][1] < now.cost:
-            break
-    if not found:
-        return None
-    chosen, cost = found[-1] if found[-1][1] < now.cost else found[0]
-    try:
-        after = linearise(named.doubts, chosen, given)
-    except DataError:
-        return None
-    return _At(after, settle(after.problem, after.point, influence(after.problem, after.point), after), cost)
-
-
-def _cost(named: Named, problem: Problem, point: FloatArray, amounts: FloatArray) -> float:
-    """Cost with doubts that are no move of a robot as columns, and with what is known of all beforehand."""
-    model = problem.residual(point, problem.model_response(point))
-    columns = amounts * np.array([not isinstance(doubt.direction, RobotMove) for doubt in named.doubts])
-    left = problem.weighted(model - named.columns @ columns)
-    return float((np.abs(left) ** 2).sum()) + _known(named, problem, point, amounts)
-
-
-def _known(named: Named, problem: Problem, point: FloatArray, amounts: FloatArray) -> float:
-    """Half the squared deviations from what is known beforehand."""
-    known = (point / problem.parameters.prior_std) ** 2, (amounts / named.common_std) ** 2
-    return 0.5 * float(sum(each.sum() for each in known))
 
 
 def _extended(found: SettledSprings, suspicion: Suspicion) -> Named | None:

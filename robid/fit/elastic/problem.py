@@ -84,6 +84,11 @@ class Problem:
         stacked = values.reshape(*values.shape[:2], self.whitening.shape[-1], -1)
         return np.asarray((self.whitening @ stacked).reshape(values.shape))
 
+    def rows(self, values: ComplexArray) -> FloatArray:
+        """The same as real rows (n_conf, n_row, ...) of each configuration."""
+        flat = self.weighted(values).reshape(len(values), -1, *values.shape[4:])
+        return np.concatenate([flat.real, flat.imag], axis=1)
+
     def fully_weighted(self, values: ComplexArray) -> ComplexArray:
         """The same times the weights themselves."""
         trailing = (1,) * (values.ndim - 4)

@@ -13,6 +13,7 @@ from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
 from robid.robot.description import Robot
+from robid.robot.linearize import Shifts
 
 
 def doubt_columns(
@@ -23,6 +24,7 @@ def doubt_columns(
     doubts: Sequence[DoubtColumn],
     *,
     all_rest: bool = True,
+    shifts: Shifts | None = None,
 ) -> ComplexArray:
     """Derivatives of the residual by the amounts of doubts, with the sign and scale of `Problem.linear`'s.
 
@@ -33,6 +35,7 @@ def doubt_columns(
         options: Options of the fit.
         doubts: The doubts.
         all_rest: Whether robots that are a little off must rest; otherwise nothing is said of doubts where they do not.
+        shifts: How the robot's matrices move with the doubts, all of which are moves; found here when not given.
 
     Returns:
         Negative derivatives (n_conf, n_freq, n_out, n_in, n_doubt), to be put beside those by the parameters.
@@ -44,7 +47,10 @@ def doubt_columns(
     if not doubts:
         return np.zeros((*problem.frf.response.shape, 0), complex)
     with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly zero has no relative change
-        columns = np.stack([_column(doubt, scene, must_rest=all_rest) for doubt in doubts], axis=-1)
+        if shifts is not None:
+            columns = scene.along(shifts)
+        else:
+            columns = np.stack([_column(doubt, scene, must_rest=all_rest) for doubt in doubts], axis=-1)
     columns[scene.response.sampled == 0] = 0.0
     return kind.part(columns * kind.per_relative(scene.response.sampled)[..., None])
 

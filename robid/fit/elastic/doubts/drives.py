@@ -125,9 +125,12 @@ class MotorFriction:
             return np.zeros_like(whole)
         row = frf.output_names.index(name)
         square = (2 * np.pi * frf.frequency_hz) ** 2
-        size = scene.values.motor_inertia[self.joint] * _TURN_10_HZ**2 / _PERCENT
         moved = whole[..., :, self.joint, None] * whole[..., row, None, :] / whole
-        return np.asarray(self.phase * size * moved / square[:, None, None])
+        return np.asarray(self.stiffness(scene) * moved / square[:, None, None])
+
+    def stiffness(self, scene: Scene) -> complex:
+        """Torque per angle that an amount of one is [N m/rad]."""
+        return self.phase * float(scene.values.motor_inertia[self.joint]) * _TURN_10_HZ**2 / _PERCENT
 
 
 def torque_doubts(robot: Robot, *, rigid: bool = False) -> Iterator[DoubtColumn]:

@@ -45,15 +45,18 @@ def extend_problem(problem: Problem, internal: FloatArray, robot: Robot, options
         DataError: If the robot does not rest with the springs.
     """
     now = problem.parameters.parameters(internal)
-    more = robot.springs[now.stiffness.size :]
-    values = replace(
-        now,
-        stiffness=np.append(now.stiffness, [spring.stiffness for spring in more]),
-        damping=np.append(now.damping, [spring.damping for spring in more]),
-        cubic=np.append(now.cubic, [spring.cubic for spring in more]),
-        location=np.append(now.location, [spring.point_m for spring in more]),
+    return problem_at(problem, extended_values(now, robot.springs[now.stiffness.size :]), robot, options)
+
+
+def extended_values(values: ElasticParameters, springs: Sequence[Spring]) -> ElasticParameters:
+    """Returns values of parameters with those of further springs."""
+    return replace(
+        values,
+        stiffness=np.append(values.stiffness, [spring.stiffness for spring in springs]),
+        damping=np.append(values.damping, [spring.damping for spring in springs]),
+        cubic=np.append(values.cubic, [spring.cubic for spring in springs]),
+        location=np.append(values.location, [spring.point_m for spring in springs]),
     )
-    return problem_at(problem, values, robot, options)
 
 
 def problem_at(problem: Problem, values: ElasticParameters, robot: Robot, options: ElasticOptions) -> Problem:

@@ -48,9 +48,12 @@ class Hysteresis:
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        return np.asarray(self.share(scene)[:, :, None, None] * scene.stiffness_slopes[..., self.spring])
+
+    def share(self, scene: Scene) -> ComplexArray:
+        """What an amount of one adds to the gear's stiffness (n_conf, n_freq), over it."""
         omega = 2 * np.pi * scene.problem.frf.frequency_hz
-        share = bristle_share(omega, scene.swing[:, :, self.spring], self.slip)
-        return np.asarray(2 * share[:, :, None, None] * scene.stiffness_slopes[..., self.spring] / _PERCENT)
+        return 2 / _PERCENT * bristle_share(omega, scene.swing[:, :, self.spring], self.slip)
 
 
 def bristle_share(omega: FloatArray, swing: FloatArray, relative_slip: float) -> ComplexArray:
@@ -87,11 +90,15 @@ class LoadStiffness:
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount; zero where loads are alike."""
+        return np.asarray(self.share(scene)[:, :, None, None] * scene.stiffness_slopes[..., self.spring])
+
+    def share(self, scene: Scene) -> ComplexArray:
+        """What an amount of one adds to the gear's stiffness (n_conf, 1), over it."""
         load = np.abs(scene.problem.model.rest.deflection[:, self.spring])
         spread = load - load.mean()
         most = np.abs(spread).max()
         share = spread / most if most > NO_LOAD_RAD else np.zeros_like(spread)
-        return np.asarray(share[:, None, None, None] * scene.stiffness_slopes[..., self.spring] / _PERCENT)
+        return np.asarray(share[:, None] / _PERCENT, complex)
 
 
 def gear_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:

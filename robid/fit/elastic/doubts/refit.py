@@ -126,20 +126,15 @@ def cost_beside(now: SettledSprings, columns: ComplexArray, std: FloatArray) -> 
         std (n_doubt,): Their deviations.
     """
     error, derivative = now.problem.linear(now.internal)
-    rows = _rows(now.problem, np.concatenate([derivative, columns], axis=-1))
-    left = _rows(now.problem, error[..., None])[:, 0]
+    every = np.concatenate([derivative, columns], axis=-1)
+    rows = now.problem.rows(every).reshape(-1, every.shape[-1])
+    left = now.problem.rows(error).ravel()
     precision = 0.5 / np.concatenate([now.problem.parameters.prior_std, std]) ** 2
     pull = np.concatenate([precision[: now.internal.size] * now.internal, np.zeros(std.size)])
     normal, slope = rows.T @ rows + np.diag(precision), rows.T @ left - pull
     scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     step = np.linalg.lstsq(normal / np.outer(scale, scale), slope / scale, rcond=1e-13)[0] / scale
     return float(((left - rows @ step) ** 2).sum())
-
-
-def _rows(problem: Problem, values: ComplexArray) -> FloatArray:
-    """Weighted real rows (n_row, n_column) of (n_conf, n_freq, n_out, n_in, n_column)."""
-    flat = problem.weighted(values).reshape(-1, values.shape[-1])
-    return np.concatenate([flat.real, flat.imag])
 
 
 def _best_trials(now: SettledSprings, springs: Sequence[Spring]) -> list[SettledSprings]:

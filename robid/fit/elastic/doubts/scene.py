@@ -8,12 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.fit.elastic.doubts.extension import extended_values
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.rest_model import rest_model, spring_load
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot, Spring
-from robid.robot.linearize import LinearModel
+from robid.robot.linearize import LinearModel, Shifts
 from robid.robot.response import ElasticParameters, Response, response, with_values
 
 
@@ -53,10 +54,19 @@ class Scene:
         """Derivatives (n_conf, n_freq, n_out, n_in, n_spring) of the log response by the springs' relative slopes."""
         linear = replace(self.values, cubic=np.zeros_like(self.values.cubic))
         stiffness = self.response.springs.stiffness
-        model = replace(self.response.model, rest=replace(self.response.model.rest, moves=None))
-        found = jacobian(model, linear, replace(self.response, model=model), ("stiffness",), self._period)
-        slopes = found / model.rest.factor[:, None, None, None] * stiffness[:, None, None, None]
+        still = replace(self.response.model, rest=replace(self.response.model.rest, moves=None), added=None)
+        found = jacobian(still, linear, replace(self.response, model=still), ("stiffness",), self._period)
+        slopes = found / still.rest.factor[:, None, None, None] * stiffness[:, None, None, None]
         return np.asarray(slopes / self.response.sampled[..., None])
+
+    @cached_property
+    def compliance_slopes(self) -> ComplexArray:
+        """Derivatives (n_conf, n_freq, n_out, n_in, n_spring) of the log response by the springs' relative compliances.
+
+        Dampers go with them.
+        """
+        stiffness, damping = np.split(self._slopes("stiffness", "damping"), 2, axis=-1)
+        return np.asarray(-(stiffness * self.values.stiffness + damping * self.values.damping))
 
     @cached_property
     def rotor_slopes(self) -> ComplexArray:
@@ -80,36 +90,40 @@ class Scene:
 
     def sampled(self, robot: Robot) -> ComplexArray:
         """Response (n_conf, n_freq, n_out, n_in) of another robot of the same springs, with the fitted values."""
-        return self._response(*self._rested(robot, self.values)).sampled
+        return self._response(*self.rested(robot, self.values)).sampled
 
     def extended(self, spring: Spring) -> ComplexArray:
         """Response (n_conf, n_freq, n_out, n_in) of the robot with one spring more."""
-        now = self.values
-        values = replace(
-            now,
-            stiffness=np.append(now.stiffness, spring.stiffness),
-            damping=np.append(now.damping, spring.damping),
-            cubic=np.append(now.cubic, spring.cubic),
-            location=np.append(now.location, spring.point_m),
-        )
         robot = replace(self.robot, springs=(*self.robot.springs, spring))
-        return self._response(*self._rested(robot, values)).sampled
+        return self._response(*self.rested(robot, extended_values(self.values, [spring]))).sampled
 
-    @property
-    def _period(self) -> float | None:
-        return self.problem.frf.hold_period_s
-
-    def _slopes(self, kind: str) -> ComplexArray:
-        found = jacobian(self.problem.model, self.values, self.response, (kind,), self._period)
-        return np.asarray(found / self.response.sampled[..., None])
-
-    def _rested(self, robot: Robot, values: ElasticParameters) -> tuple[LinearModel, ElasticParameters]:
+    def rested(self, robot: Robot, values: ElasticParameters) -> tuple[LinearModel, ElasticParameters]:
         """Another robot where gravity lets it rest, so that no derivative of its matrices by the rest is needed."""
         frf, free = self.problem.frf, tuple(kind for kind in self.options.kinds if kind != "location")
         options = replace(self.options, statics="updates", free=free)
         model = rest_model(robot, frf, options, float(values.delay[0]), values)
         inertia = values.link_inertia + model.axial - self.problem.model.axial
+        added = self.problem.model.added
+        if added is not None:
+            further = len(robot.springs) - added.shape[-1]
+            added = np.pad(added, ((0, 0), (0, 0), (0, further)))
+        model = replace(model, added=added, clinging=self.problem.model.clinging)
         return model, with_values(values, "link_inertia", inertia)
+
+    def along(self, shifts: Shifts) -> ComplexArray:
+        """Derivatives (n_conf, n_freq, n_out, n_in, n_shift) of the log response along shifts of the matrices."""
+        model = replace(self.response.model, shifts=shifts, effects=None)
+        values = replace(self.values, doubt=shifts.amounts)
+        moved = jacobian(model, values, replace(self.response, model=model), ("doubt",), self._period)
+        return np.asarray(moved / self.response.sampled[..., None])
+
+    @property
+    def _period(self) -> float | None:
+        return self.problem.frf.hold_period_s
+
+    def _slopes(self, *kinds: str) -> ComplexArray:
+        found = jacobian(self.problem.model, self.values, self.response, kinds, self._period)
+        return np.asarray(found / self.response.sampled[..., None])
 
     def _response(self, model: LinearModel, values: ElasticParameters) -> Response:
         return response(model, values, self.problem.frf.frequency_hz, self._period)

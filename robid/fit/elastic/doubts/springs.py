@@ -35,7 +35,12 @@ class Compliance:
     spring: Spring
 
     def column(self, scene: Scene) -> ComplexArray:
-        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount, where there is none."""
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        names = [spring.name for spring in scene.robot.springs]
+        if self.spring.name in names:
+            index = names.index(self.spring.name)
+            amount = _PERCENT * self.spring.stiffness / scene.values.stiffness[index]
+            return np.asarray(scene.compliance_slopes[..., index] / amount)
         factors = _RIGID, _PERCENT / _STEP, 0.5 * _PERCENT / _STEP
         rigid, stiff, softer = (scene.extended(stiffened(self.spring, factor)) for factor in factors)
         # One-sided differences, extrapolated: there is no negative compliance.

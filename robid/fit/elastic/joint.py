@@ -1,0 +1,270 @@
+"""Parameters and doubts estimated together: the robot is as far off as they say, in each place of its own."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
+from robid.fit.elastic.doubts.column import RobotMove
+from robid.fit.elastic.doubts.columns import doubt_columns
+from robid.fit.elastic.doubts.off import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in, shifts_of
+from robid.fit.elastic.doubts.refit import expected_cost
+from robid.fit.elastic.doubts.springs import Compliance
+from robid.fit.elastic.named import Named, Suspicion, linearise
+from robid.fit.levenberg import Normal, minimise
+from robid.places.grouping import spread_over
+from robid.robot.linearize import Shifts
+
+_STEPS = 60
+_ENOUGH, _ROUGHLY = 5e-4, 1e-2  # of the cost
+_SHARES = (0.01, 0.1, 1.0)
+_FARTHEST = 1.0  # of a logarithm, where it begins: what a fit without doubts ran away with says nothing
+_LONGEST = 0.5  # of an internal parameter, in a step
+_LONGEST_STD = 2.0  # of a doubt's deviation
+_SURPRISING = 3.0  # deviations
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Parameters and doubts that fit best together.
+
+    Attributes:
+        named: The doubts, linearised there.
+        cost: What is left, without what is known beforehand.
+    """
+
+    named: Named
+    cost: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether no more is left than noise and assumed model error give."""
+        return self.cost <= expected_cost(self.named.problem)
+
+    @property
+    def lacks_springs(self) -> bool:
+        """Whether a spring that the file lacks is softer than it is known to be beforehand."""
+        missing = np.array([isinstance(doubt.direction, Compliance) for doubt in self.named.doubts])
+        return bool((self.named.amounts > _SURPRISING * self.named.common_std)[missing].any())
+
+
+def descend(named: Named, given: Suspicion) -> Joint:
+    """Estimates parameters and doubts together, places with what each adds to the doubts that differ between them.
+
+    A robot's resonances are narrow: some percent of a spring, a mass or a bristle move them by more than their width,
+    and their columns say nothing any more. So the robot is put together anew at each point.
+
+    Args:
+        named: The doubts, linearised where the descent begins; all their amounts are zero.
+        given: What is taken for granted.
+
+    Returns:
+        Where it ends.
+
+    Raises:
+        DataError: If a robot near that does not rest.
+    """
+    space = Space.of(named)
+    descent = Descent(named, given, space)
+    near = np.clip(named.point, -_FARTHEST, _FARTHEST)
+    point = np.where(named.problem.parameters.logarithmic, near, named.point)
+    best, cost = _lowest(descent, space, point)
+    if cost > expected_cost(named.problem):
+        with suppress(DataError):
+            best, cost = min((best, cost), _lowest(descent, space, np.zeros_like(point)), key=lambda end: end[1])
+    state = space.state(best)
+    absent = (space.floor > 0) & (state.amounts <= space.floor)
+    amounts = np.where(absent, 0.0, state.amounts)
+    after = linearise(named.problem, named.doubts, state.point, given, amounts, space.added(state), all_rest=False)
+    return Joint(after, cost)
+
+
+def _lowest(descent: Descent, space: Space, point: FloatArray) -> tuple[FloatArray, float]:
+    """Where a descent from a point (n_param,) ends, and the squares left there: first with small weights, then all."""
+    now = space.internal(State(point, space.floor, np.zeros((space.places, space.differing.size))))
+    for share in _SHARES:
+        descent.share = share
+        now = minimise(
+            descent.cost,
+            descent.normal,
+            now,
+            max_iterations=_STEPS,
+            cost_tolerance=_ENOUGH if share == _SHARES[-1] else _ROUGHLY,
+            lower=space.lower,
+            upper=space.upper,
+        ).parameters
+    return now, descent.data_cost(now)
+
+
+@dataclass(frozen=True)
+class State:
+    """Internal parameters (n_param,), amounts (n_doubt,), and what places add (n_place, n_differing)."""
+
+    point: FloatArray
+    amounts: FloatArray
+    each: FloatArray
+
+
+@dataclass(frozen=True)
+class Space:
+    """Parameters, amounts and what places add as one vector, in units of the longest step.
+
+    Attributes:
+        unit (n,): The units.
+        precision (n,): Half of what is known beforehand of each, inverse variances in these units.
+        lower (n,): Smallest values.
+        upper (n,): Largest values.
+        floor (n_doubt,): Least amounts: springs that may be missing stay in the model, however stiff.
+        differing (n_differing,): Doubts to which places add something.
+        size: Number of parameters.
+        places: Number of places.
+    """
+
+    unit: FloatArray
+    precision: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    floor: FloatArray
+    differing: IntArray
+    size: int
+    places: int
+
+    @classmethod
+    def of(cls, named: Named) -> Space:
+        """Returns the space of doubts with their parameters."""
+        parameters, doubts = named.problem.parameters, named.doubts
+        missing = np.array([isinstance(doubt.direction, Compliance) for doubt in doubts])
+        floor = np.where(missing, 2 * LEAST_COMPLIANCE, 0.0)
+        differing = np.flatnonzero(named.place_std)
+        added = np.tile(named.place_std[differing], len(named.places))
+        std = np.concatenate([parameters.prior_std, named.common_std, added])
+        unit = np.concatenate([np.full(named.point.size, _LONGEST), _LONGEST_STD * std[named.point.size :]])
+        least = np.maximum([doubt.least for doubt in doubts], np.where(missing, floor, -np.inf))
+        most = np.array([doubt.most for doubt in doubts])
+        free = np.full(added.size, np.inf)
+        return cls(
+            unit=unit,
+            precision=0.5 * (unit / std) ** 2,
+            lower=np.concatenate([parameters.lower, least, -free]) / unit,
+            upper=np.concatenate([parameters.upper, most, free]) / unit,
+            floor=floor,
+            differing=differing,
+            size=named.point.size,
+            places=len(named.places),
+        )
+
+    def internal(self, state: State) -> FloatArray:
+        """Returns the vector (n,) of a state."""
+        return np.concatenate([state.point, state.amounts, state.each.ravel()]) / self.unit
+
+    def state(self, internal: FloatArray) -> State:
+        """Returns the state that a vector (n,) is."""
+        values = internal * self.unit
+        point, amounts, each = np.split(values, [self.size, self.size + self.floor.size])
+        return State(point, amounts, each.reshape(-1, self.differing.size))
+
+    def added(self, state: State) -> FloatArray:
+        """What places add (n_place, n_doubt), zero for doubts that are the same in all."""
+        added = np.zeros((len(state.each), self.floor.size))
+        added[:, self.differing] = state.each
+        return added
+
+
+class Descent:
+    """Cost and normal equations of the whole; columns are those of the last point that was linearised.
+
+    Attributes:
+        share: Weight of what is measured, 1 for that of the problem.
+    """
+
+    def __init__(self, named: Named, given: Suspicion, space: Space) -> None:
+        """Begins a descent.
+
+        Args:
+            named: The doubts, linearised where the robot is right.
+            given: What is taken for granted.
+            space: What is estimated.
+        """
+        self._named, self._space = named, space
+        self._given = replace(given, options=replace(given.options, statics="updates"))
+        self._within, self._differing = are_put_in(named.doubts), may_differ(named.doubts)
+        self._moves = np.array([isinstance(doubt.direction, RobotMove) for doubt in named.doubts])
+        self.share = 1.0
+        self._shifts: Shifts | None = None
+        self._columns: FloatArray = np.empty(0)
+        self._seen: tuple[FloatArray, OffRobot] | None = None
+
+    def cost(self, internal: FloatArray) -> float:
+        """Squares that are left, with what is known beforehand; infinite where the robot does not rest."""
+        try:
+            off = self._off(internal)
+        except DataError:
+            return np.inf
+        with np.errstate(all="ignore"):
+            left = self._left(internal, off)
+            total = float(self.share * (left**2).sum() + (self._space.precision * internal**2).sum())
+        return total if np.isfinite(total) else np.inf
+
+    def data_cost(self, internal: FloatArray) -> float:
+        """Squares that are left."""
+        return float((self._left(internal, self._off(internal)) ** 2).sum())
+
+    def normal(self, internal: FloatArray) -> Normal:
+        """The same with half its gradient and half its Gauss-Newton Hessian."""
+        state, off = self._space.state(internal), self._off(internal)
+        self._columns = off.problem.rows(self._doubt_columns(state, off))
+        left = self._left(internal, off)
+        derivative = np.concatenate([off.problem.rows(off.problem.linear(state.point)[1]), self._columns], axis=-1)
+        places = self._named.places
+        whole = derivative.shape[-1]
+        own = self._space.size + self._space.differing
+        hessian, score = np.diag(self._space.precision), np.zeros(internal.size)
+        for number, place in enumerate(places):
+            rows = derivative[place].reshape(-1, whole)
+            inner, pull = self.share * (rows.T @ rows), self.share * (rows.T @ left[place].ravel())
+            at = whole + number * own.size + np.arange(own.size)
+            every, kept = np.concatenate([np.arange(whole), at]), np.concatenate([np.arange(whole), own])
+            unit = self._space.unit[every]
+            hessian[np.ix_(every, every)] += inner[np.ix_(kept, kept)] * np.outer(unit, unit)
+            score[every] += pull[kept] * unit
+        known = self._space.precision * internal
+        return Normal(float(self.share * (left**2).sum() + known @ internal), known - score, hessian)
+
+    def _off(self, internal: FloatArray) -> OffRobot:
+        if self._seen is None or not np.array_equal(self._seen[0], internal):
+            state = self._space.state(internal)
+            named, given = self._named, self._given
+            each = spread_over(named.places, self._space.added(state))
+            known = named.problem, state.point, given.robot, given.options
+            self._seen = internal.copy(), put_in(*known, named.doubts, state.amounts, each)
+        return self._seen[1]
+
+    def _left(self, internal: FloatArray, off: OffRobot) -> FloatArray:
+        """Weighted residuals (n_conf, n_row), what is not put into the robot by its columns."""
+        state = self._space.state(internal)
+        point = state.point
+        error = off.problem.residual(point, off.problem.model_response(point))
+        left = off.problem.rows(error)
+        if not self._columns.size:
+            return left
+        added = self._space.added(state)
+        beside = state.amounts * ~self._within + added * ~self._differing
+        for place, amounts in zip(self._named.places, beside, strict=True):
+            left[place] -= self._columns[place] @ amounts
+        return left
+
+    def _doubt_columns(self, state: State, off: OffRobot) -> ComplexArray:
+        """Columns (n_conf, n_freq, n_out, n_in, n_doubt); how matrices move with a doubt is found once."""
+        moves = [doubt for doubt in self._named.doubts if isinstance(doubt.direction, RobotMove)]
+        others = [doubt for doubt in self._named.doubts if not isinstance(doubt.direction, RobotMove)]
+        if self._shifts is None:
+            self._shifts = shifts_of(off, state.point, moves)
+        found = np.empty((*off.problem.frf.response.shape, len(self._named.doubts)), complex)
+        arguments = off.problem, state.point, off.robot, off.options
+        found[..., ~self._moves] = doubt_columns(*arguments, others, all_rest=False)
+        found[..., self._moves] = doubt_columns(*arguments, moves, shifts=self._shifts)
+        return found

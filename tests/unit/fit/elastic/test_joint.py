@@ -1,0 +1,132 @@
+"""Parameters and doubts estimated together, on robots that are off by what their file is doubted for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot, with_spring_factors, without_spring
+from robid.fit.elastic.fitting import fit_elastic, set_up
+from robid.fit.elastic.joint import Descent, Space, State, descend
+from robid.fit.elastic.named import Suspicion, linearise, name_doubts
+from robid.fit.elastic.optimizers import optimise
+from robid.fit.elastic.options import ElasticOptions
+from robid.studies.trust.doubted import doubted_responses, draw_doubted
+
+FREQUENCY_HZ = np.geomspace(1.5, 70.0, 40)
+PLACES = np.array([[0.3, -0.7], [-0.5, 0.9], [1.1, 0.4], [-1.2, -1.4], [0.7, 1.8], [-0.1, -0.2]])
+OPTIONS, DELAY_S, SAMPLING_S, NOISE = ElasticOptions(starts=1), 1e-4, 1e-4, 0.002
+
+
+def stocky():
+    """The arm, its links' inertias far from those that could not be."""
+    robot = two_joint_robot()
+
+    def rounder(body):
+        return replace(body, inertia_kgm2=body.inertia_kgm2 + 0.5 * np.eye(3))
+
+    joints = tuple(replace(joint, link=rounder(joint.link)) for joint in robot.joints)
+    return replace(robot, joints=joints)
+
+
+STATED = stocky()
+
+
+def drawn(seed):
+    """A robot whose springs and doubted values are drawn, as it is measured, and its true springs over the file's."""
+    generator = np.random.default_rng(seed)
+    factors = np.exp(generator.uniform(-0.6, 0.6, 4))
+    robot = with_spring_factors(STATED, factors, np.exp(generator.uniform(-0.6, 0.6, 4)))
+    off = draw_doubted(STATED, OPTIONS, len(PLACES), seed)
+    exact = doubted_responses(robot, off, PLACES, FREQUENCY_HZ, (SAMPLING_S, DELAY_S))
+    frf = exact_frf(
+        robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, sampling_period_s=SAMPLING_S, relative_noise=NOISE, seed=seed
+    )
+    noise = (
+        frf.response
+        / exact_frf(
+            robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, sampling_period_s=SAMPLING_S, declared_noise=NOISE
+        ).response
+    )
+    return replace(frf, response=exact * noise), np.log(factors)
+
+
+def problem_of(frf):
+    return set_up(STATED, frf, OPTIONS, DELAY_S)[0]
+
+
+def springs_of(problem):
+    return np.array([name.endswith(".stiffness") for name in problem.parameters.names])
+
+
+def test_half_the_gradient_is_that_of_the_cost():
+    frf, _ = drawn(1)
+    problem, given = problem_of(frf), Suspicion(STATED, OPTIONS)
+    named = name_doubts(problem, (np.zeros(len(problem.parameters.names)),), given)
+    space = Space.of(named)
+    descent, generator = Descent(named, given, space), np.random.default_rng(2)
+    added = 0.3 * named.place_std[space.differing] * generator.standard_normal((len(PLACES), space.differing.size))
+    amounts = np.maximum(0.5 * named.common_std * np.abs(generator.standard_normal(named.common_std.size)), space.floor)
+    here = space.internal(State(0.05 * problem.parameters.logarithmic, amounts, added))
+    found = descent.normal(here)
+    assert found.cost == pytest.approx(descent.cost(here), rel=1e-12)
+    for index in generator.choice(here.size, 40, replace=False):
+        step = 1e-5 * np.eye(here.size)[index]
+        wanted = (descent.cost(here + step) - descent.cost(here - step)) / 4e-5
+        size = np.sqrt(found.hessian[index, index] * found.cost)
+        assert found.gradient[index] == pytest.approx(wanted, abs=0.02 * size)
+
+
+def test_robots_off_by_their_doubts_are_found_from_where_the_fit_alone_ran_away():
+    found, given = [], Suspicion(STATED, OPTIONS)
+    for seed in (4, 5, 9):
+        frf, true = drawn(seed)
+        problem = problem_of(frf)
+        away = np.zeros(len(problem.parameters.names))
+        away[problem.parameters.names.index("forearm.stiffness")] = -2.0
+        alone = optimise(problem, np.zeros(away.size))
+        joint = descend(name_doubts(problem, (away, np.zeros(away.size)), given), given)
+        assert joint.cost < 0.05 * alone.cost
+        found.append((alone.parameters[springs_of(problem)] - true, joint.named.point[springs_of(problem)] - true))
+    before, after = np.median(np.abs(found), axis=(0, 2))
+    assert after < 0.2 * before
+
+
+def test_a_robot_whose_doubts_explain_everything_lacks_no_spring():
+    given = Suspicion(STATED, OPTIONS)
+    problem = problem_of(drawn(4)[0])
+    joint = descend(name_doubts(problem, (np.zeros(len(problem.parameters.names)),), given), given)
+    assert joint.explains
+    assert not joint.lacks_springs
+    missing = without_spring(STATED, "bearing_1")
+    frf = exact_frf(
+        STATED, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, sampling_period_s=SAMPLING_S, relative_noise=NOISE, seed=4
+    )
+    given = Suspicion(missing, OPTIONS)
+    problem = set_up(missing, frf, OPTIONS, DELAY_S)[0]
+    joint = descend(name_doubts(problem, (np.zeros(len(problem.parameters.names)),), given), given)
+    assert not joint.explains or joint.lacks_springs
+
+
+def test_what_is_left_is_taken_back_to_what_all_places_share():
+    frf, _ = drawn(6)
+    problem, given = problem_of(frf), Suspicion(STATED, OPTIONS)
+    start = name_doubts(problem, (np.zeros(len(problem.parameters.names)),), given)
+    amounts, added = 0.1 * start.common_std, np.tile(0.05 * start.place_std, (len(PLACES), 1))
+    moved = linearise(problem, start.doubts, start.point, given, amounts, added)
+    still = linearise(problem, start.doubts, start.point, given, amounts)
+    change = np.abs(moved.error - still.error).max()
+    apart = np.abs(moved.problem.model_response(start.point) / still.problem.model_response(start.point) - 1).max()
+    assert change < 0.1 * apart
+
+
+def test_physical_intervals_hold_springs_of_robots_off_by_their_doubts():
+    inside = []
+    for seed in range(10, 13):
+        frf, true = drawn(seed)
+        estimate = fit_elastic(STATED, frf, OPTIONS, DELAY_S).estimate
+        row = [estimate.names.index(f"{spring.name}.stiffness") for spring in STATED.springs]
+        stated = np.array([spring.stiffness for spring in STATED.springs])
+        value = stated * np.exp(true)
+        inside.append((estimate.lower[row] < value) & (value < estimate.upper[row]))
+    assert np.mean(inside) >= 0.85
