@@ -20,6 +20,7 @@ from robid.places.pooling import Pooled
 
 FEWEST_PLACES = 4
 """Number of places from which on their differences say how far a parameter may be off."""
+_BEYOND = 1.5  # times what was known of doubts beforehand: of many, chance makes a tenth of it
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ def find_spreads(
     far = None if suspicion is None else find_physical(problem, (near.values, internal), suspicion, confidence)
     if far is None:
         return Spreads(effective, effective, near.pooled.assumed, between)
-    told = f"{rule}, {differing}, and {_told(len(far.doubts.names), rigid=far.rigid)}"
+    told = f"{rule}, {differing}, and {_told(len(far.doubts.names), rigid=far.rigid)}{_beyond(far.further)}"
     physical = Spread(far.values, far.covariance, far.degrees_of_freedom, told)
     return Spreads(effective, physical, near.pooled.assumed, between, far.doubts)
 
@@ -142,6 +143,10 @@ def _carried(named: Named, far: Settled, confidence: float) -> NamedDoubts:
 def _told(count: int, *, rigid: bool) -> str:
     source = "what the rigid fit leaves open among " if rigid else ""
     return f"{source}{count} doubts of the robot file"
+
+
+def _beyond(further: float) -> str:
+    return f", which are {further:.1f} times as far off as stated" if further > _BEYOND else ""
 
 
 def _spread(settled: Settled, rule: str, confidence: float) -> Spread:

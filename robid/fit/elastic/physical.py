@@ -32,6 +32,8 @@ class Physical:
         degrees_of_freedom (n_param,): What the quantile of each interval follows.
         doubts: What places say of the doubts, springs that were put in place first.
         rigid: Whether a rigid fit says how far masses may be off.
+        further: How many times as far off as known beforehand the doubts are, at least 1: what is known was taken to be
+            known so much worse.
     """
 
     values: FloatArray
@@ -39,6 +41,7 @@ class Physical:
     degrees_of_freedom: FloatArray
     doubts: NamedDoubts
     rigid: bool
+    further: float = 1.0
 
 
 def find_physical(
@@ -104,6 +107,7 @@ def _estimated(
         degrees_of_freedom=told.degrees_of_freedom[own],
         doubts=_estimates(named, told, springs, confidence),
         rigid=named.rigid,
+        further=further,
     )
 
 

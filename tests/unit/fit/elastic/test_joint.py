@@ -1,6 +1,6 @@
 """Parameters and doubts estimated together, on robots that are off by what their file is doubted for."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from robid.fit.elastic.joint import Descent, Space, State, descend
 from robid.fit.elastic.named import Suspicion, linearise, name_doubts
 from robid.fit.elastic.optimizers import optimise
 from robid.fit.elastic.options import ElasticOptions
+from robid.robot.doubts import Doubts
 from robid.studies.trust.doubted import doubted_responses, draw_doubted
 
 FREQUENCY_HZ = np.geomspace(1.5, 70.0, 40)
@@ -130,3 +131,23 @@ def test_physical_intervals_hold_springs_of_robots_off_by_their_doubts():
         value = stated * np.exp(true)
         inside.append((estimate.lower[row] < value) & (value < estimate.upper[row]))
     assert np.mean(inside) >= 0.85
+
+
+def surer(robot, share):
+    """The robot with a file that says to be off by a share of what it says."""
+
+    def less(doubts):
+        return Doubts(**{each.name: share * getattr(doubts, each.name) for each in fields(Doubts)})
+
+    joints = tuple(replace(joint, doubts=less(joint.doubts)) for joint in robot.joints)
+    return replace(robot, joints=joints, doubts=less(robot.doubts))
+
+
+def test_doubts_beyond_belief_widen_what_is_known_and_say_so():
+    frf, _ = drawn(4)
+    as_stated, too_sure = (fit_elastic(robot, frf, OPTIONS, DELAY_S).estimate for robot in (STATED, surer(STATED, 0.2)))
+    assert "times as far off" not in as_stated.interval_rule
+    assert "times as far off as stated" in too_sure.interval_rule
+    # What is known five times too well is found out: intervals of gears are hardly narrower.
+    widths = [np.log(each.upper[:2] / each.lower[:2]) for each in (as_stated, too_sure)]
+    assert (widths[1] > 0.5 * widths[0]).all()
