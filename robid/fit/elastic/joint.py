@@ -165,7 +165,7 @@ class Space:
         """Returns the state that a vector (n,) is."""
         values = internal * self.unit
         point, amounts, each = np.split(values, [self.size, self.size + self.floor.size])
-        return State(point, amounts, each.reshape(-1, self.differing.size))
+        return State(point, amounts, each.reshape(self.places, self.differing.size))
 
     def added(self, state: State) -> FloatArray:
         """What places add (n_place, n_doubt), zero for doubts that are the same in all."""
@@ -261,10 +261,11 @@ class Descent:
         """Columns (n_conf, n_freq, n_out, n_in, n_doubt); how matrices move with a doubt is found once."""
         moves = [doubt for doubt in self._named.doubts if isinstance(doubt.direction, RobotMove)]
         others = [doubt for doubt in self._named.doubts if not isinstance(doubt.direction, RobotMove)]
-        if self._shifts is None:
+        if moves and self._shifts is None:
             self._shifts = shifts_of(off, state.point, moves)
         found = np.empty((*off.problem.frf.response.shape, len(self._named.doubts)), complex)
         arguments = off.problem, state.point, off.robot, off.options
         found[..., ~self._moves] = doubt_columns(*arguments, others, all_rest=False)
-        found[..., self._moves] = doubt_columns(*arguments, moves, shifts=self._shifts)
+        if moves:
+            found[..., self._moves] = doubt_columns(*arguments, moves, shifts=self._shifts)
         return found
