@@ -99,6 +99,12 @@ class HarmonicBalance:
         orders = np.arange(1, len(self.sine_nm) + 1) * angle
         return float(self.sine_nm @ np.sin(orders) + self.cosine_nm @ np.cos(orders))
 
+    def slope_nm_rad(self, angle: float) -> float:
+        """Returns the torque's derivative by the angle [N m/rad]."""
+        orders = np.arange(1, len(self.sine_nm) + 1)
+        cosines, sines = np.cos(orders * angle), np.sin(orders * angle)
+        return float(orders @ (self.sine_nm * cosines - self.cosine_nm * sines))
+
 
 @dataclass(frozen=True)
 class SpringBalance:

@@ -14,7 +14,6 @@ from robid.robot.gear_effects import GearEffects
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import Rest
 
-_GRADIENT_STEP_RAD = 1e-5
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE_RAD = 1e-12
 _STALE = 0.05  # of the step before
@@ -171,7 +170,7 @@ def linearize(
     names = output_names or tuple(joint.name for joint in model.robot.joints)
     factor = model.varying.factors(equilibrium.position)
     for row, position in enumerate(equilibrium.position):
-        load = _gravity_gradient(model, data, position)
+        load = gravity_gradient(model, data, position)
         if model.varying:
             load = load + _varying_gradient(model, equilibrium, row, factor[row])
         gravities.append(to_spring.T @ load @ to_spring)
@@ -240,7 +239,7 @@ def _settle(
         torque = linear * deflection + cubic * deflection**3
         besides = _gravity(model, data, position)
         if not gravity.size:
-            gravity = _gravity_gradient(model, data, position)
+            gravity = gravity_gradient(model, data, position)
         gradient = gravity
         if model.varying:
             energy = 0.5 * linear * deflection**2 + 0.25 * cubic * deflection**4
@@ -275,14 +274,29 @@ def _gravity(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
     return torque
 
 
-def _gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> FloatArray:
-    gradient = np.zeros((position.size, position.size))
-    for index in np.union1d(model.passive, model.arm):
-        step = np.zeros_like(position)
-        step[index] = _GRADIENT_STEP_RAD
-        difference = _gravity(model, data, position + step) - _gravity(model, data, position - step)
-        gradient[:, index] = difference / (2 * _GRADIENT_STEP_RAD)
-    return 0.5 * (gradient + gradient.T)
+def gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> FloatArray:
+    """Returns the gradient (n_dof, n_dof) of gravity's torque on all coordinates, counterbalances included [N m/rad].
+
+    What turns about an axis turns the moment of mass of all that comes after it.
+
+    Args:
+        model: The elastic model.
+        data: MuJoCo's, overwritten.
+        position (n_dof,): Where.
+    """
+    data.qpos[:] = position
+    mujoco.mj_kinematics(model.mujoco, data)
+    mujoco.mj_comPos(model.mujoco, data)
+    body, joint = model.mujoco.dof_bodyid, model.mujoco.dof_jntid
+    turns = (model.mujoco.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE)[:, None]
+    mass, axis = model.mujoco.body_subtreemass[body, None], data.xaxis[joint]
+    moment = mass * np.where(turns, np.cross(axis, data.subtree_com[body] - data.xanchor[joint]), axis)
+    later = -(np.cross(model.mujoco.opt.gravity, axis) * turns) @ moment.T * model.carries
+    gradient = later + np.triu(later, 1).T
+    for own, arm in zip(model.robot.joints, model.arm, strict=True):
+        if isinstance(own.counterbalance, HarmonicBalance):
+            gradient[arm, arm] -= own.counterbalance.slope_nm_rad(float(position[arm]))
+    return np.asarray(gradient)
 
 
 def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> tuple[FloatArray, FloatArray]:

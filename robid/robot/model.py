@@ -9,7 +9,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.robot.actuators import add_balance, add_static_friction, add_torque, motor_drives, set_passive
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Sensor, Spring
@@ -57,6 +57,15 @@ class ElasticModel:
     def varying(self) -> VaryingSprings:
         """The springs whose stiffness depends on a joint's position."""
         return VaryingSprings(self.robot.springs, self.arm)
+
+    @cached_property
+    def carries(self) -> BoolArray:
+        """Whether a coordinate moves all that another one moves (n_dof, n_dof), itself included."""
+        found = np.eye(self.mujoco.nv, dtype=bool)
+        for index, before in enumerate(self.mujoco.dof_parentid.tolist()):
+            if before >= 0:
+                found[:, index] |= found[:, before]
+        return found
 
     @property
     def to_spring(self) -> FloatArray:

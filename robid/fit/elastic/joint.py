@@ -10,9 +10,10 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.fit.elastic.doubts.column import RobotMove
-from robid.fit.elastic.doubts.columns import doubt_columns
-from robid.fit.elastic.doubts.off import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in, shifts_of
+from robid.fit.elastic.doubts.columns import doubt_columns, find_shifts
+from robid.fit.elastic.doubts.off import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
 from robid.fit.elastic.doubts.refit import expected_cost
+from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.named import Named, Suspicion, linearise
 from robid.fit.levenberg import Normal, minimise
@@ -72,10 +73,13 @@ def descend(named: Named, given: Suspicion) -> Joint:
     descent = Descent(named, given, space)
     near = np.clip(named.point, -_FARTHEST, _FARTHEST)
     point = np.where(named.problem.parameters.logarithmic, near, named.point)
-    best, cost = _lowest(descent, space, point)
+    explained = named.problem.cost(named.point) <= expected_cost(named.problem)
+    best, cost = _lowest(descent, space, point, _SHARES[-1:] if explained else _SHARES)
     if cost > expected_cost(named.problem):
         with suppress(DataError):
-            best, cost = min((best, cost), _lowest(descent, space, np.zeros_like(point)), key=lambda end: end[1])
+            best, cost = min(
+                (best, cost), _lowest(descent, space, np.zeros_like(point), _SHARES), key=lambda end: end[1]
+            )
     state = space.state(best)
     absent = (space.floor > 0) & (state.amounts <= space.floor)
     amounts = np.where(absent, 0.0, state.amounts)
@@ -83,10 +87,10 @@ def descend(named: Named, given: Suspicion) -> Joint:
     return Joint(after, cost)
 
 
-def _lowest(descent: Descent, space: Space, point: FloatArray) -> tuple[FloatArray, float]:
-    """Where a descent from a point (n_param,) ends, and the squares left there: first with small weights, then all."""
+def _lowest(descent: Descent, space: Space, point: FloatArray, shares: tuple[float, ...]) -> tuple[FloatArray, float]:
+    """Where a descent from a point (n_param,) with growing weights ends, and the squares left there."""
     now = space.internal(State(point, space.floor, np.zeros((space.places, space.differing.size))))
-    for share in _SHARES:
+    for share in shares:
         descent.share = share
         now = minimise(
             descent.cost,
@@ -192,7 +196,6 @@ class Descent:
         self._named, self._space = named, space
         self._given = replace(given, options=replace(given.options, statics="updates"))
         self._within, self._differing = are_put_in(named.doubts), may_differ(named.doubts)
-        self._moves = np.array([isinstance(doubt.direction, RobotMove) for doubt in named.doubts])
         self.share = 1.0
         self._shifts: Shifts | None = None
         self._columns: FloatArray = np.empty(0)
@@ -259,13 +262,8 @@ class Descent:
 
     def _doubt_columns(self, state: State, off: OffRobot) -> ComplexArray:
         """Columns (n_conf, n_freq, n_out, n_in, n_doubt); how matrices move with a doubt is found once."""
-        moves = [doubt for doubt in self._named.doubts if isinstance(doubt.direction, RobotMove)]
-        others = [doubt for doubt in self._named.doubts if not isinstance(doubt.direction, RobotMove)]
-        if moves and self._shifts is None:
-            self._shifts = shifts_of(off, state.point, moves)
-        found = np.empty((*off.problem.frf.response.shape, len(self._named.doubts)), complex)
         arguments = off.problem, state.point, off.robot, off.options
-        found[..., ~self._moves] = doubt_columns(*arguments, others, all_rest=False)
-        if moves:
-            found[..., self._moves] = doubt_columns(*arguments, moves, shifts=self._shifts)
-        return found
+        moves = [doubt for doubt in self._named.doubts if isinstance(doubt.direction, RobotMove)]
+        if moves and self._shifts is None:
+            self._shifts = find_shifts(Scene(*arguments), moves)
+        return doubt_columns(*arguments, self._named.doubts, all_rest=False, shifts=self._shifts)

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.fit.elastic.doubts.refit import SettledSprings, expected_cost, settle_springs
+from robid.fit.elastic.doubts.refit import SettledSprings, settle_springs
 from robid.fit.elastic.doubts.unseen import Told, UnseenSpring, leave_room, unseen_springs
 from robid.fit.elastic.effective import Settled, settle
 from robid.fit.elastic.joint import Joint, descend
@@ -65,7 +65,8 @@ def find_physical(
     named = name_doubts(problem, points if suspicion.rested else (np.zeros_like(points[-1]),), suspicion)
     if named is None:
         return None
-    alone = _descended(named, suspicion)
+    left = problem.cost(points[-1])
+    alone = _descended(named, suspicion, left)
     if alone is not None and alone.explains and not alone.lacks_springs:
         return _estimated(problem, alone.named, (), (), confidence)
     robot, options = suspicion.robot, suspicion.options
@@ -74,11 +75,11 @@ def find_physical(
     if extended is None:
         named = named if alone is None else alone.named
         return _estimated(problem, named, (), (), confidence) if suspicion.rested else None
-    if not suspicion.rested and found.cost > _EXPLAINED * problem.cost(points[-1]):
+    if not suspicion.rested and found.cost > _EXPLAINED * left:
         return None
     unseen = unseen_springs(found, extended)
     soft = _as_soft(extended, unseen)
-    together = _descended(soft, replace(suspicion, robot=found.robot, options=found.options))
+    together = _descended(soft, replace(suspicion, robot=found.robot, options=found.options), found.cost)
     return _estimated(problem, soft if together is None else together.named, found.springs, unseen, confidence)
 
 
@@ -111,17 +112,16 @@ def _estimated(
     )
 
 
-def _descended(named: Named, given: Suspicion) -> Joint | None:
+def _descended(named: Named, given: Suspicion, left: float) -> Joint | None:
     """Where parameters and doubts fit best together.
 
-    None where no robot rests, a rigid fit knows the masses, or no more is left than noise and assumed errors give.
+    None where no robot rests, a rigid fit knows the masses, or doubts explain little of what is left.
     """
-    if named.rigid or named.problem.cost(named.point) <= expected_cost(named.problem):
-        return None
     try:
-        return descend(named, given)
+        joint = None if named.rigid else descend(named, given)
     except DataError:
         return None
+    return joint if joint is not None and (joint.explains or joint.cost <= _EXPLAINED * left) else None
 
 
 def _how_much_further(named: Named, far: Settled) -> float:

@@ -53,7 +53,7 @@ def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> l
         spring = further.spring
         try:
             more = replace(robot, springs=(*robot.springs, spring))
-            problem = extend_problem(fitted.problem, fitted.internal, more, extend_options(options, (spring,)))
+            problem = extend_problem(fitted.problem, fitted.internal, more, extend_options(options, more, (spring,)))
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
         starts = _starts(robot, problem, spring, fitted)

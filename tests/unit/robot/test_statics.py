@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from exact_systems import springs_everywhere, two_joint_robot, two_mass_robot, with_spring_factors
+from exact_systems import arm_on_rail, springs_everywhere, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.errors import DataError
-from robid.robot.linearize import linearize, solve_statics
+from robid.robot.description import HarmonicBalance
+from robid.robot.linearize import gravity_gradient, gravity_torque, linearize, solve_statics
 from robid.robot.model import build_model
 
 CONFIGURATIONS = np.array([[0.0, 0.0], [-0.7, 1.1], [1.2, -0.4]])
@@ -47,6 +48,22 @@ def test_arm_sags_below_what_the_encoders_show():
     moment = 9.81 * (whole.mass_kg * whole.com_m[0] + robot.payload.mass_kg * robot.payload.com_m[0])
     np.testing.assert_allclose(rest.motor_torque[0, 1] * 100.0, moment, rtol=5e-3)
     np.testing.assert_allclose(rest.deflection[0, 1] * robot.springs[1].stiffness, moment, rtol=5e-3)
+
+
+def balanced():
+    robot = two_joint_robot()
+    balance = HarmonicBalance(np.array([3.0, 1.0]), np.array([2.0, -5.0]))
+    return replace(robot, joints=(robot.joints[0], replace(robot.joints[1], counterbalance=balance)))
+
+
+@pytest.mark.parametrize("robot", [two_joint_robot(), springs_everywhere(), arm_on_rail(), balanced()])
+def test_gravity_s_gradient_is_the_difference_of_its_torque(robot):
+    model = build_model(replace(robot, gravity_m_s2=np.array([1.0, -2.0, -9.0])), balanced=True)
+    position = np.random.default_rng(1).uniform(-0.7, 0.7, model.mujoco.nv)
+    moved = [gravity_torque(model, position + side * 1e-5 * np.eye(position.size)) for side in (-1, 1)]
+    wanted = ((moved[1] - moved[0]) / 2e-5).T
+    found = gravity_gradient(model, mujoco.MjData(model.mujoco), position)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
 
 
 def test_coupled_encoders_show_the_arm_angles_of_stiff_gears():

@@ -8,12 +8,13 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.fit.elastic.doubts.column import DoubtColumn
+from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
 from robid.robot.description import Robot
-from robid.robot.linearize import Shifts
+from robid.robot.expand import shifts_between
+from robid.robot.linearize import LinearModel, Shifts
 
 
 def doubt_columns(
@@ -35,7 +36,7 @@ def doubt_columns(
         options: Options of the fit.
         doubts: The doubts.
         all_rest: Whether robots that are a little off must rest; otherwise nothing is said of doubts where they do not.
-        shifts: How the robot's matrices move with the doubts, all of which are moves; found here when not given.
+        shifts: How the robot's matrices move with those doubts that are moves of it; found here when not given.
 
     Returns:
         Negative derivatives (n_conf, n_freq, n_out, n_in, n_doubt), to be put beside those by the parameters.
@@ -44,15 +45,51 @@ def doubt_columns(
         DataError: If a robot must rest and does not.
     """
     scene, kind = Scene(problem, internal, robot, options), problem.residual_kind
+    columns = np.empty((*problem.frf.response.shape, len(doubts)), complex)
     if not doubts:
-        return np.zeros((*problem.frf.response.shape, 0), complex)
+        return columns
+    together = np.array([scene.moves_matrices_alone and isinstance(doubt.direction, RobotMove) for doubt in doubts])
     with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly zero has no relative change
-        if shifts is not None:
-            columns = scene.along(shifts)
-        else:
-            columns = np.stack([_column(doubt, scene, must_rest=all_rest) for doubt in doubts], axis=-1)
+        for index in np.flatnonzero(~together).tolist():
+            columns[..., index] = _column(doubts[index], scene, must_rest=all_rest)
+        if together.any():
+            moves = [doubt for doubt in doubts if isinstance(doubt.direction, RobotMove)]
+            rested = scene.settled() if shifts is None else scene
+            columns[..., together] = rested.along(shifts or find_shifts(rested, moves, must_rest=all_rest))
     columns[scene.response.sampled == 0] = 0.0
     return kind.part(columns * kind.per_relative(scene.response.sampled)[..., None])
+
+
+def find_shifts(scene: Scene, moves: Sequence[DoubtColumn], *, must_rest: bool = True) -> Shifts:
+    """Finds how the matrices of a robot move with doubts that are moves of it.
+
+    Args:
+        scene: The robot.
+        moves: The doubts.
+        must_rest: Whether robots near it must rest; otherwise nothing moves with doubts where they do not.
+
+    Raises:
+        DataError: If a robot near it must rest and does not.
+    """
+    directions = [doubt.direction for doubt in moves if isinstance(doubt.direction, RobotMove)]
+    pairs = [_sides(scene, direction, must_rest=must_rest) for direction in directions]
+    width = 2 * np.array([direction.step for direction in directions])
+    nothing = np.zeros((len(pairs), len(scene.robot.joints)))
+    return shifts_between(pairs, width, nothing[:, 0], nothing)
+
+
+def _sides(scene: Scene, direction: RobotMove, *, must_rest: bool) -> tuple[LinearModel, LinearModel]:
+    """The robot with a little less and a little more of a doubt; as it is where one of them does not rest."""
+    try:
+        behind, ahead = (
+            scene.rested(direction.moved(scene.robot, step), scene.values)[0]
+            for step in (-direction.step, direction.step)
+        )
+    except DataError:
+        if must_rest:
+            raise
+        return scene.problem.model, scene.problem.model
+    return behind, ahead
 
 
 def _column(doubt: DoubtColumn, scene: Scene, *, must_rest: bool) -> ComplexArray:

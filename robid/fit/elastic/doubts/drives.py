@@ -18,6 +18,7 @@ from robid.robot.parameters import element_names
 
 if TYPE_CHECKING:
     from robid.fit.elastic.doubts.scene import Scene
+    from robid.robot.response import ElasticParameters
 
 _OF_PLACE = 0.25  # of a torque constant's deviation: what temperature does between places
 _PERCENT = 100.0
@@ -101,8 +102,11 @@ class ArmFriction:
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
-        size = _TURN_10_HZ * scene.values.link_inertia[self.joint] / _PERCENT
-        return np.asarray(scene.arm_slopes[..., self.joint] * size)
+        return np.asarray(scene.arm_slopes[..., self.joint] * self.size(scene.values))
+
+    def size(self, values: ElasticParameters) -> float:
+        """Viscous friction that an amount of one is [N m s/rad, or N s/m]."""
+        return _TURN_10_HZ * float(values.link_inertia[self.joint]) / _PERCENT
 
 
 @dataclass(frozen=True)

@@ -13,23 +13,28 @@ from robid.fit.elastic.parameters import map_parameters
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.rest_model import rest_model
 from robid.robot.description import Robot, Spring
-from robid.robot.parameters import names_of
+from robid.robot.parameters import element_names
 from robid.robot.response import ElasticParameters, nominal_parameters
 
 
-def extend_options(options: ElasticOptions, springs: Sequence[Spring]) -> ElasticOptions:
+def extend_options(options: ElasticOptions, robot: Robot, springs: Sequence[Spring]) -> ElasticOptions:
     """Returns options with which stiffness and damping of further springs are free, their locations are not."""
     free = tuple(dict.fromkeys([*options.kinds, "stiffness", "damping", *options.freed]))
-    located = names_of("location", springs, []) if "location" in free else []
-    fixed = (*options.fixed, *(name for name in located if name is not None))
+    located = [name for spring in springs for name in _names_of(spring, robot, ("location",))]
+    fixed = (*options.fixed, *(located if "location" in free else ()))
     return replace(options, free=free, fixed=fixed, statics="updates")
 
 
-def hold_options(options: ElasticOptions, spring: Spring) -> ElasticOptions:
+def hold_options(options: ElasticOptions, robot: Robot, spring: Spring) -> ElasticOptions:
     """Returns options with which a further spring stays as it is."""
-    names = [name for kind in options.kinds for name in names_of(kind, [spring], []) if name is not None]
-    own = [name for name in names if name.startswith(f"{spring.name}.")]
-    return replace(options, fixed=(*options.fixed, *own), statics="updates")
+    return replace(options, fixed=(*options.fixed, *_names_of(spring, robot, options.kinds)), statics="updates")
+
+
+def _names_of(spring: Spring, robot: Robot, kinds: Sequence[str]) -> list[str]:
+    """What a fit could estimate of a spring."""
+    alone = replace(robot, springs=(spring,))
+    names = (name for kind in kinds for name in element_names(alone, kind) if name is not None)
+    return [name for name in names if name.startswith(f"{spring.name}.")]
 
 
 def extend_problem(problem: Problem, internal: FloatArray, robot: Robot, options: ElasticOptions) -> Problem:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import MotorFriction
+from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare
 from robid.fit.elastic.doubts.extension import extended_values, hold_options
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
 from robid.fit.elastic.doubts.scene import Scene
@@ -19,14 +19,12 @@ from robid.fit.elastic.parameters import map_parameters
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.rest_model import rest_model
 from robid.robot.description import Robot
-from robid.robot.expand import shifts_between
-from robid.robot.linearize import Shifts
-from robid.robot.response import nominal_parameters
+from robid.robot.response import ElasticParameters, nominal_parameters
 
 _PERCENT = 100.0
 _OF_GEARS = (Hysteresis, LoadStiffness)
 _OF_PLACES = (*_OF_GEARS, MotorFriction)
-LEAST_COMPLIANCE = 0.01
+LEAST_COMPLIANCE = 0.001
 """Percent of a gear's compliance up to which a spring is as good as not there."""
 
 
@@ -47,7 +45,7 @@ class OffRobot:
 
 def are_put_in(doubts: Sequence[DoubtColumn]) -> BoolArray:
     """Tells which doubts (n_doubt,) a robot can be off by; the others do to its response what their columns say."""
-    kinds = (RobotMove, Compliance, *_OF_PLACES)
+    kinds = (RobotMove, Compliance, RotorShare, ArmFriction, *_OF_PLACES)
     return np.array([isinstance(doubt.direction, kinds) for doubt in doubts], bool)
 
 
@@ -87,18 +85,30 @@ def put_in(
         elif isinstance(doubt.direction, Compliance) and amount >= LEAST_COMPLIANCE:
             further.append(stiffened(doubt.direction.spring, _PERCENT / amount))
     for spring in further:
-        options = hold_options(options, spring)
+        options = hold_options(options, robot, spring)
     values = extended_values(problem.parameters.parameters(point), further)
     robot = replace(robot, springs=(*robot.springs, *further))
     options = replace(options, statics=statics)
     model = rest_model(robot, frf, options, float(values.delay[0]), values)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    parameters = map_parameters(robot, nominal_parameters(robot, model, delay_s), options, *known)
+    nominal = _with_drives(nominal_parameters(robot, model, delay_s), doubts, amounts)
+    parameters = map_parameters(robot, nominal, options, *known)
     resting = replace(problem, model=model, parameters=parameters)
     off = amounts + (np.zeros((len(frf.configurations), 1)) if added is None else added)
     scene = Scene(resting, point, robot, options)
     model = replace(model, added=_added(scene, doubts, off), clinging=_clinging(scene, doubts, off))
     return OffRobot(robot, options, replace(resting, model=model))
+
+
+def _with_drives(nominal: ElasticParameters, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ElasticParameters:
+    """The values that no fit estimates with rotors and arms' friction that are off."""
+    rotors, arms = nominal.motor_inertia.copy(), nominal.arm_viscous.copy()
+    for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
+        if isinstance(doubt.direction, RotorShare):
+            rotors[doubt.direction.joint] *= 1 + amount / _PERCENT
+        elif isinstance(doubt.direction, ArmFriction):
+            arms[doubt.direction.joint] += amount * doubt.direction.size(nominal)
+    return replace(nominal, motor_inertia=rotors, arm_viscous=arms)
 
 
 def _added(scene: Scene, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ComplexArray | None:
@@ -117,19 +127,3 @@ def _clinging(scene: Scene, doubts: Sequence[DoubtColumn], amounts: FloatArray) 
         if isinstance(doubt.direction, MotorFriction):
             clinging[:, doubt.direction.joint] += off * doubt.direction.stiffness(scene)
     return clinging if clinging.any() else None
-
-
-def shifts_of(off: OffRobot, point: FloatArray, moves: Sequence[DoubtColumn]) -> Shifts:
-    """Finds how the matrices of a robot move with doubts that are moves of it.
-
-    Raises:
-        DataError: If a robot near it does not rest.
-    """
-    scene, pairs, steps = Scene(off.problem, point, off.robot, off.options), [], []
-    here = scene.rested(off.robot, scene.values)[0]
-    for doubt in moves:
-        if isinstance(doubt.direction, RobotMove):
-            steps.append(doubt.direction.step)
-            pairs.append((here, scene.rested(doubt.direction.moved(off.robot, steps[-1]), scene.values)[0]))
-    nothing = np.zeros((len(pairs), len(off.robot.joints)))
-    return shifts_between(pairs, np.array(steps), nothing[:, 0], nothing)

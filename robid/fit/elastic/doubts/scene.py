@@ -110,6 +110,15 @@ class Scene:
         model = replace(model, added=added, clinging=self.problem.model.clinging)
         return model, with_values(values, "link_inertia", inertia)
 
+    @property
+    def moves_matrices_alone(self) -> bool:
+        """Whether a robot that is off has other matrices and nothing else: no stiffness that grows with its load."""
+        return self.problem.model.shifts is None and not self.values.cubic.any()
+
+    def settled(self) -> Scene:
+        """The same where gravity lets the robot rest with these values."""
+        return replace(self, problem=replace(self.problem, model=self.rested(self.robot, self.values)[0]))
+
     def along(self, shifts: Shifts) -> ComplexArray:
         """Derivatives (n_conf, n_freq, n_out, n_in, n_shift) of the log response along shifts of the matrices."""
         model = replace(self.response.model, shifts=shifts, effects=None)

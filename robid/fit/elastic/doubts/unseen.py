@@ -65,7 +65,7 @@ def unseen_springs(found: SettledSprings, named: Named) -> tuple[UnseenSpring, .
 def _with(found: SettledSprings, spring: Spring) -> SettledSprings | None:
     """The fit with one spring more, which stays as it is; None where the robot does not rest so."""
     robot = replace(found.robot, springs=(*found.robot.springs, spring))
-    options = hold_options(found.options, spring)
+    options = hold_options(found.options, found.robot, spring)
     try:
         problem = extend_problem(found.problem, found.internal, robot, options)
     except DataError:

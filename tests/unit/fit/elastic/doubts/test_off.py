@@ -12,7 +12,8 @@ from robid.fit.elastic.doubts.columns import doubt_columns
 from robid.fit.elastic.doubts.drives import MotorFriction
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
 from robid.fit.elastic.doubts.listing import list_doubts
-from robid.fit.elastic.doubts.off import are_put_in, may_differ, put_in, shifts_of
+from robid.fit.elastic.doubts.off import are_put_in, may_differ, put_in
+from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.fitting import set_up
 from robid.fit.elastic.options import ElasticOptions
@@ -116,8 +117,9 @@ def test_matrices_move_once_and_for_all(problem):
     off = put_in(problem, point, robot, OPTIONS, doubts, amounts, added)
     arguments = off.problem, point, off.robot, off.options
     moves = [doubt for doubt in doubts if doubt.cause in ("masses", "payload")]
-    found = doubt_columns(*arguments, moves, shifts=shifts_of(off, point, moves))
-    wanted = doubt_columns(*arguments, moves)
+    found = doubt_columns(*arguments, moves)
+    scene = Scene(*arguments)
+    wanted = off.problem.residual_kind.part(np.stack([doubt.direction.column(scene) for doubt in moves], axis=-1))
     np.testing.assert_allclose(found, wanted, rtol=0, atol=2e-3 * np.abs(wanted).max())
 
 

@@ -104,9 +104,9 @@ def test_what_ran_away_for_lack_of_a_bearing_comes_back(seed):
         assert np.log(estimate.upper[row] / estimate.lower[row]) < 2 * widest
 
 
-def without_rest(stated, true):
+def without_rest(stated, frf):
     """What is found where the springs that fit best give way: here a forearm that hardly holds."""
-    problem, _ = set_up(stated, measured_in(true), OPTIONS, DELAY_S)
+    problem, _ = set_up(stated, frf, OPTIONS, DELAY_S)
     end = np.zeros(len(problem.parameters.names))
     end[problem.parameters.names.index("forearm.stiffness")] = -4.0
     given = Suspicion(stated, OPTIONS, rested=False)
@@ -115,7 +115,7 @@ def without_rest(stated, true):
 
 def test_a_missing_bearing_is_looked_for_where_the_robot_does_not_rest():
     true = with_bearings(wrist(60.0), SOFTNESS, SOFTNESS)
-    names, found = without_rest(without_spring(wrist(60.0), "bearing_1"), true)
+    names, found = without_rest(without_spring(wrist(60.0), "bearing_1"), measured_in(true))
     assert names == ("gear_1.stiffness", "gear_2.stiffness", "forearm.stiffness")
     std = np.sqrt(np.diag(found.covariance))[:3]
     assert (np.abs(found.values[:3]) < 2.5 * std).all()
@@ -123,8 +123,16 @@ def test_a_missing_bearing_is_looked_for_where_the_robot_does_not_rest():
     assert found.doubts.names[0] == "bearing_shoulder_x.compliance"
 
 
-def test_nothing_is_said_where_no_bearing_explains_why_it_does_not_rest():
-    _, found = without_rest(wrist(60.0), wrist(60.0))
+def test_a_robot_that_its_file_explains_is_found_where_the_fit_does_not_rest():
+    _, found = without_rest(wrist(60.0), measured_in(wrist(60.0)))
+    assert found.doubts.names[0] != "bearing_shoulder_x.compliance"
+    np.testing.assert_allclose(found.values[:4], 0.0, atol=0.03)
+
+
+def test_nothing_is_said_where_nothing_explains_why_it_does_not_rest():
+    frf = measured_in(wrist(60.0))
+    wrong = frf.response * (1 + 0.9 * np.sin(FREQUENCY_HZ))[:, None, None]
+    _, found = without_rest(wrist(60.0), replace(frf, response=wrong))
     assert found is None
 
 
