@@ -14,6 +14,7 @@ from robid.robot.gear_effects import GearEffects
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import Rest
 
+_AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]  # of x, y and z
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE_RAD = 1e-12
 _STALE = 0.05  # of the step before
@@ -274,6 +275,11 @@ def _gravity(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
     return torque
 
 
+def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Cross products (n, 3), a fifth of the time that numpy takes for few."""
+    return np.asarray(first[..., _AFTER] * second[..., _BEFORE] - first[..., _BEFORE] * second[..., _AFTER])
+
+
 def gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> FloatArray:
     """Returns the gradient (n_dof, n_dof) of gravity's torque on all coordinates, counterbalances included [N m/rad].
 
@@ -290,8 +296,8 @@ def gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatAr
     body, joint = model.mujoco.dof_bodyid, model.mujoco.dof_jntid
     turns = (model.mujoco.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE)[:, None]
     mass, axis = model.mujoco.body_subtreemass[body, None], data.xaxis[joint]
-    moment = mass * np.where(turns, np.cross(axis, data.subtree_com[body] - data.xanchor[joint]), axis)
-    later = -(np.cross(model.mujoco.opt.gravity, axis) * turns) @ moment.T * model.carries
+    moment = mass * np.where(turns, _cross(axis, data.subtree_com[body] - data.xanchor[joint]), axis)
+    later = -(_cross(model.mujoco.opt.gravity, axis) * turns) @ moment.T * model.carries
     gradient = later + np.triu(later, 1).T
     for own, arm in zip(model.robot.joints, model.arm, strict=True):
         if isinstance(own.counterbalance, HarmonicBalance):

@@ -15,7 +15,7 @@ from robid.fit.elastic.doubts.off import LEAST_COMPLIANCE, OffRobot, are_put_in,
 from robid.fit.elastic.doubts.refit import expected_cost
 from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.doubts.springs import Compliance
-from robid.fit.elastic.named import Named, Suspicion, linearise
+from robid.fit.elastic.named import Listed, Named, Suspicion, linearise
 from robid.fit.levenberg import Normal, minimise
 from robid.places.grouping import spread_over
 from robid.robot.linearize import Shifts
@@ -53,14 +53,14 @@ class Joint:
         return bool((self.named.amounts > _SURPRISING * self.named.common_std)[missing].any())
 
 
-def descend(named: Named, given: Suspicion) -> Joint:
+def descend(listed: Listed, given: Suspicion) -> Joint:
     """Estimates parameters and doubts together, places with what each adds to the doubts that differ between them.
 
     A robot's resonances are narrow: some percent of a spring, a mass or a bristle move them by more than their width,
     and their columns say nothing any more. So the robot is put together anew at each point.
 
     Args:
-        named: The doubts, linearised where the descent begins; all their amounts are zero.
+        listed: The doubts, and where the descent begins.
         given: What is taken for granted.
 
     Returns:
@@ -69,22 +69,20 @@ def descend(named: Named, given: Suspicion) -> Joint:
     Raises:
         DataError: If a robot near that does not rest.
     """
-    space = Space.of(named)
-    descent = Descent(named, given, space)
-    near = np.clip(named.point, -_FARTHEST, _FARTHEST)
-    point = np.where(named.problem.parameters.logarithmic, near, named.point)
-    explained = named.problem.cost(named.point) <= expected_cost(named.problem)
+    problem, space = listed.problem, Space.of(listed)
+    descent = Descent(listed, given, space)
+    near = np.clip(listed.point, -_FARTHEST, _FARTHEST)
+    point = np.where(problem.parameters.logarithmic, near, listed.point)
+    explained = problem.cost(listed.point) <= expected_cost(problem)
     best, cost = _lowest(descent, space, point, _SHARES[-1:] if explained else _SHARES)
-    if cost > expected_cost(named.problem):
+    if cost > expected_cost(problem):
         with suppress(DataError):
             best, cost = min(
                 (best, cost), _lowest(descent, space, np.zeros_like(point), _SHARES), key=lambda end: end[1]
             )
     state = space.state(best)
-    absent = (space.floor > 0) & (state.amounts <= space.floor)
-    amounts = np.where(absent, 0.0, state.amounts)
-    after = linearise(named.problem, named.doubts, state.point, given, amounts, space.added(state), all_rest=False)
-    return Joint(after, cost)
+    where = problem, listed.doubts, state.point, given, state.amounts, space.added(state)
+    return Joint(linearise(*where, all_rest=False, shifts=descent.shifts), cost)
 
 
 def _lowest(descent: Descent, space: Space, point: FloatArray, shares: tuple[float, ...]) -> tuple[FloatArray, float]:
@@ -138,15 +136,15 @@ class Space:
     places: int
 
     @classmethod
-    def of(cls, named: Named) -> Space:
+    def of(cls, listed: Listed) -> Space:
         """Returns the space of doubts with their parameters."""
-        parameters, doubts = named.problem.parameters, named.doubts
+        parameters, doubts = listed.problem.parameters, listed.doubts
         missing = np.array([isinstance(doubt.direction, Compliance) for doubt in doubts])
         floor = np.where(missing, 2 * LEAST_COMPLIANCE, 0.0)
-        differing = np.flatnonzero(named.place_std)
-        added = np.tile(named.place_std[differing], len(named.places))
-        std = np.concatenate([parameters.prior_std, named.common_std, added])
-        unit = np.concatenate([np.full(named.point.size, _LONGEST), _LONGEST_STD * std[named.point.size :]])
+        differing = np.flatnonzero(listed.place_std)
+        added = np.tile(listed.place_std[differing], len(listed.places))
+        std = np.concatenate([parameters.prior_std, listed.common_std, added])
+        unit = np.concatenate([np.full(listed.point.size, _LONGEST), _LONGEST_STD * std[listed.point.size :]])
         least = np.maximum([doubt.least for doubt in doubts], np.where(missing, floor, -np.inf))
         most = np.array([doubt.most for doubt in doubts])
         free = np.full(added.size, np.inf)
@@ -157,8 +155,8 @@ class Space:
             upper=np.concatenate([parameters.upper, most, free]) / unit,
             floor=floor,
             differing=differing,
-            size=named.point.size,
-            places=len(named.places),
+            size=listed.point.size,
+            places=len(listed.places),
         )
 
     def internal(self, state: State) -> FloatArray:
@@ -183,21 +181,22 @@ class Descent:
 
     Attributes:
         share: Weight of what is measured, 1 for that of the problem.
+        shifts: How the robot's matrices move with its doubts; None before the first derivative, or without moves.
     """
 
-    def __init__(self, named: Named, given: Suspicion, space: Space) -> None:
+    def __init__(self, listed: Listed, given: Suspicion, space: Space) -> None:
         """Begins a descent.
 
         Args:
-            named: The doubts, linearised where the robot is right.
+            listed: The doubts.
             given: What is taken for granted.
             space: What is estimated.
         """
-        self._named, self._space = named, space
+        self._listed, self._space = listed, space
         self._given = replace(given, options=replace(given.options, statics="updates"))
-        self._within, self._differing = are_put_in(named.doubts), may_differ(named.doubts)
+        self._within, self._differing = are_put_in(listed.doubts), may_differ(listed.doubts)
         self.share = 1.0
-        self._shifts: Shifts | None = None
+        self.shifts: Shifts | None = None
         self._columns: FloatArray = np.empty(0)
         self._seen: tuple[FloatArray, OffRobot] | None = None
 
@@ -222,7 +221,7 @@ class Descent:
         self._columns = off.problem.rows(self._doubt_columns(state, off))
         left = self._left(internal, off)
         derivative = np.concatenate([off.problem.rows(off.problem.linear(state.point)[1]), self._columns], axis=-1)
-        places = self._named.places
+        places = self._listed.places
         whole = derivative.shape[-1]
         own = self._space.size + self._space.differing
         hessian, score = np.diag(self._space.precision), np.zeros(internal.size)
@@ -240,10 +239,10 @@ class Descent:
     def _off(self, internal: FloatArray) -> OffRobot:
         if self._seen is None or not np.array_equal(self._seen[0], internal):
             state = self._space.state(internal)
-            named, given = self._named, self._given
-            each = spread_over(named.places, self._space.added(state))
-            known = named.problem, state.point, given.robot, given.options
-            self._seen = internal.copy(), put_in(*known, named.doubts, state.amounts, each)
+            listed, given = self._listed, self._given
+            each = spread_over(listed.places, self._space.added(state))
+            known = listed.problem, state.point, given.robot, given.options
+            self._seen = internal.copy(), put_in(*known, listed.doubts, state.amounts, each)
         return self._seen[1]
 
     def _left(self, internal: FloatArray, off: OffRobot) -> FloatArray:
@@ -256,14 +255,14 @@ class Descent:
             return left
         added = self._space.added(state)
         beside = state.amounts * ~self._within + added * ~self._differing
-        for place, amounts in zip(self._named.places, beside, strict=True):
+        for place, amounts in zip(self._listed.places, beside, strict=True):
             left[place] -= self._columns[place] @ amounts
         return left
 
     def _doubt_columns(self, state: State, off: OffRobot) -> ComplexArray:
         """Columns (n_conf, n_freq, n_out, n_in, n_doubt); how matrices move with a doubt is found once."""
         arguments = off.problem, state.point, off.robot, off.options
-        moves = [doubt for doubt in self._named.doubts if isinstance(doubt.direction, RobotMove)]
-        if moves and self._shifts is None:
-            self._shifts = find_shifts(Scene(*arguments), moves)
-        return doubt_columns(*arguments, self._named.doubts, all_rest=False, shifts=self._shifts)
+        moves = [doubt for doubt in self._listed.doubts if isinstance(doubt.direction, RobotMove)]
+        if moves and self.shifts is None:
+            self.shifts = find_shifts(Scene(*arguments), moves)
+        return doubt_columns(*arguments, self._listed.doubts, all_rest=False, shifts=self.shifts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,47 +21,32 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
 from robid.places.grouping import group_places, spread_over
 from robid.robot.description import Robot
+from robid.robot.linearize import Shifts
 
 _KNOWN_TORQUE = "N m"
 
 
 @dataclass(frozen=True)
-class Named:
-    """Doubts with what they do to the residual.
+class Listed:
+    """What the robot file may have wrong.
 
     Attributes:
         doubts: The doubts.
         problem: The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link
             weighs, or what acts alike seems to be told apart.
-        point (n_param,): Internal parameters where all is linearised.
-        amounts (n_doubt,): By how much all is off where it is linearised; the problem's robot is, along doubts that can
-            be put into one.
-        columns (n_conf, n_freq, n_out, n_in, n_doubt): Negative derivatives of the residual by their amounts.
+        point (n_param,): Internal parameters.
         rigid: Whether a rigid fit says how far masses may be off.
-        added (n_place, n_doubt): What each place adds to the amounts there; the problem's gears have it already.
     """
 
     doubts: tuple[DoubtColumn, ...]
     problem: Problem
     point: FloatArray
-    amounts: FloatArray
-    columns: ComplexArray
     rigid: bool
-    added: FloatArray
 
     @cached_property
     def places(self) -> list[list[int]]:
         """Indices of the configurations of each place."""
         return group_places(self.problem.frf.configurations)
-
-    @property
-    def error(self) -> ComplexArray:
-        """What is left (n_conf, n_freq, n_out, n_in) at the point by the amounts alone: without what places add."""
-        error = self.problem.residual(self.point, self.problem.model_response(self.point))
-        without = self.added * may_differ(self.doubts) - self.amounts * ~are_put_in(self.doubts)
-        for place, own in zip(self.places, without, strict=True):
-            error[place] += self.columns[place] @ own
-        return error
 
     @property
     def common_std(self) -> FloatArray:
@@ -71,6 +57,31 @@ class Named:
     def place_std(self) -> FloatArray:
         """Deviation (n_doubt,) of what each place adds."""
         return np.array([doubt.place_std for doubt in self.doubts])
+
+
+@dataclass(frozen=True)
+class Named(Listed):
+    """Doubts with what they do to the residual, linearised at the point.
+
+    Attributes:
+        amounts (n_doubt,): By how much all is off where it is linearised; the problem's robot is, along doubts that can
+            be put into one.
+        columns (n_conf, n_freq, n_out, n_in, n_doubt): Negative derivatives of the residual by their amounts.
+        added (n_place, n_doubt): What each place adds to the amounts there; the problem's gears have it already.
+    """
+
+    amounts: FloatArray
+    columns: ComplexArray
+    added: FloatArray
+
+    @property
+    def error(self) -> ComplexArray:
+        """What is left (n_conf, n_freq, n_out, n_in) at the point by the amounts alone: without what places add."""
+        error = self.problem.residual(self.point, self.problem.model_response(self.point))
+        without = self.added * may_differ(self.doubts) - self.amounts * ~are_put_in(self.doubts)
+        for place, own in zip(self.places, without, strict=True):
+            error[place] += self.columns[place] @ own
+        return error
 
     @property
     def least_shift(self) -> FloatArray:
@@ -99,8 +110,6 @@ class Suspicion:
 def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion) -> Named | None:
     """Lists what the robot file may have wrong and linearises it.
 
-    A torque constant that is estimated along, or that every value is a ratio to, is none of them.
-
     Args:
         problem: The problem.
         points: Internal parameters (n_param,) to linearise at: the first where the robot and those near it rest.
@@ -109,20 +118,47 @@ def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion
     Returns:
         The doubts; None where there are none, or the robot rests nowhere.
     """
+    doubts = _doubts_of(problem, given)
+    for point in points if doubts else ():
+        with suppress(DataError):
+            return linearise(problem, doubts, point, given)
+    return None
+
+
+def suspect(problem: Problem, points: Sequence[FloatArray], given: Suspicion) -> Listed | None:
+    """Lists what the robot file may have wrong.
+
+    Args:
+        problem: The problem.
+        points: Internal parameters (n_param,) to look at: the first where the robot rests.
+        given: What is taken for granted.
+
+    Returns:
+        The doubts; None where there are none, or the robot rests nowhere.
+    """
+    doubts = _doubts_of(problem, given)
+    nothing = np.zeros(len(doubts))
+    for point in points if doubts else ():
+        with suppress(DataError):
+            off = put_in(problem, point, given.robot, _anywhere(given), doubts, nothing)
+            return Listed(doubts, off.problem, point, bool(given.doubtful))
+    return None
+
+
+def _doubts_of(problem: Problem, given: Suspicion) -> tuple[DoubtColumn, ...]:
+    """All doubts but those of torque constants that are estimated along, or that every value is a ratio to."""
     constants = {f"{joint.name}.torque_constant" for joint in given.robot.joints}
     listed = list_doubts(given.robot, given.options, given.doubtful)
     if problem.frf.input_unit == _KNOWN_TORQUE:
         along = {name for name in constants if name.replace("constant", "scale") in problem.parameters.names}
         kept = (left_of_freed(doubt) if doubt.name in along else doubt for doubt in listed)
-        doubts = tuple(doubt for doubt in kept if doubt is not None)
-    else:
-        doubts = tuple(doubt for doubt in listed if doubt.name not in constants)
-    for point in points if doubts else ():
-        try:
-            return linearise(problem, doubts, point, given)
-        except DataError:
-            continue
-    return None
+        return tuple(doubt for doubt in kept if doubt is not None)
+    return tuple(doubt for doubt in listed if doubt.name not in constants)
+
+
+def _anywhere(given: Suspicion) -> ElasticOptions:
+    """Options with which the robot rests anew for all values."""
+    return replace(given.options, statics="every_iterate")
 
 
 def linearise(
@@ -134,6 +170,7 @@ def linearise(
     added: FloatArray | None = None,
     *,
     all_rest: bool = True,
+    shifts: Shifts | None = None,
 ) -> Named:
     """Linearises doubts at a robot that is off by them.
 
@@ -145,6 +182,7 @@ def linearise(
         amounts (n_doubt,): By how much all is off; nothing when not given.
         added (n_place, n_doubt): What each place adds to that; nothing when not given.
         all_rest: Whether robots near it must rest; otherwise nothing is said of doubts along which they do not.
+        shifts: How that robot's matrices move with doubts that are moves of it; found here when not given.
 
     Raises:
         DataError: If that robot does not rest, or one near it that must.
@@ -153,6 +191,6 @@ def linearise(
     amounts = np.zeros(len(doubts)) if amounts is None else amounts
     added = np.zeros((len(places), len(doubts))) if added is None else added
     each = spread_over(places, added)
-    off = put_in(problem, point, given.robot, replace(given.options, statics="every_iterate"), doubts, amounts, each)
-    columns = doubt_columns(off.problem, point, off.robot, off.options, doubts, all_rest=all_rest)
-    return Named(doubts, off.problem, point, amounts, columns, bool(given.doubtful), added)
+    off = put_in(problem, point, given.robot, _anywhere(given), doubts, amounts, each)
+    columns = doubt_columns(off.problem, point, off.robot, off.options, doubts, all_rest=all_rest, shifts=shifts)
+    return Named(doubts, off.problem, point, bool(given.doubtful), amounts, columns, added)

@@ -13,7 +13,7 @@ from robid.fit.elastic.doubts.refit import SettledSprings, settle_springs
 from robid.fit.elastic.doubts.unseen import Told, UnseenSpring, leave_room, unseen_springs
 from robid.fit.elastic.effective import Settled, settle
 from robid.fit.elastic.joint import Joint, descend
-from robid.fit.elastic.named import Named, Suspicion, name_doubts
+from robid.fit.elastic.named import Listed, Named, Suspicion, name_doubts, suspect
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.solution import NamedDoubts
 from robid.fit.elastic.uncertainty import influence
@@ -62,13 +62,17 @@ def find_physical(
     Returns:
         The parameters; None where there are no doubts, or the robot rests nowhere with what is found.
     """
-    named = name_doubts(problem, points if suspicion.rested else (np.zeros_like(points[-1]),), suspicion)
-    if named is None:
+    near = points if suspicion.rested else (np.zeros_like(points[-1]),)
+    listed = suspect(problem, near, suspicion)
+    if listed is None:
         return None
     left = problem.cost(points[-1])
-    alone = _descended(named, suspicion, left)
+    alone = _descended(listed, suspicion, left)
     if alone is not None and alone.explains and not alone.lacks_springs:
         return _estimated(problem, alone.named, (), (), confidence)
+    named = name_doubts(problem, near, suspicion)
+    if named is None:
+        return None
     robot, options = suspicion.robot, suspicion.options
     found = settle_springs(problem, named.point, robot, options, named.doubts, named.columns)
     extended = _extended(found, suspicion) if found.springs else None
@@ -112,13 +116,13 @@ def _estimated(
     )
 
 
-def _descended(named: Named, given: Suspicion, left: float) -> Joint | None:
+def _descended(listed: Listed, given: Suspicion, left: float) -> Joint | None:
     """Where parameters and doubts fit best together.
 
     None where no robot rests, a rigid fit knows the masses, or doubts explain little of what is left.
     """
     try:
-        joint = None if named.rigid else descend(named, given)
+        joint = None if listed.rigid else descend(listed, given)
     except DataError:
         return None
     return joint if joint is not None and (joint.explains or joint.cost <= _EXPLAINED * left) else None
