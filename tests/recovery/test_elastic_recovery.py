@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exact_systems import exact_frf, friction_frf, two_joint_robot, two_mass_robot, with_spring_factors
+from exact_systems import certain, exact_frf, friction_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions, Weights
@@ -111,7 +111,7 @@ def test_with_noise_within_the_predicted_deviations():
     ids=["logarithmic, optimal", "logarithmic, user", "plain, optimal"],
 )
 def test_sandwich_against_monte_carlo(options):
-    robot, runs = two_mass_robot(damping=0.5, viscous=0.01), 150
+    robot, runs = certain(two_mass_robot(damping=0.5, viscous=0.01)), 150
     options = replace(options, free=("stiffness", "damping", "viscous", "motor_inertia", "delay"), statics_updates=0)
     found, claimed, covered = [], [], []
     truth = truth_of(robot, 5e-4)

@@ -13,7 +13,7 @@ from robid.fit.elastic.doubts.column import RobotMove
 from robid.fit.elastic.doubts.columns import doubt_columns, find_shifts
 from robid.fit.elastic.doubts.off import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
 from robid.fit.elastic.doubts.refit import expected_cost
-from robid.fit.elastic.doubts.scene import Scene
+from robid.fit.elastic.doubts.scene import Scene, moves_matrices_alone
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.named import Listed, Named, Suspicion, linearise
 from robid.fit.levenberg import Normal, minimise
@@ -82,7 +82,8 @@ def descend(listed: Listed, given: Suspicion) -> Joint:
             )
     state = space.state(best)
     where = problem, listed.doubts, state.point, given, state.amounts, space.added(state)
-    return Joint(linearise(*where, all_rest=False, shifts=descent.shifts), cost)
+    shifts = descent.shifts if moves_matrices_alone(problem, state.point) else None
+    return Joint(linearise(*where, all_rest=False, shifts=shifts), cost)
 
 
 def _lowest(descent: Descent, space: Space, point: FloatArray, shares: tuple[float, ...]) -> tuple[FloatArray, float]:

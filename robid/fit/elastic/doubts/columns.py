@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.scene import Scene
+from robid.fit.elastic.doubts.scene import Scene, moves_matrices_alone
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import Problem
 from robid.robot.description import Robot
@@ -36,7 +36,8 @@ def doubt_columns(
         options: Options of the fit.
         doubts: The doubts.
         all_rest: Whether robots that are a little off must rest; otherwise nothing is said of doubts where they do not.
-        shifts: How the robot's matrices move with those doubts that are moves of it; found here when not given.
+        shifts: How the matrices of the robot, which is at rest, move with those doubts that are moves of it; found here
+            when not given, together with how loaded springs stiffen.
 
     Returns:
         Negative derivatives (n_conf, n_freq, n_out, n_in, n_doubt), to be put beside those by the parameters.
@@ -48,7 +49,8 @@ def doubt_columns(
     columns = np.empty((*problem.frf.response.shape, len(doubts)), complex)
     if not doubts:
         return columns
-    together = np.array([scene.moves_matrices_alone and isinstance(doubt.direction, RobotMove) for doubt in doubts])
+    known = shifts is not None or moves_matrices_alone(problem, internal)
+    together = np.array([known and isinstance(doubt.direction, RobotMove) for doubt in doubts])
     with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly zero has no relative change
         for index in np.flatnonzero(~together).tolist():
             columns[..., index] = _column(doubts[index], scene, must_rest=all_rest)

@@ -110,11 +110,6 @@ class Scene:
         model = replace(model, added=added, clinging=self.problem.model.clinging)
         return model, with_values(values, "link_inertia", inertia)
 
-    @property
-    def moves_matrices_alone(self) -> bool:
-        """Whether a robot that is off has other matrices and nothing else: no stiffness that grows with its load."""
-        return self.problem.model.shifts is None and not self.values.cubic.any()
-
     def settled(self) -> Scene:
         """The same where gravity lets the robot rest with these values."""
         return replace(self, problem=replace(self.problem, model=self.rested(self.robot, self.values)[0]))
@@ -136,3 +131,8 @@ class Scene:
 
     def _response(self, model: LinearModel, values: ElasticParameters) -> Response:
         return response(model, values, self.problem.frf.frequency_hz, self._period)
+
+
+def moves_matrices_alone(problem: Problem, internal: FloatArray) -> bool:
+    """Whether a robot that is off has other matrices and nothing else: no stiffness that grows with its load."""
+    return problem.model.shifts is None and not problem.parameters.parameters(internal).cubic.any()
