@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Literal
 
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.atomic import write_json
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
-from robid.artifacts.store import read_header
+from robid.artifacts.store import Header, read_header
 from robid.artifacts.task import TASK
 from robid.backends.progress import Progress
 from robid.errors import ArtifactError, SettingsError
@@ -90,6 +90,7 @@ def run_study(
         for step, done, made in zip(study.steps, results, headers, strict=True)
         for path, header in zip(done.paths, made, strict=True)
     }
+    conclusion = replace(conclusion, warnings=(*conclusion.warnings, *_of_several_commits(headers)))
     provenance = _provenance(run, {**hashes, **_read_elsewhere(further)}, started)
     if _is_fresh(run, provenance):
         return StudyOutcome("fresh", conclusion)
@@ -97,6 +98,15 @@ def run_study(
     write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
     write_page(run.path(REPORT), _content(run.loaded, conclusion, rows), provenance)
     return StudyOutcome("made", conclusion)
+
+
+def _of_several_commits(headers: Iterable[Iterable[Header]]) -> tuple[str, ...]:
+    """What to know of a study that went on after robid itself had changed: only settings decide what is done again."""
+    commits = sorted({header.provenance.git_commit for made in headers for header in made})
+    if len(commits) < 2:
+        return ()
+    listed = ", ".join(f"{commit[:8]}{commit[40:]}" or "none" for commit in commits)
+    return (f"Results come from several commits of robid: {listed}. Where methods differ, `--force` makes all anew.",)
 
 
 def _read_elsewhere(further: Iterable[tuple[Run, tuple[str, ...]]]) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -53,7 +54,7 @@ class Joint:
         return bool((self.named.amounts > _SURPRISING * self.named.common_std)[missing].any())
 
 
-def descend(listed: Listed, given: Suspicion) -> Joint:
+def descend(listed: Listed, given: Suspicion, placed: Sequence[str] = ()) -> Joint:
     """Estimates parameters and doubts together, places with what each adds to the doubts that differ between them.
 
     A robot's resonances are narrow: some percent of a spring, a mass or a bristle move them by more than their width,
@@ -62,6 +63,7 @@ def descend(listed: Listed, given: Suspicion) -> Joint:
     Args:
         listed: The doubts, and where the descent begins.
         given: What is taken for granted.
+        placed: Names of springs that were put in place: where they were found says something, however far.
 
     Returns:
         Where it ends.
@@ -72,7 +74,8 @@ def descend(listed: Listed, given: Suspicion) -> Joint:
     problem, space = listed.problem, Space.of(listed)
     descent = Descent(listed, given, space)
     near = np.clip(listed.point, -_FARTHEST, _FARTHEST)
-    point = np.where(problem.parameters.logarithmic, near, listed.point)
+    found = np.isin([name.rpartition(".")[0] for name in problem.parameters.names], placed)
+    point = np.where(problem.parameters.logarithmic & ~found, near, listed.point)
     explained = problem.cost(listed.point) <= expected_cost(problem)
     best, cost = _lowest(descent, space, point, _SHARES[-1:] if explained else _SHARES)
     if cost > expected_cost(problem):

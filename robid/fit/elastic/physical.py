@@ -83,7 +83,8 @@ def find_physical(
         return None
     unseen = unseen_springs(found, extended)
     soft = _as_soft(extended, unseen)
-    together = _descended(soft, replace(suspicion, robot=found.robot, options=found.options), found.cost)
+    given = replace(suspicion, robot=found.robot, options=found.options)
+    together = _descended(soft, given, found.cost, found.springs)
     return _estimated(problem, soft if together is None else together.named, found.springs, unseen, confidence)
 
 
@@ -116,13 +117,13 @@ def _estimated(
     )
 
 
-def _descended(listed: Listed, given: Suspicion, left: float) -> Joint | None:
+def _descended(listed: Listed, given: Suspicion, left: float, placed: Sequence[str] = ()) -> Joint | None:
     """Where parameters and doubts fit best together.
 
     None where no robot rests, a rigid fit knows the masses, or doubts explain little of what is left.
     """
     try:
-        joint = None if listed.rigid else descend(listed, given)
+        joint = None if listed.rigid else descend(listed, given, placed)
     except DataError:
         return None
     return joint if joint is not None and (joint.explains or joint.cost <= _EXPLAINED * left) else None

@@ -18,7 +18,7 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import LinearModel, axial_inertia, linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import ElasticParameters, nominal_parameters, response
+from robid.robot.response import ElasticParameters, hold_factor, nominal_parameters, response
 
 _PERCENT = 100.0
 _Value = TypeVar("_Value")
@@ -96,7 +96,8 @@ def doubted_responses(
         exact = _with_bristles(
             linear, parameters, _bristles(off.doubts, amounts, own, frequency_hz), frequency_hz, sampling[0]
         )
-        found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz))
+        hold = hold_factor(2 * np.pi * frequency_hz, sampling[1], sampling[0])
+        found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz, hold))
     return np.array(found)
 
 
@@ -194,8 +195,9 @@ def _recorded(
     amounts: Mapping[str, float],
     exact: ComplexArray,
     frequency_hz: FloatArray,
+    hold: ComplexArray,
 ) -> ComplexArray:
-    """What motors' friction and torque constants make of a response (n_freq, n_motor, n_motor)."""
+    """What motors' friction, which waits for no hold (n_freq,), and torque constants make of a response."""
     square = (2 * np.pi * frequency_hz) ** 2
     feedback = np.zeros(exact.shape, complex)
     constant = np.ones(exact.shape[2])
@@ -206,5 +208,5 @@ def _recorded(
             feedback[:, direction.joint, direction.joint] += direction.phase * size / square
         elif isinstance(direction, TorqueScale):
             constant[direction.joint] = 1 + share
-    rubbing = np.linalg.solve(np.eye(exact.shape[1]) - exact @ feedback, exact)
+    rubbing = np.linalg.solve(np.eye(exact.shape[1]) - exact @ feedback / hold[:, None, None], exact)
     return np.asarray(rubbing / constant)

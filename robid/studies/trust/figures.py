@@ -120,7 +120,7 @@ def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[st
         "pairs": float(sum(row.random is not None and row.fresh is not None for row in rows)),
         "springs_counted": float(np.mean([each.counted.mean() for each in fitted])) if fitted else np.nan,
     }
-    ratios = [found["effective.width_ratio"], found["physical.width_ratio"] if listed else np.nan]
+    ratios = [found["effective.width_ratio"], *([found["physical.width_ratio"]] if listed else [])]
     found["width_ratio"] = largest(ratios)
     return {f"{name}.{key}": value for key, value in found.items()}
 
@@ -191,9 +191,8 @@ def is_reached(value: float, limits: tuple[float, float]) -> bool:
 
 
 def largest(values: Sequence[float]) -> float:
-    """The largest of those that are known; NaN where none is."""
-    known = [value for value in values if np.isfinite(value)]
-    return max(known, default=np.nan)
+    """The largest; NaN where one of them is not known, or there is none."""
+    return float(np.max(values)) if len(values) else np.nan
 
 
 def _rows(fits: Sequence[Springs], key: str) -> FloatArray:

@@ -76,11 +76,14 @@ def summarise(study: TrustStudy, rows: Mapping[str, RobotRow], results: Earlier)
         own = [rows[one.key] for one in _of(study, name)]
         found |= set_figures(name, own, listed=defects.listed)
         heavy += own if defects.robot == "heavy" else []
+        referenced = [rows[one.key].fresh for one in _of(study, name) if one.referenced]
+        found[f"{name}.references_refused"] = float(sum(fit is None for fit in referenced))
     pooled = effective_held([(row.random, row.fresh) for row in heavy])
     found |= {"effective.coverage_95": pooled.coverage, "effective.coverage_std": pooled.coverage_std}
     found |= _linear_figures(robots, rows)
     ratios = [found[f"{name}.width_ratio"] for name, defects in study.sets.items() if defects.robot == "heavy"]
-    found["width_ratio"] = largest([*ratios, found.get("linear.width_ratio", math.nan)])
+    drawn = study.linear is not None and study.linear.drawn > 0
+    found["width_ratio"] = largest([*ratios, *([found["linear.width_ratio"]] if drawn else [])])
     found |= _named(study, robots, results)
     found |= {f"cost.{name}_seconds": value for name, value in _seconds(results)}
     return {name: value for name, value in found.items() if math.isfinite(value)}

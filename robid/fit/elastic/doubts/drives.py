@@ -123,14 +123,15 @@ class MotorFriction:
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount; zero without that angle."""
-        frf, whole = scene.problem.frf, scene.response.sampled
+        frf, whole, hold = scene.problem.frf, scene.response.sampled, scene.response.hold
         name = frf.input_names[self.joint]
         if name not in frf.output_names:
             return np.zeros_like(whole)
         row = frf.output_names.index(name)
         square = (2 * np.pi * frf.frequency_hz) ** 2
         moved = whole[..., :, self.joint, None] * whole[..., row, None, :] / whole
-        return np.asarray(self.stiffness(scene) * moved / square[:, None, None])
+        # The motor feels its friction at once, a torque only after hold and delay.
+        return np.asarray(self.stiffness(scene) * moved / (square * hold)[:, None, None])
 
     def stiffness(self, scene: Scene) -> complex:
         """Torque per angle that an amount of one is [N m/rad]."""

@@ -12,7 +12,7 @@ from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare
 from robid.fit.elastic.doubts.extension import extended_values, hold_options
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
-from robid.fit.elastic.doubts.scene import Scene
+from robid.fit.elastic.doubts.scene import Scene, with_estimated_links
 from robid.fit.elastic.doubts.springs import Compliance, stiffened
 from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.parameters import map_parameters
@@ -89,10 +89,16 @@ def put_in(
     values = extended_values(problem.parameters.parameters(point), further)
     robot = replace(robot, springs=(*robot.springs, *further))
     options = replace(options, statics=statics)
-    model = rest_model(robot, frf, options, float(values.delay[0]), values)
+    model = with_estimated_links(rest_model(robot, frf, options, float(values.delay[0]), values), problem)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
     nominal = _with_drives(nominal_parameters(robot, model, delay_s), doubts, amounts)
-    parameters = map_parameters(robot, nominal, options, *known)
+    own, free = problem.parameters, replace(options, bounds={})
+    parameters = replace(
+        map_parameters(robot, nominal, free, *known),
+        element_scale=own.element_scale,
+        lower=own.lower,
+        upper=own.upper,
+    )
     resting = replace(problem, model=model, parameters=parameters)
     off = amounts + (np.zeros((len(frf.configurations), 1)) if added is None else added)
     scene = Scene(resting, point, robot, options)

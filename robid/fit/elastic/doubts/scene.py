@@ -101,7 +101,7 @@ class Scene:
         """Another robot where gravity lets it rest, so that no derivative of its matrices by the rest is needed."""
         frf, free = self.problem.frf, tuple(kind for kind in self.options.kinds if kind != "location")
         options = replace(self.options, statics="updates", free=free)
-        model = rest_model(robot, frf, options, float(values.delay[0]), values)
+        model = with_estimated_links(rest_model(robot, frf, options, float(values.delay[0]), values), self.problem)
         inertia = values.link_inertia + model.axial - self.problem.model.axial
         added = self.problem.model.added
         if added is not None:
@@ -131,6 +131,16 @@ class Scene:
 
     def _response(self, model: LinearModel, values: ElasticParameters) -> Response:
         return response(model, values, self.problem.frf.frequency_hz, self._period)
+
+
+def with_estimated_links(model: LinearModel, problem: Problem) -> LinearModel:
+    """Returns the model of a robot that is off, links' own inertias that the fit estimates as the robot file has them.
+
+    What is off of these is estimated, and is nothing to doubt besides.
+    """
+    masks = dict(zip(problem.parameters.kinds, problem.parameters.masks, strict=True))
+    estimated = masks.get("link_inertia", np.zeros(model.axial.size, bool))
+    return replace(model, axial=np.where(estimated, problem.model.axial, model.axial))
 
 
 def moves_matrices_alone(problem: Problem, internal: FloatArray) -> bool:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors, without_spring
+from robid.errors import DataError
+from robid.fit.elastic import joint
 from robid.fit.elastic.fitting import fit_elastic, set_up
 from robid.fit.elastic.joint import Descent, Space, State, descend
 from robid.fit.elastic.named import Suspicion, linearise, name_doubts
@@ -151,3 +153,23 @@ def test_doubts_beyond_belief_widen_what_is_known_and_say_so():
     # What is known five times too well is found out: intervals of gears are hardly narrower.
     widths = [np.log(each.upper[:2] / each.lower[:2]) for each in (as_stated, too_sure)]
     assert (widths[1] > 0.5 * widths[0]).all()
+
+
+def test_springs_put_in_place_begin_where_they_were_found(monkeypatch):
+    frf, _ = drawn(1)
+    problem = problem_of(frf)
+    named = name_doubts(problem, (np.zeros(len(problem.parameters.names)),), Suspicion(STATED, OPTIONS))
+    names, begun = problem.parameters.names, []
+    far = replace(named, point=np.where(problem.parameters.logarithmic, 1.7, 0.0))
+    placed = names[0].rpartition(".")[0]
+
+    def lowest(_descent, _space, point, _shares):
+        begun.append(point)
+        raise DataError("it ends here")
+
+    monkeypatch.setattr(joint, "_lowest", lowest)
+    with pytest.raises(DataError):
+        descend(far, Suspicion(STATED, OPTIONS), (placed,))
+    of_it = np.array([name.rpartition(".")[0] == placed for name in names]) & problem.parameters.logarithmic
+    assert (begun[0][of_it] == 1.7).all()
+    assert (begun[0][~of_it & problem.parameters.logarithmic] == 1.0).all()

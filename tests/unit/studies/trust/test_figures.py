@@ -9,6 +9,7 @@ from robid.studies.trust.figures import (
     Springs,
     cause_figures,
     is_reached,
+    largest,
     set_figures,
     spring_rows,
     trusted_wrong,
@@ -47,6 +48,12 @@ def test_a_set_of_robots_has_its_shares():
     assert found["b.robots"] == 4
     assert found["b.springs_counted"] == 1
     assert found["b.effective.half_width"] == pytest.approx(0.1 * np.sqrt(2))
+
+
+def test_a_ratio_that_is_not_known_is_not_left_out_of_the_largest():
+    assert largest([1.0, 3.0, 2.0]) == 3
+    assert np.isnan(largest([1.0, np.nan]))
+    assert np.isnan(set_figures("a", [RobotRow(springs(), None)], listed=True)["a.width_ratio"])
 
 
 def test_each_spring_has_its_row():

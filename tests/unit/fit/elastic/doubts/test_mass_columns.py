@@ -109,7 +109,15 @@ def test_columns_have_the_sign_and_scale_of_the_problem_s_own(options):
         set_up(with_link(robot, 1, lambda body, share=share: heavier(body, share)), frf, options, DELAY_S)[0]
         for share in (1e-4, -1e-4)
     )
-    residuals = [each.residual(here, each.model_response(here)) for each in (ahead, behind)]
+    own = problem.parameters
+
+    def residual(off):
+        # What the fit estimates of the link stays as it is.
+        ours, theirs = (np.where(own.logarithmic, each.nominal_values(), 1.0) for each in (own, off.parameters))
+        there = np.log(ours / theirs)
+        return off.residual(there, off.model_response(there))
+
+    residuals = [residual(each) for each in (ahead, behind)]
     wanted = -(residuals[0] - residuals[1]) / 0.02
     np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-6 * np.abs(wanted).max())
 
