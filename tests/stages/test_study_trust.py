@@ -53,7 +53,8 @@ def test_robots_are_measured_fitted_and_held_against_truth_and_fresh_places(stud
     shares += ("a.physical.worst", "b.physical.coverage_95", "b.trusted_wrong", "linear.coverage_95")
     for key in (*shares, "linear.file.coverage_95", "causes.first", "causes.first_three", "effective.coverage_95"):
         assert 0 <= summary[key] <= 1, key
-    assert summary["width_ratio"] > 0
+    assert summary["a.width_ratio"] > 0
+    assert "width_ratio" not in summary  # b has no reference, so nothing is known of its widths
     assert "b.effective.coverage_95" not in summary
     page = (study.runs / "report.html").read_text()
     for text in ("What is asked", "a.physical.worst", "Sets of robots", "Causes"):
