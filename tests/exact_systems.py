@@ -52,6 +52,15 @@ def two_joint_robot(rotor="spong"):
     return Robot("two joints", np.array([0.0, 0.0, -9.81]), joints, springs, payload, rotor)
 
 
+def stocky(robot):
+    """A robot whose links' inertias lie far from those that could not be, so that they may be off."""
+
+    def rounder(body):
+        return replace(body, inertia_kgm2=body.inertia_kgm2 + 0.5 * np.eye(3))
+
+    return replace(robot, joints=tuple(replace(joint, link=rounder(joint.link)) for joint in robot.joints))
+
+
 def certain(robot):
     """The robot with a file that is taken for granted."""
     nothing = Doubts(**{each.name: 0.0 for each in fields(Doubts)})

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exact_systems import certain, exact_frf, two_joint_robot
+from exact_systems import certain, exact_frf, stocky, two_joint_robot
 from realizations import averaged
 from robid.families.files import load_experiment
 from robid.families.known import FAMILIES
@@ -26,7 +26,7 @@ PLACES, RUNS = 6, 30
 
 def doubtful_robot():
     """The robot whose masses, payload and torque constants are stated as well as any, all else exactly."""
-    sure = certain(two_joint_robot())
+    sure = certain(stocky(two_joint_robot()))
     return replace(sure, joints=tuple(replace(joint, doubts=STATED) for joint in sure.joints), doubts=STATED)
 
 

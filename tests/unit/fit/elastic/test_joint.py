@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from exact_systems import exact_frf, two_joint_robot, with_spring_factors, without_spring
+from exact_systems import exact_frf, stocky, two_joint_robot, with_spring_factors, without_spring
 from robid.errors import DataError
 from robid.fit.elastic import joint
 from robid.fit.elastic.fitting import fit_elastic, set_up
@@ -21,18 +21,7 @@ PLACES = np.array([[0.3, -0.7], [-0.5, 0.9], [1.1, 0.4], [-1.2, -1.4], [0.7, 1.8
 OPTIONS, DELAY_S, SAMPLING_S, NOISE = ElasticOptions(starts=1), 1e-4, 1e-4, 0.002
 
 
-def stocky():
-    """The arm, its links' inertias far from those that could not be."""
-    robot = two_joint_robot()
-
-    def rounder(body):
-        return replace(body, inertia_kgm2=body.inertia_kgm2 + 0.5 * np.eye(3))
-
-    joints = tuple(replace(joint, link=rounder(joint.link)) for joint in robot.joints)
-    return replace(robot, joints=joints)
-
-
-STATED = stocky()
+STATED = stocky(two_joint_robot())
 
 
 def drawn(seed):
