@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import h5py
@@ -68,8 +69,8 @@ def test_the_slurm_job_runs_scheduler_workers_and_command(machine):
     assert is_made(machine)
 
 
+@pytest.mark.skipif(find_spec("dask_jobqueue") is None, reason="dask-jobqueue is not installed")
 def test_jobs_of_a_queue_are_workers(machine):
-    pytest.importorskip("dask_jobqueue")
     script, changed = re.subn(r"jobs=\d+", "jobs=2", block("SLURMCluster"))
     assert changed == 1
     with started(sys.executable, "-c", script) as holder:
