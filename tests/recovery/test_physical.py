@@ -24,9 +24,9 @@ STATED = Doubts(coupling_std=0.0, arm_friction=0.0, friction=0.0, loss_factor=0.
 PLACES, RUNS = 6, 30
 
 
-def doubtful_robot():
+def doubtful_robot(robot):
     """The robot whose masses, payload and torque constants are stated as well as any, all else exactly."""
-    sure = certain(stocky(two_joint_robot()))
+    sure = certain(robot)
     return replace(sure, joints=tuple(replace(joint, doubts=STATED) for joint in sure.joints), doubts=STATED)
 
 
@@ -45,7 +45,7 @@ def drawn(robot, generator):
 @cache
 def fits():
     """Estimates of robots that are off by what their files say, and their true springs."""
-    nominal, found = doubtful_robot(), []
+    nominal, found = doubtful_robot(stocky(two_joint_robot())), []
     springs = np.array([spring.stiffness for spring in nominal.springs])
     for seed in range(RUNS):
         generator = np.random.default_rng(seed)
@@ -84,7 +84,7 @@ def test_intervals_hold_springs_of_robots_that_are_off_by_what_their_files_say()
 
 
 def test_few_places_leave_open_what_all_of_it_scales_by():
-    nominal = doubtful_robot()
+    nominal = doubtful_robot(two_joint_robot())
     places = np.random.default_rng(3).uniform(-1.4, 1.4, (3, 2))
     frf = averaged(exact_frf(nominal, places, FREQUENCY_HZ), 0.003, seed=1)
     unsure, sure = (fit_elastic(robot, frf, OPTIONS, 0.0).estimate for robot in (nominal, certain(nominal)))
@@ -106,7 +106,7 @@ def kr300():
 
 
 def test_a_wrong_payload_is_named_and_moves_the_springs_themselves_back():
-    nominal = doubtful_robot()
+    nominal = doubtful_robot(two_joint_robot())
     unsure = replace(STATED, payload_relative_std=0.1, torque_relative_std=0.0, mass_relative_std=0.0, com_m=0.0)
     joints = tuple(replace(joint, doubts=unsure) for joint in nominal.joints)
     load = nominal.payload
