@@ -60,11 +60,13 @@ def reprocess(
     for warning in fleet.warnings:
         shell.warn(warning)
 
+    places = {planned.row.id: planned.row.place for planned in fleet.rows}
+
     def tell(ledger: Ledger, outcome: str) -> None:
         if stream:
             print_json({**row_summary(ledger), "outcome": outcome}, one_line=True)
         if ledger.error is not None and outcome == "made":
-            shell.warn(f"row {ledger.id} failed: {ledger.error}")
+            shell.warn(f"{places[ledger.id]}: row {ledger.id} failed: {ledger.error}")
 
     run_dir = folder or Path("runs") / fleet.experiment.name
     if dry_run:

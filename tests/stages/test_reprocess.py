@@ -120,7 +120,10 @@ def test_a_bad_log_fails_its_row_alone(done):
     good = (done.folder / "floor/logs/soft.mat").read_bytes()
     (done.folder / "floor/logs/soft.mat").write_bytes(good[: len(good) // 2])
     (done.folder / "floor/logs/hard.mat").write_text("")
-    answer = done.json(code=5)
+    told = done.robid("--json")
+    assert told.code == 5
+    assert "floor/robots.csv:2: row soft failed: " in told.err
+    answer = told.json
     assert {error["id"]: error["kind"] for error in answer["failed"]} == {"soft": "data", "hard": "data"}
     assert (answer["made"], answer["fresh"]) == (2, 1)
     failed = {row["id"]: row for row in done.results() if row["status"] == "failed"}
