@@ -17,7 +17,8 @@ from robid.places.grouping import group_places
 from robid.places.pooling import Pooled, pool
 
 _STEPS = 10
-_LONGEST_STEP = 0.5  # of an internal parameter; beyond, nothing is linear, and what is known no better stays
+LONGEST_STEP = 0.5
+"""Of an internal parameter; beyond, nothing is linear, and what is known no better stays."""
 _ARRIVED = 1e-2  # of a deviation
 
 
@@ -94,11 +95,11 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
         evidence = place_evidence(problem, now, score_covariance(problem, here), doubts)
         there = pool(evidence, estimate_between(evidence, given).variance, least)
         std = np.sqrt(np.maximum(np.diag(there.covariance), np.diag(there.assumed))[:size])
-        known = std <= _LONGEST_STEP
+        known = std <= LONGEST_STEP
         shift = np.abs(known * there.shift[:size])
         if shift.max() >= best:
             break  # where nothing is linear, steps lead nowhere: the last one that was shorter counts
-        moved = now + known * np.clip(there.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
+        moved = now + known * np.clip(there.shift[:size], -LONGEST_STEP, LONGEST_STEP)
         best, pooled, now = shift.max(), there, np.clip(moved, parameters.lower, parameters.upper)
         if (shift <= _ARRIVED * std).all():
             break
@@ -120,7 +121,7 @@ def weigh_few(named: Named, found: Influence, excess: float) -> Settled:
     covariance = excess * score_covariance(problem, _extended(problem, internal, found, named))
     between = np.concatenate([np.zeros(size), named.place_std**2])
     pooled = pool(place_evidence(problem, internal, covariance, named), between, named.least_shift)
-    step = np.clip(pooled.shift[:size], -_LONGEST_STEP, _LONGEST_STEP)
+    step = np.clip(pooled.shift[:size], -LONGEST_STEP, LONGEST_STEP)
     values = np.clip(internal + step, problem.parameters.lower, problem.parameters.upper)
     assumed = pooled.assumed.copy()
     assumed[:size, :size] += excess * load_doubt(problem, internal, found.inverse, found.weighted)

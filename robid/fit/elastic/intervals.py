@@ -9,7 +9,7 @@ from scipy.stats import norm, t
 
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
-from robid.fit.elastic.effective import Settled, settle, weigh_few
+from robid.fit.elastic.effective import LONGEST_STEP, Settled, settle, weigh_few
 from robid.fit.elastic.named import Named, Suspicion, name_doubts
 from robid.fit.elastic.physical import find_physical
 from robid.fit.elastic.problem import Problem
@@ -20,6 +20,8 @@ from robid.places.pooling import Pooled
 
 FEWEST_PLACES = 4
 """Number of places from which on their differences say how far a parameter may be off."""
+LEARNT_SHARE = 0.5
+"""Of what was known of a parameter beforehand, as much may stay unknown."""
 _BEYOND = 1.5  # times what was known of doubts beforehand: of many, chance makes a tenth of it
 
 
@@ -47,6 +49,24 @@ class Spread:
     def reach(self, confidence: float) -> FloatArray:
         """Half width (n_param,) of the intervals of a level."""
         return np.asarray(t.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom) * self.std)
+
+    def ends(self, confidence: float, prior_std: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends (n_param,) of the intervals of a level.
+
+        Where a parameter has run off to where data say no more of it than was known beforehand, around zero, its
+        interval holds what was known as well: there, nothing leads back.
+
+        Args:
+            confidence: The level.
+            prior_std (n_param,): Deviation known beforehand, infinite where nothing is known.
+        """
+        reach, known = self.reach(confidence), norm.ppf(0.5 + 0.5 * confidence) * prior_std
+        lower, upper = self.values - reach, self.values + reach
+        untold = self.std > np.maximum(LONGEST_STEP, LEARNT_SHARE * prior_std)
+        return (
+            np.where(untold, np.minimum(lower, -known), lower),
+            np.where(untold, np.maximum(upper, known), upper),
+        )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.fit.elastic.bootstrap import Map, bootstrap
-from robid.fit.elastic.intervals import FEWEST_PLACES, Spread, Spreads, find_spreads
+from robid.fit.elastic.intervals import FEWEST_PLACES, LEARNT_SHARE, Spread, Spreads, find_spreads
 from robid.fit.elastic.model_error import ModelError, estimate_model_error
 from robid.fit.elastic.named import Suspicion
 from robid.fit.elastic.options import ElasticOptions
@@ -31,7 +31,6 @@ from robid.robot.parameters import DOUBT
 
 _SAME_MINIMUM = 1e-3
 _NEEDLESS_FACTOR = 1e3
-_LEARNT_SHARE = 0.5  # of what was known beforehand may stay unknown
 _MANY_DROPPED = 0.2
 _POOR_MODEL = 1.5
 _MANY_ABOVE = 0.25
@@ -110,7 +109,8 @@ def _estimate(
 ) -> Estimate:
     """The parameters at the minimum, with status and advice of the fit."""
     spread, predicting = spreads.physical, spreads.effective
-    reach, near = spread.reach(options.confidence), predicting.reach(options.confidence)
+    reach = spread.reach(options.confidence)
+    ends, near = (each.ends(options.confidence, parameters.prior_std) for each in (spread, predicting))
     relative, slopes = _relative(parameters, internal), parameters.slopes(internal)
     predicted_relative = predicted * _predicted_relative(parameters)
     told = (np.array(parameters.kind_of) != "friction") & ~_is_amount(parameters)
@@ -122,8 +122,8 @@ def _estimate(
         units=parameters.units,
         nominal=parameters.nominal_values(),
         value=parameters.values(internal),
-        lower=parameters.values(spread.values - reach),
-        upper=parameters.values(spread.values + reach),
+        lower=parameters.values(ends[0]),
+        upper=parameters.values(ends[1]),
         covariance=spread.covariance * np.outer(slopes, slopes),
         degrees_of_freedom=spread.degrees_of_freedom,
         confidence=options.confidence,
@@ -132,16 +132,16 @@ def _estimate(
         predicted_relative_std=predicted_relative,
         prior_relative_std=parameters.prior_std * _predicted_relative(parameters),
         relative_half_width=reach * _judged_relative(parameters, internal),
-        identifiable=(predicted_relative <= limit) & (predicted <= _LEARNT_SHARE * parameters.prior_std),
+        identifiable=(predicted_relative <= limit) & (predicted <= LEARNT_SHARE * parameters.prior_std),
         identifiable_relative_std=limit,
         undetermined=undetermined_combinations(parameters.names, spreads.assumed, structural, limit),
         status=ending[0],
         advice=ending[1],
-        tied=_tied(parameters, internal, spread.values, reach),
+        tied=_tied(parameters, internal, ends),
         physical_value=parameters.values(spread.values),
         effective_value=parameters.values(predicting.values),
-        effective_lower=parameters.values(predicting.values - near),
-        effective_upper=parameters.values(predicting.values + near),
+        effective_lower=parameters.values(near[0]),
+        effective_upper=parameters.values(near[1]),
     )
 
 
@@ -183,9 +183,9 @@ def _from_realizations(
     return result
 
 
-def _tied(parameters: ParameterMap, internal: FloatArray, middle: FloatArray, reach: FloatArray) -> Tied:
+def _tied(parameters: ParameterMap, internal: FloatArray, ends: tuple[FloatArray, FloatArray]) -> Tied:
     rows = [parameters.elements.index(name) for name in parameters.tied]
-    points = np.zeros_like(internal), internal, middle - reach, middle + reach
+    points = np.zeros_like(internal), internal, *ends
     at = [parameters.element_values(point)[rows] for point in points]
     return Tied(tuple(parameters.tied), tuple(parameters.tied.values()), *at)
 

@@ -41,7 +41,7 @@ class Springs:
         counted (n_spring,): Whether the data were to determine them, decided before the fit.
         truth (n_spring,): True values; NaN where none is known.
         physical: Intervals of the springs themselves (1, n_spring), around their middles.
-        effective: Intervals of the values that predict (1, n_spring); NaN without any.
+        effective: Intervals of the values that predict (1, n_spring), around their middles; NaN without any.
     """
 
     names: tuple[str, ...]
@@ -73,21 +73,24 @@ def springs_of(solution: ElasticSolution, truth: Mapping[str, float]) -> Springs
     estimate = solution.estimate
     rows = [row for row, kind in enumerate(estimate.kinds) if kind == "stiffness"]
     names = tuple(estimate.names[row] for row in rows)
-    lower, upper = estimate.lower[rows][None], estimate.upper[rows][None]
-    middle = np.sqrt(np.maximum(lower, 0.0)) * np.sqrt(np.maximum(upper, 0.0))
     return Springs(
         names=names,
         counted=estimate.identifiable[rows],
         truth=np.array([truth.get(name, np.nan) for name in names]),
-        physical=Intervals(middle, lower, upper),
+        physical=_around_middles(estimate.lower[rows][None], estimate.upper[rows][None]),
         effective=_effective(estimate, rows),
     )
 
 
 def _effective(estimate: Estimate, rows: Sequence[int]) -> Intervals:
     """Intervals (1, n_row) of what predicts; NaN where a fit has none."""
-    ends = estimate.effective_value, estimate.effective_lower, estimate.effective_upper
-    return Intervals(*(np.full((1, len(rows)), np.nan) if each is None else each[rows][None] for each in ends))
+    ends = estimate.effective_lower, estimate.effective_upper
+    return _around_middles(*(np.full((1, len(rows)), np.nan) if each is None else each[rows][None] for each in ends))
+
+
+def _around_middles(lower: FloatArray, upper: FloatArray) -> Intervals:
+    """Intervals around the middles of their logarithms."""
+    return Intervals(np.sqrt(np.maximum(lower, 0.0)) * np.sqrt(np.maximum(upper, 0.0)), lower, upper)
 
 
 def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[str, float]:

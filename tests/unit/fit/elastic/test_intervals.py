@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from exact_systems import certain, exact_frf, two_joint_robot
+from exact_systems import certain, exact_frf, two_joint_robot, with_spring_factors
 from realizations import averaged
 from robid.fit.elastic.fitting import fit_elastic
+from robid.fit.elastic.intervals import Spread
 from robid.fit.elastic.options import ElasticOptions
 
 CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
@@ -59,3 +61,33 @@ def test_what_is_freed_because_it_is_doubted_is_never_known_beforehand(solution)
     known = replace(estimate, identifiable=np.zeros_like(estimate.identifiable), prior_relative_std=0 * estimate.value)
     assert known.known_beforehand.all()
     assert not replace(known, kinds=("doubt",) * len(known.kinds)).known_beforehand.any()
+
+
+def test_what_has_run_off_may_be_where_it_was_known_to_be():
+    prior = np.log(10) * np.ones(4)
+    prior[2] = np.inf
+    std = np.array([0.1, 2.3, 2.3, 0.55])
+    spread = Spread(np.array([0.3, 9.0, 9.0, -0.7]), np.diag(std**2), np.full(4, np.inf), "")
+    lower, upper = spread.ends(0.95, prior)
+    plain, known = spread.reach(0.95), norm.ppf(0.975) * np.log(10)
+    np.testing.assert_allclose(lower, np.where([False, True, False, False], -known, spread.values - plain))
+    np.testing.assert_allclose(upper, spread.values + plain)
+    np.testing.assert_allclose(replace(spread, values=-spread.values).ends(0.95, prior), (-upper, -lower))
+
+
+def test_a_rigid_spring_is_stiff_or_what_the_file_says_and_the_others_keep_their_intervals():
+    robot = certain(two_joint_robot())
+    rigid = robot.springs[3].name
+    places = np.random.default_rng(2).uniform(-1.4, 1.4, (6, 2))
+    frf = averaged(exact_frf(with_spring_factors(robot, stiffness=[1, 1, 1, 1e8]), places, FREQUENCY_HZ), 0.003, seed=1)
+    estimate = fit_elastic(robot, frf, OPTIONS, 0.0).estimate
+    row = estimate.names.index(f"{rigid}.stiffness")
+    ends = estimate.effective_lower[row], estimate.value[row], estimate.effective_upper[row]
+    lower, value, upper = np.log(np.array(ends) / estimate.nominal[row])
+    assert lower == pytest.approx(-norm.ppf(0.975) * np.log(10))
+    assert upper > value > np.log(10)
+    for name in ("gear_1.stiffness", "gear_2.stiffness", "bearing_1.stiffness"):
+        own = estimate.names.index(name)
+        ends = estimate.effective_lower[own], estimate.effective_upper[own]
+        assert estimate.effective_value[own] == pytest.approx(np.sqrt(np.prod(ends)))
+        assert ends[1] < 1.1 * ends[0]
