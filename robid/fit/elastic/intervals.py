@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm, t
@@ -10,6 +10,7 @@ from scipy.stats import norm, t
 from robid.arrays import FloatArray
 from robid.fit.elastic.cubic_uncertainty import load_doubt
 from robid.fit.elastic.effective import LONGEST_STEP, Settled, settle, weigh_few
+from robid.fit.elastic.leaning import lean
 from robid.fit.elastic.named import Named, Suspicion, name_doubts
 from robid.fit.elastic.physical import find_physical
 from robid.fit.elastic.problem import Problem
@@ -34,12 +35,14 @@ class Spread:
         covariance (n_param, n_param): Their covariance, without any quantile.
         degrees_of_freedom (n_param,): What the quantile of each interval follows, infinite for the normal one.
         rule: What set the width, in words.
+        beside: The same from where data say as good as the same; intervals hold both.
     """
 
     values: FloatArray
     covariance: FloatArray
     degrees_of_freedom: FloatArray
     rule: str
+    beside: Spread | None = None
 
     @property
     def std(self) -> FloatArray:
@@ -63,10 +66,12 @@ class Spread:
         reach, known = self.reach(confidence), norm.ppf(0.5 + 0.5 * confidence) * prior_std
         lower, upper = self.values - reach, self.values + reach
         untold = self.std > np.maximum(LONGEST_STEP, LEARNT_SHARE * prior_std)
-        return (
-            np.where(untold, np.minimum(lower, -known), lower),
-            np.where(untold, np.maximum(upper, known), upper),
-        )
+        lower = np.where(untold, np.minimum(lower, -known), lower)
+        upper = np.where(untold, np.maximum(upper, known), upper)
+        if self.beside is None:
+            return lower, upper
+        least, most = self.beside.ends(confidence, prior_std)
+        return np.minimum(lower, least), np.maximum(upper, most)
 
 
 @dataclass(frozen=True)
@@ -112,7 +117,9 @@ def find_spreads(
         return _of_few_places(problem, internal, found, (excess, rule), confidence, suspicion)
     differing = f"what {places} places differ by"
     near = settle(problem, internal, found)
-    effective = _spread(near, f"{rule}, and {differing}", confidence)
+    differ = f"{rule}, and {differing}"
+    leaning = _spread(lean(problem, internal, found, near), differ, confidence)
+    effective = replace(_spread(near, differ, confidence), beside=leaning)
     between = between_places(near.pooled)
     far = None if suspicion is None else find_physical(problem, (near.values, internal), suspicion, confidence)
     if far is None:
