@@ -227,6 +227,14 @@ def test_springs_that_follow_a_damper_that_ran_off_are_held_all_the_same():
     assert (estimate.effective_upper[springs] < 2.5 * estimate.effective_lower[springs]).all()
 
 
+def test_where_nothing_ran_off_the_second_fit_widens_nothing():
+    solution = scattered_fit(0.02, 0)
+    estimate, internal = solution.estimate, solution.internal
+    half = 0.5 * np.log(estimate.effective_upper / estimate.effective_lower)[np.array(estimate.kinds) == "stiffness"]
+    reach = t.ppf(0.975, internal.degrees_of_freedom) * np.sqrt(np.diag(internal.covariance))
+    np.testing.assert_allclose(half, reach[: half.size], rtol=0.02)
+
+
 def test_what_differs_between_configurations_widens_the_intervals():
     held, alone = [], []
     for seed in range(0, 300, 30):
