@@ -9,15 +9,17 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from robid.arrays import BoolArray, FloatArray
-from robid.report.numbers import percent, significant
+from robid.report.numbers import MISSING, percent, significant
 from robid.settings.study import EstimatorChoice
-from robid.studies.over_individuals import differs
+from robid.studies.over_individuals import ratio_interval
 from robid.studies.wernholt2008.figures import Found, Models
 from robid.studies.wernholt2008.individuals import Individuals
 from robid.validation.starts import shares_differ
 
 _HONEST_FACTOR = 3.0
 _LEAST_CORRELATION = 0.5
+_WORTH_HAVING = 0.9
+"""Ratio of errors above which one is no gain over the other."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +30,22 @@ class Claim:
         text: What the paper says.
         figures: What we found.
         reproduced: Whether that bears it out; None where the study lacks an estimator that it needs.
-        refuted: Whether the opposite is sure over the individuals.
+        refuted: Whether it is sure over the individuals that it makes no gain worth having; None where none are asked.
     """
 
     text: str
     figures: str
     reproduced: bool | None
-    refuted: bool = False
+    refuted: bool | None = None
+
+    @property
+    def word(self) -> str:
+        """The verdict in a word."""
+        if self.reproduced is None:
+            return MISSING
+        if self.reproduced:
+            return "yes"
+        return {None: "no", False: "undecided", True: "refuted"}[self.refuted]
 
 
 def claims(
@@ -49,9 +60,8 @@ def claims(
     paper's: larger by more than two standard errors bears them out. Those about kinds of parameters compare the
     medians of the predicted standard deviation and of the true error of the best model: both must be larger.
 
-    Where there are individuals, the third and the fourth conclusion are about what estimates are worth: the median
-    size of their errors; the fifth about the deviations that fits state and these errors. What is surely smaller over
-    the individuals bears it out, what is surely larger refutes it.
+    Where there are individuals, the third to the fifth conclusion are about what estimates are worth: the size of their
+    errors, see `_by_errors`.
 
     Args:
         found: What the study found.
@@ -74,10 +84,10 @@ def claims(
     phase = _shares("Using phase information improves the estimate.", (user,), (models("llsm", "user"),))
     rough = _shares("Rough user-defined weights work better than the theoretically optimal ones.", (user,), (optimal,))
     easier = _kinds("Gearbox springs are easier to estimate than arm structure springs.", found, gears, structure)
-    if individuals is not None:
+    if individuals is not None and user is not None:
         phase = _smaller(phase, individuals, user, models("llsm", "user"))
         rough = _smaller(rough, individuals, user, optimal)
-        easier = _easier(easier, individuals, None if user is None else user.name, found, (gears, structure))
+        easier = _easier(easier, individuals, user.name, found, (gears, structure))
     return (
         _shares("The LLS estimator is superior to the NLS estimator.", (user, optimal), plain),
         _shares("More than one configuration is needed.", (user,), (models("lls", "user", "best"),)),
@@ -114,44 +124,42 @@ def _kinds(text: str, found: Found, easier: BoolArray, harder: BoolArray) -> Cla
     return Claim(text, figures, std[0] < std[1] and off[0] < off[1])
 
 
-def _smaller(claim: Claim, individuals: Individuals, better: Models | None, worse: Models | None) -> Claim:
+def _smaller(claim: Claim, individuals: Individuals, better: Models, worse: Models | None) -> Claim:
     """The same by the size of the errors over the individuals."""
-    if better is None or worse is None:
+    if worse is None:
         return claim
-    sizes = [individuals.size(one.name) for one in (better, worse)]
-    figures = (
-        f"{claim.figures}; over {len(sizes[0])} individuals a median error of {_percents(sizes[0])} of {better.name},"
-        f" {_percents(sizes[1])} of {worse.name}, at {significant(float(np.median(individuals.misfit[worse.name])))} of"
-        f" the cost that {worse.name} expects"
-    )
-    smaller, larger = _surely(sizes[0], sizes[1])
-    return Claim(claim.text, figures, smaller, larger)
+    sizes = individuals.size(better.name), individuals.size(worse.name)
+    misfit = significant(float(np.median(individuals.misfit[worse.name])))
+    beside = f"{worse.name} ends at {misfit} of the cost that it expects"
+    return _by_errors(claim, sizes, (better.name, worse.name), beside)
 
 
 def _easier(
-    claim: Claim, individuals: Individuals, name: str | None, found: Found, kinds: tuple[BoolArray, BoolArray]
+    claim: Claim, individuals: Individuals, name: str, found: Found, kinds: tuple[BoolArray, BoolArray]
 ) -> Claim:
-    """The same by the deviations that fits state and by the errors, of each kind's median parameter."""
-    if name is None or not all(kind.any() for kind in kinds):
+    """The same by the errors of each kind's springs; a root mean square, as single errors pass through zero."""
+    if not all(kind.any() for kind in kinds):
         return claim
     every = np.array(found.problem.parameters.names)
     own = [np.isin(individuals.names, every[kind]) for kind in kinds]
-    stated = [np.median(individuals.std[name][:, mask], axis=1) for mask in own]
-    # A root mean square: single errors pass through zero.
-    error = [np.sqrt((individuals.error[name][:, mask] ** 2).mean(axis=1)) for mask in own]
+    stated = [np.nanmedian(individuals.std[name][:, mask], axis=1) for mask in own]
+    gears, structure = (np.sqrt((individuals.error[name][:, mask] ** 2).mean(axis=1)) for mask in own)
+    beside = f"{name} states deviations of {_percents(stated[0])} and {_percents(stated[1])}"
+    return _by_errors(claim, (gears, structure), ("gears", "structure"), beside)
+
+
+def _by_errors(claim: Claim, sizes: tuple[FloatArray, FloatArray], names: tuple[str, str], beside: str) -> Claim:
+    """Judges a conclusion by the errors that it says to be smaller, over those that it says to be larger.
+
+    It is borne out when the 95 % interval of their ratio over the individuals lies below 1, refuted when it lies above
+    what would be worth having; neither when it holds both.
+    """
+    low, high = ratio_interval(*sizes)
     figures = (
-        f"{claim.figures}; over {len(stated[0])} individuals a stated deviation of {_percents(stated[0])} and"
-        f" {_percents(stated[1])}, an error of {_percents(error[0])} and {_percents(error[1])} of {name}"
+        f"{claim.figures}; over {len(sizes[0])} individuals an error of {_percents(sizes[0])} ({names[0]}) and"
+        f" {_percents(sizes[1])} ({names[1]}), {significant(low, 2)} to {significant(high, 2)} times as large; {beside}"
     )
-    verdicts = [_surely(*stated), _surely(*error)]
-    return Claim(claim.text, figures, all(one for one, _ in verdicts), any(other for _, other in verdicts))
-
-
-def _surely(one: FloatArray, other: FloatArray) -> tuple[bool, bool]:
-    """Whether figures (n_individual,) are surely smaller than others, and whether they are surely larger."""
-    surely = differs(one, other)
-    below = float(np.mean(np.log(one / other))) < 0
-    return surely and below, surely and not below
+    return Claim(claim.text, figures, high < 1, low > _WORTH_HAVING and not high < 1)
 
 
 def _percents(values: FloatArray) -> str:

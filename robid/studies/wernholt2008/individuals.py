@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.frf import FRF
 from robid.artifacts.store import read_header
@@ -54,13 +55,15 @@ class Individuals:
     Attributes:
         names: Names of the parameters.
         error: Logarithm of estimate over truth (n_individual, n_param) by estimator.
-        std: Relative deviation that each fit states (n_individual, n_param) by estimator.
+        std: Deviation of each logarithm that the fit's interval states (n_individual, n_param) by estimator.
+        inside: Whether that interval holds the truth (n_individual, n_param) by estimator.
         misfit: Cost over what noise and the assumed model error give (n_individual,) by estimator.
     """
 
     names: tuple[str, ...]
     error: dict[str, FloatArray]
     std: dict[str, FloatArray]
+    inside: dict[str, BoolArray]
     misfit: dict[str, FloatArray]
 
     def size(self, estimator: str) -> FloatArray:
@@ -106,12 +109,18 @@ def fit_individual(one: Fitting) -> Content:
     true |= {f"{spring.name}.damping": spring.damping for spring in one.truth.springs}
     known = [index for index, name in enumerate(estimate.names) if name in true]
     names = [estimate.names[index] for index in known]
-    error = np.log(estimate.value[known] / np.array([true[name] for name in names]))
+    truth = np.array([true[name] for name in names])
+    lower, upper = estimate.lower[known], estimate.upper[known]
     parameter = ("parameter",)
     datasets = {
         "names": Dataset(np.array(names), "1", parameter),
-        "error": Dataset(error, "1", parameter, "Logarithm of the estimate over the truth"),
-        "std": Dataset(stated_std(estimate)[known], "1", parameter, "Relative deviation that the fit states"),
+        "error": Dataset(
+            np.log(estimate.value[known] / truth), "1", parameter, "Logarithm of the estimate over the truth"
+        ),
+        "std": Dataset(
+            stated_std(lower, upper, estimate.confidence), "1", parameter, "Deviation that the fit's interval states"
+        ),
+        "inside": Dataset((lower <= truth) & (truth <= upper), "1", parameter, "Whether that interval holds the truth"),
         "misfit": Dataset(np.array(solution.misfit), "1", (), "Cost over what noise and the assumed model error give"),
     }
     return Content(datasets, {"status": estimate.status})
@@ -123,7 +132,7 @@ def gather_individuals(study: WernholtStudy, results: Sequence[Artifact]) -> Ind
         return None
     estimators = estimators_of(study)
 
-    def every(key: str) -> dict[str, FloatArray]:
+    def every(key: str) -> dict[str, Any]:
         values = [result.datasets[key].values for result in results]
         return {name: np.array(values[at :: len(estimators)]) for at, name in enumerate(estimators)}
 
@@ -131,5 +140,6 @@ def gather_individuals(study: WernholtStudy, results: Sequence[Artifact]) -> Ind
         names=tuple(results[0].datasets["names"].values.tolist()),
         error=every("error"),
         std=every("std"),
+        inside=every("inside"),
         misfit=every("misfit"),
     )

@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, IntArray
 from robid.pipeline import Run
 from robid.report.content import Verdict
-from robid.report.numbers import MISSING, duration, percent, significant
+from robid.report.numbers import duration, percent, significant
 from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
 from robid.studies.paper import paper_figures
@@ -38,7 +38,7 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     held = claims(found, study.estimators, of_gears, individuals)
     borne_out = sum(claim.reproduced is True for claim in held)
     summary |= {f"conclusion_{index}": float(claim.reproduced is True) for index, claim in enumerate(held, 1)}
-    summary |= {f"conclusion_{index}.refuted": float(claim.refuted) for index, claim in enumerate(held, 1)}
+    summary |= {f"conclusion_{index}.refuted": float(claim.refuted is True) for index, claim in enumerate(held, 1)}
     own = summary[f"{study.reference}.reasonable"]
     theirs = paper.get("reasonable", {}).get(study.reference)
     beside = "" if theirs is None else f" (paper: {percent(theirs)})"
@@ -144,13 +144,13 @@ def _optimal_table(found: Found, summary: Mapping[str, float]) -> Table:
 
 
 def _claims_section(held: tuple[Claim, ...]) -> Section:
-    words = {True: "yes", False: "no", None: MISSING}
-    rows = tuple((claim.text, "refuted" if claim.refuted else words[claim.reproduced], claim.figures) for claim in held)
+    rows = tuple((claim.text, claim.word, claim.figures) for claim in held)
     lead = (
         "Shares are those of plain descents where the study has them. A share counts as larger by more than two"
         " standard errors; a kind of parameter as easier when predicted deviation and true error are both smaller."
         " Where several individuals are measured, the third to the fifth conclusion are held against their true values:"
-        " one is borne out, or refuted, by what lies beyond the 95 % interval over the individuals."
+        " yes where the 95 % interval of the ratio of errors over the individuals lies below 1, refuted where it lies"
+        " above 0.9, so that a gain of a tenth or more is excluded; else undecided."
     )
     table = Table(("The paper concludes", "Reproduced", "Here"), rows, prose=True)
     return Section("The paper's seven conclusions", lead, (table,))
@@ -167,10 +167,10 @@ def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]
     )
     lead = (
         "Springs and dampers of several individuals, fitted from all configurations, against their true values: size of"
-        " the error and deviation that the fit states, medians over parameters and individuals, and the share of errors"
-        " within 1.96 of these deviations."
+        " the error and deviation that the fit's interval states, medians over parameters and individuals, and the share"
+        " of these intervals of 95 % that hold the truth."
     )
-    table = Table(("Estimator", "Error", "Stated deviation", "Within 1.96"), rows)
+    table = Table(("Estimator", "Error", "Stated deviation", "Held"), rows)
     return (Section("Several individuals", lead, (table,)),)
 
 
@@ -179,11 +179,10 @@ def individual_figures(individuals: Individuals | None) -> dict[str, float]:
     if individuals is None:
         return {}
     found: dict[str, float] = {}
-    for name, error in individuals.error.items():
-        std = individuals.std[name]
+    for name in individuals.error:
         found[f"{name}.individual_error"] = float(np.median(individuals.size(name)))
-        found[f"{name}.individual_std"] = float(np.median(std))
-        found[f"{name}.individual_covered"] = float((np.abs(error) <= 1.96 * std).mean())
+        found[f"{name}.individual_std"] = float(np.nanmedian(individuals.std[name]))
+        found[f"{name}.individual_covered"] = float(individuals.inside[name].mean())
     return found
 
 

@@ -179,11 +179,13 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
     springs = fitted_robot(one.robots[0], solution.estimate).springs
     by_name = {each.name: each for each in one.truth.springs}
     true = [by_name[each.name] for each in springs]
+    found = solution.estimate
+    deviation = stated_std(found.lower, found.upper, found.confidence)
     return {
-        "names": Dataset(np.array(solution.estimate.names), "1", parameter),
-        "nominal": Dataset(solution.estimate.nominal, "SI", parameter, "Values of the robot file"),
-        "estimate": Dataset(solution.estimate.value, "SI", parameter, "Estimated values"),
-        "fit_std": Dataset(stated_std(solution.estimate), "1", parameter, "Relative deviation that the fit states"),
+        "names": Dataset(np.array(found.names), "1", parameter),
+        "nominal": Dataset(found.nominal, "SI", parameter, "Values of the robot file"),
+        "estimate": Dataset(found.value, "SI", parameter, "Estimated values"),
+        "fit_std": Dataset(deviation, "1", parameter, "Deviation of the logarithm that the fit's interval states"),
         "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
         "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
         "true_stiffness": Dataset(np.array([each.stiffness for each in true]), "N m/rad", spring),

@@ -9,6 +9,7 @@ from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.fit.elastic.fitting import set_up
 from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.settings.study import EstimatorChoice, WernholtStudy
+from robid.studies.over_individuals import stated_std
 from robid.studies.wernholt2008.conclusions import claims
 from robid.studies.wernholt2008.figures import Found, Judge, Models, model_figures, summarise
 from robid.studies.wernholt2008.individuals import Individuals
@@ -174,6 +175,7 @@ def individuals(found):
             names=names,
             error={name: value * error for name, value in size.items()},
             std={name: np.full(error.shape, value) for name, value in size.items()},
+            inside={name: np.ones(error.shape, bool) for name in size},
             misfit={name: np.full(6, 40.0) for name in size},
         )
 
@@ -187,29 +189,44 @@ def held(found, shown):
 
 def test_phase_and_rough_weights_are_judged_by_errors_of_several_robots(found, individuals):
     phase, rough = held(found(llsm15u=90, lls15o=90), individuals(lls15u=0.01, llsm15u=0.02, lls15o=0.015))[2:4]
-    assert (phase.reproduced, phase.refuted) == (True, False)
-    assert (rough.reproduced, rough.refuted) == (True, False)
-    assert "median error of 1.0 % of lls15u, 2.0 % of llsm15u, at 40" in phase.figures
+    assert (phase.word, rough.word) == ("yes", "yes")
+    assert (
+        "an error of 1.0 % (lls15u) and 2.0 % (llsm15u), 0.50 to 0.50 times as large; llsm15u ends at 40"
+        in phase.figures
+    )
     phase, rough = held(found(llsm15u=10, lls15o=10), individuals(lls15u=0.01, llsm15u=0.005, lls15o=0.01))[2:4]
-    assert (phase.reproduced, phase.refuted) == (False, True)
-    assert (rough.reproduced, rough.refuted) == (False, False)
+    assert (phase.word, rough.word) == ("refuted", "refuted")
 
 
-def test_kinds_of_springs_are_judged_by_stated_deviations_and_errors_of_several_robots(found, individuals):
+def scattering(shown, name, spread):
+    vary = 1 + spread * np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0])[:, None]
+    return replace(shown, error={**shown.error, name: shown.error[name] * vary})
+
+
+def test_a_gain_that_the_interval_neither_shows_nor_excludes_is_undecided(found, individuals):
+    shown = individuals(lls15u=0.01, llsm15u=0.01, lls15o=0.0103)
+    assert held(found(), scattering(shown, "llsm15u", 0.3))[2].word == "undecided"
+    assert held(found(), scattering(shown, "llsm15u", 0.05))[2].word == "refuted"
+    assert held(found(), scattering(shown, "lls15o", 0.005))[3].word == "yes"
+
+
+def test_kinds_of_springs_are_judged_by_errors_of_several_robots(found, individuals):
     shown = individuals(lls15u=0.01, llsm15u=0.01, lls15o=0.01)
     gears = np.array(["gear" in name for name in shown.names])
     vary = 1 + 0.01 * np.arange(6)[:, None]
 
-    def easier(stated, wrong):
-        std, error = shown.std["lls15u"] * vary, shown.error["lls15u"] * vary
-        other = replace(
-            shown,
-            std={**shown.std, "lls15u": np.where(gears, std / stated, std)},
-            error={**shown.error, "lls15u": np.where(gears, error / wrong, error)},
-        )
-        claim = held(found(), other)[4]
-        return claim.reproduced, claim.refuted
+    def easier(wrong):
+        error = shown.error["lls15u"] * vary
+        error = np.where(gears, error / wrong, error)
+        claim = held(found(), replace(shown, error={**shown.error, "lls15u": error}))[4]
+        assert "lls15u states deviations of 1.0 % and 1.0 %" in claim.figures
+        return claim.word
 
-    assert easier(2, 2) == (True, False)
-    assert easier(2, 0.5) == (False, True)
-    assert easier(0.5, 2) == (False, True)
+    assert easier(2) == "yes"
+    assert easier(0.5) == "refuted"
+
+
+def test_stated_deviations_are_half_widths_of_intervals_wherever_these_lie():
+    found = stated_std(np.array([50.0, 2.0, -1.0]), np.array([200.0, 2.0, 1.0]), 0.95)
+    assert found[:2] == pytest.approx([np.log(2) / 1.959964, 0.0], rel=1e-6)
+    assert np.isnan(found[2])
