@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from robid.artifacts.leftovers import remove_leftovers
-from robid.errors import DataError, RobidError, SettingsError
+from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.stages.chain import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
 from robid.stages.chain.report import report_stage
 from robid.stages.freshness import State, input_hashes, state_of_output
@@ -145,8 +145,16 @@ def _settle(run: Run, node: Node, states: dict[str, State]) -> State:
         state = state_of_output(
             node.stage, node.plan, run.folder, {path: state for path, state in above.items() if not state.blocked}
         )
+    if state.unreadable is not None:
+        state = replace(state, unreadable=_with_command(run, node, state.unreadable))
     states.update(dict.fromkeys(node.plan.outputs, state))
     return state
+
+
+def _with_command(run: Run, node: Node, error: ArtifactError) -> ArtifactError:
+    """The same error, its remedy naming the command that makes this very output."""
+    remedy = error.remedy.replace(f"robid {node.stage.name} EXPERIMENT.yaml", run.command(node))
+    return ArtifactError(error.what, where=error.where, remedy=remedy)
 
 
 def needed_for(nodes: tuple[Node, ...], outputs: Collection[str]) -> tuple[Node, ...]:

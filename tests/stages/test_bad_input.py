@@ -1,5 +1,6 @@
 """Bad input through the command line: one message with place and remedy, the exit code, all artifacts untouched."""
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -65,6 +66,18 @@ def test_a_damaged_artifact_is_refused_by_name(done, command):
     path = done.runs / "estimation" / "frf.h5"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     refuse(done, 3, "estimation/frf.h5", "is damaged", "estimate-frf", command=command)
+
+
+def test_the_remedy_of_a_damaged_artifact_makes_it_again(done):
+    path = done.runs / "estimation" / "frf.h5"
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    answer = refuse(done, 3, "delete it and make it again with", command=("fit", "small.yaml", "--force"))
+    command = re.search("`robid ([^`]*)`", answer.flat)[1].split()
+    assert command == ["estimate-frf", "small.yaml", "--campaign", "estimation"]
+    path.unlink()
+    assert done.robid(*command).code == 0
+    assert done.states()["estimation/frf.h5"] == ("fresh", "")
 
 
 def test_a_flipped_number_is_refused_by_name(done):

@@ -167,8 +167,8 @@ def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]
     )
     lead = (
         "Springs and dampers of several individuals, fitted from all configurations, against their true values: size of"
-        " the error and deviation that the fit's interval states, medians over parameters and individuals, and the share"
-        " of these intervals of 95 % that hold the truth."
+        " the error and deviation that the fit's interval states, medians over parameters and individuals, and the"
+        " share of these intervals of 95 % that hold the truth."
     )
     table = Table(("Estimator", "Error", "Stated deviation", "Held"), rows)
     return (Section("Several individuals", lead, (table,)),)
