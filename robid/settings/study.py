@@ -78,6 +78,10 @@ class WernholtStudy(Section):
         description="Names of further simulated campaigns, one for each individual of the robot, on which estimates"
         " from all configurations are held against the truth.",
     )
+    individual_estimators: tuple[Name, ...] = Field(
+        default=(),
+        description="Estimators that are held against them; all with all configurations when not given.",
+    )
     individual_starts: int = Field(
         default=3, description="Starts of each of these fits, the robot file's values the first one.", ge=1
     )

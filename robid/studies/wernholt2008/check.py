@@ -25,12 +25,20 @@ def check_wernholt2008(experiment: Experiment, _robot: RobotFile | None) -> Iter
             yield ("study", "individuals", index), message
         elif name in study.individuals[:index]:
             yield ("study", "individuals", index), f"`{name}` is there twice"
-    if study.reference not in study.estimators:
-        yield ("study", "reference"), f"there is no `{study.reference}`; {suggest(study.reference, study.estimators)}"
-    elif study.estimators[study.reference].configurations != "all":
-        yield ("study", "reference"), f"`{study.reference}` does not use all configurations"
-    for index, name in enumerate(study.wide):
+    for _, message in _problems(study, (study.reference,)):
+        yield ("study", "reference"), message
+    for index, message in _problems(study, study.wide, alone=True):
+        yield ("study", "wide", index), message
+    for index, message in _problems(study, study.individual_estimators):
+        yield ("study", "individual_estimators", index), message
+
+
+def _problems(study: WernholtStudy, names: tuple[str, ...], *, alone: bool = False) -> Iterator[tuple[int, str]]:
+    """Yields what is wrong with names of estimators; only with `alone` may they use one configuration."""
+    for index, name in enumerate(names):
         if name not in study.estimators:
-            yield ("study", "wide", index), f"there is no `{name}`; {suggest(name, study.estimators)}"
-        elif name in study.wide[:index]:
-            yield ("study", "wide", index), f"`{name}` is there twice"
+            yield index, f"there is no `{name}`; {suggest(name, study.estimators)}"
+        elif name in names[:index]:
+            yield index, f"`{name}` is there twice"
+        elif not alone and study.estimators[name].configurations != "all":
+            yield index, f"`{name}` does not use all configurations"

@@ -72,8 +72,9 @@ class Individuals:
 
 
 def estimators_of(study: WernholtStudy) -> list[str]:
-    """Returns the estimators that use all configurations."""
-    return [name for name, one in study.estimators.items() if one.configurations == "all"]
+    """Returns the estimators that are held against the individuals."""
+    every = [name for name, one in study.estimators.items() if one.configurations == "all"]
+    return list(study.individual_estimators) or every
 
 
 def individual_tasks(run: Run, _earlier: Earlier) -> list[Task]:

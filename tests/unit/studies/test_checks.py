@@ -80,7 +80,7 @@ def test_problems_of_a_study_of_parameter_estimators_are_told_at_once(tmp_path):
     (tmp_path / "arm.yaml").write_text((STAGES / "arm.yaml").read_text())
     text = (STAGES / "estimators.yaml").read_text()
     for old, new in (
-        ("wide: [lls15u]", "wide: [lls15u, lls15u, lls2]\n  reference: lls1u"),
+        ("wide: [lls15u]", "wide: [lls15u, lls15u, lls2]\n  reference: lls1u\n  individual_estimators: [lls1u, lls2]"),
         ("campaign: bench", "campaign: bensch"),
     ):
         assert old in text
@@ -93,6 +93,8 @@ def test_problems_of_a_study_of_parameter_estimators_are_told_at_once(tmp_path):
         "study.reference: `lls1u` does not use all configurations",
         "study.wide[1]: `lls15u` is there twice",
         "study.wide[2]: there is no `lls2`; did you mean `lls1u`?",
+        "study.individual_estimators[0]: `lls1u` does not use all configurations",
+        "study.individual_estimators[1]: there is no `lls2`",
     ):
         assert message in str(found.value)
     (tmp_path / "study.yaml").write_text(text.replace("estimator: lls,", "estimator: llls,", 1))

@@ -12,7 +12,7 @@ from robid.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.over_individuals import stated_std
 from robid.studies.wernholt2008.conclusions import claims
 from robid.studies.wernholt2008.figures import Found, Judge, Models, model_figures, summarise
-from robid.studies.wernholt2008.individuals import Individuals
+from robid.studies.wernholt2008.individuals import Individuals, estimators_of
 from robid.studies.wernholt2008.study import ALL, best_configuration, score_options, sets
 from robid.validation.elastic.extrema import own_resonance_errors
 
@@ -152,6 +152,12 @@ def test_all_estimators_start_at_the_same_points():
     assert {(one.options.seed, one.options.starts) for one in found} == {(1, 2)}
     assert [one.options.start_decades for one in found[5:8]] == [1, 2, 1]
     assert {one.options.strategy for one in found if one.group == "plain"} == {"plain"}
+
+
+def test_individuals_are_fitted_by_all_estimators_of_all_configurations_or_by_those_named():
+    study = WernholtStudy(kind="wernholt2008", campaign="bench", estimators=CHOICES)
+    assert estimators_of(study) == ["lls15u", "lls15o", "llsm15u", "nls15u", "nls15o"]
+    assert estimators_of(study.model_copy(update={"individual_estimators": ("llsm15u",)})) == ["llsm15u"]
 
 
 def test_the_best_configuration_has_the_most_information():
