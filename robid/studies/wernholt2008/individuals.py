@@ -55,6 +55,7 @@ class Individuals:
     Attributes:
         names: Names of the parameters.
         error: Logarithm of estimate over truth (n_individual, n_param) by estimator.
+        physical: The same of the middles of the intervals, where what the robot file may have wrong is estimated along.
         std: Deviation of each logarithm that the fit's interval states (n_individual, n_param) by estimator.
         inside: Whether that interval holds the truth (n_individual, n_param) by estimator.
         misfit: Cost over what noise and the assumed model error give (n_individual,) by estimator.
@@ -62,13 +63,15 @@ class Individuals:
 
     names: tuple[str, ...]
     error: dict[str, FloatArray]
+    physical: dict[str, FloatArray]
     std: dict[str, FloatArray]
     inside: dict[str, BoolArray]
     misfit: dict[str, FloatArray]
 
-    def size(self, estimator: str) -> FloatArray:
-        """Size of an estimator's errors (n_individual,), the median: a few parameters are hardly determined."""
-        return np.asarray(np.median(np.abs(self.error[estimator]), axis=1))
+
+def sizes_of(error: FloatArray) -> FloatArray:
+    """Size of errors (n_individual, n_param) of each individual, the median: a few parameters are hardly determined."""
+    return np.asarray(np.median(np.abs(error), axis=1))
 
 
 def estimators_of(study: WernholtStudy) -> list[str]:
@@ -112,11 +115,15 @@ def fit_individual(one: Fitting) -> Content:
     names = [estimate.names[index] for index in known]
     truth = np.array([true[name] for name in names])
     lower, upper = estimate.lower[known], estimate.upper[known]
+    physical = estimate.value if estimate.physical_value is None else estimate.physical_value
     parameter = ("parameter",)
     datasets = {
         "names": Dataset(np.array(names), "1", parameter),
         "error": Dataset(
             np.log(estimate.value[known] / truth), "1", parameter, "Logarithm of the estimate over the truth"
+        ),
+        "physical": Dataset(
+            np.log(physical[known] / truth), "1", parameter, "Logarithm of the interval's middle over the truth"
         ),
         "std": Dataset(
             stated_std(lower, upper, estimate.confidence), "1", parameter, "Deviation that the fit's interval states"
@@ -140,6 +147,7 @@ def gather_individuals(study: WernholtStudy, results: Sequence[Artifact]) -> Ind
     return Individuals(
         names=tuple(results[0].datasets["names"].values.tolist()),
         error=every("error"),
+        physical=every("physical"),
         std=every("std"),
         inside=every("inside"),
         misfit=every("misfit"),

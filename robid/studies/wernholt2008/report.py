@@ -18,7 +18,7 @@ from robid.studies.study import Earlier
 from robid.studies.wernholt2008.conclusions import Claim, claims
 from robid.studies.wernholt2008.curves import parameter_sections, response_sections, start_cost_section
 from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, gather, summarise
-from robid.studies.wernholt2008.individuals import Individuals, gather_individuals
+from robid.studies.wernholt2008.individuals import Individuals, gather_individuals, sizes_of
 from robid.studies.wernholt2008.study import robot_and_delay, study_of
 from robid.validation.starts import spread
 
@@ -162,15 +162,20 @@ def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]
         return ()
     figures = individual_figures(individuals)
     rows = tuple(
-        (name, *(percent(figures[f"{name}.individual_{key}"]) for key in ("error", "std", "covered")))
+        (
+            name,
+            *(percent(figures[f"{name}.individual_{key}"]) for key in ("error", "physical_error", "std", "covered")),
+            significant(figures[f"{name}.individual_misfit"]),
+        )
         for name in individuals.error
     )
     lead = (
         "Springs and dampers of several individuals, fitted from all configurations, against their true values: size of"
-        " the error and deviation that the fit's interval states, medians over parameters and individuals, and the"
-        " share of these intervals of 95 % that hold the truth."
+        " the error, size of that of the middle of the fit's interval, where what the robot file may have wrong is"
+        " estimated along, and deviation that this interval states: medians over parameters and individuals; and the"
+        " share of these intervals of 95 % that hold the truth. Cost: over what noise and the assumed model error give."
     )
-    table = Table(("Estimator", "Error", "Stated deviation", "Held"), rows)
+    table = Table(("Estimator", "Error", "With doubts", "Stated deviation", "Held", "Cost"), rows)
     return (Section("Several individuals", lead, (table,)),)
 
 
@@ -180,8 +185,10 @@ def individual_figures(individuals: Individuals | None) -> dict[str, float]:
         return {}
     found: dict[str, float] = {}
     for name in individuals.error:
-        found[f"{name}.individual_error"] = float(np.median(individuals.size(name)))
+        found[f"{name}.individual_error"] = float(np.median(sizes_of(individuals.error[name])))
+        found[f"{name}.individual_physical_error"] = float(np.median(sizes_of(individuals.physical[name])))
         found[f"{name}.individual_std"] = float(np.nanmedian(individuals.std[name]))
+        found[f"{name}.individual_misfit"] = float(np.median(individuals.misfit[name]))
         found[f"{name}.individual_covered"] = float(individuals.inside[name].mean())
     return found
 
