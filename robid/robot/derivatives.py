@@ -36,6 +36,7 @@ def jacobian(
     """
     model = result.model
     slopes = loaded_slopes(model, parameters, result.springs, kinds)
+    slopes = {kind: each for kind, each in slopes.items() if kind in kinds}
     through_rest = _rest_columns(parameters, result, slopes, sampling_period_s)
     columns = [_columns(model, parameters, result, kind, sampling_period_s, through_rest.get(kind)) for kind in kinds]
     return np.concatenate(columns, axis=-1) * result.gain[:, None]
@@ -109,11 +110,11 @@ def _rest_columns(
     model = result.model
     scale = (result.hold * result.omega**2)[:, None, None, None]
     stiffness = scale * _spring_outer(result)
-    columns = {kind: np.einsum("cfois,cst->cfoit", stiffness, each.stiffness) for kind, each in slopes.items()}
+    columns = {kind: stiffness @ each.stiffness[:, None, None] for kind, each in slopes.items()}
     if model.rest.moves is not None:
         moved = _move_columns(parameters, result, model.rest.moves, sampling_period_s)
         for kind, each in slopes.items():
-            columns[kind] += np.einsum("cfoim,cmt->cfoit", moved, each.displacement)
+            columns[kind] += moved @ each.displacement[:, None, None]
     return columns
 
 

@@ -55,7 +55,7 @@ def swing_shape(spring: Swinging, weight: FloatArray) -> float:
 
 def _bent(spring: Swinging, swing: FloatArray) -> FloatArray:
     """Torque over the cubic coefficient, but for the part that is linear in the swing."""
-    return np.asarray(3 * spring.rest * swing**2 + swing**3)
+    return np.asarray(swing * swing * (3 * spring.rest + swing))
 
 
 def spring_compliance(
