@@ -110,7 +110,9 @@ def _rest_columns(
     model = result.model
     scale = (result.hold * result.omega**2)[:, None, None, None]
     stiffness = scale * _spring_outer(result)
-    columns = {kind: stiffness @ each.stiffness[:, None, None] for kind, each in slopes.items()}
+    columns: dict[str, ComplexArray] = {
+        kind: stiffness @ each.stiffness[:, None, None] for kind, each in slopes.items()
+    }
     if model.rest.moves is not None:
         moved = _move_columns(parameters, result, model.rest.moves, sampling_period_s)
         for kind, each in slopes.items():

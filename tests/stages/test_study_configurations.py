@@ -34,7 +34,8 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
     assert summary == json.loads((study.runs / "summary.json").read_text())
     assert summary["tasks.count"] == 40 + 14 + 2 + 2
     for name in MODELS:
-        for key in ("average_std", "average_fit_std", "scatter", "average_cost", "worst_cost", "average_excess"):
+        for key in ("average_std", "average_fit_std", "average_effective_std", "scatter", "fit_scatter", "average_cost",
+                    "worst_cost", "average_excess"):  # fmt: skip
             assert summary[f"{name}.{key}"] > 0
         assert summary[f"{name}.worst_cost"] >= summary[f"{name}.average_cost"]
     assert summary["m49.average_std"] < min(summary[f"{name}.average_std"] for name in ("opt2", "guess", "mirr"))

@@ -28,6 +28,9 @@ from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 from robid.studies.wernholt2008.study import read_frf, study_of, with_estimator
 
+_RESULT = 2
+"""Version of what a result holds."""
+
 
 @dataclass(frozen=True)
 class Fitting:
@@ -93,6 +96,7 @@ def individual_tasks(run: Run, _earlier: Earlier) -> list[Task]:
         decides = {
             "frf": read_header(path, FRF).content_sha256,
             "source": plain_settings(campaign.source),
+            "result": _RESULT,
             **model_settings(run.loaded, campaign_name),
         }
         for name in estimators_of(study):

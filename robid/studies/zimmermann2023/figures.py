@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import gmean
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact
@@ -38,9 +39,11 @@ class Model:
         used: Indices of its configurations, of the first individual.
         wanted: Springs that deviations are given of.
         std (n_seed, n_wanted): Relative deviation by the total covariance: the floor that noise sets.
-        fit_std (n_seed, n_wanted): Relative deviation that the fit states.
-        error (n_seed, n_set, n_wanted): Logarithm of estimate over true linear stiffness, from its configurations and,
-            where these were drawn, from further sets that share none.
+        fit_std (n_seed, n_wanted): Deviation of the springs themselves that the fit's intervals state.
+        effective_std (n_seed, n_wanted): That of what infinitely many configurations would give.
+        error (n_seed, n_set, n_wanted): Logarithm of the middle of each spring's interval over its true linear
+            stiffness, from its configurations and, where these were drawn, from further sets that share none.
+        fit_error (n_seed, n_set, n_wanted): The same of the fitted springs, which predict.
         stiffness (n_seed, n_spring): Springs [N m/rad].
         cost (n_seed, n_conf): Weighted log-amplitude error per element.
         expected (n_seed, n_conf): What noise alone gives.
@@ -53,7 +56,9 @@ class Model:
     wanted: tuple[str, ...]
     std: FloatArray
     fit_std: FloatArray
+    effective_std: FloatArray
     error: FloatArray
+    fit_error: FloatArray
     stiffness: FloatArray
     cost: FloatArray
     expected: FloatArray
@@ -67,8 +72,13 @@ class Model:
 
     @property
     def average_fit_std(self) -> FloatArray:
-        """Mean over the springs of the relative deviation that the fit states (n_seed,)."""
-        return np.asarray(self.fit_std.mean(axis=1))
+        """Geometric mean over the springs of the deviation that the fit states (n_seed,)."""
+        return np.asarray(gmean(self.fit_std, axis=1))
+
+    @property
+    def average_effective_std(self) -> FloatArray:
+        """The same of what infinitely many configurations would give (n_seed,)."""
+        return np.asarray(gmean(self.effective_std, axis=1))
 
     @property
     def average_cost(self) -> FloatArray:
@@ -124,7 +134,7 @@ def gather(run: Run, earlier: Earlier) -> Found:
     study, names = study_of(run.loaded), list(study_of(run.loaded).models)
     results = [_values(result) for result in earlier[1]]
     by_model = {name: results[index :: len(names)] for index, name in enumerate(names)}
-    further = _further_errors(run, study, earlier)
+    further = _further_sets(run, study, earlier)
     models = {name: _model(name, rows, further.get(name, [])) for name, rows in by_model.items()}
     reference = by_model[study.reference]
     design = design_from_artifact(read_artifact(run.path(f"designs/{study.design}.h5"), DESIGN))
@@ -148,37 +158,43 @@ def _values(result: Artifact) -> dict[str, Any]:
     return {name: dataset.values for name, dataset in result.datasets.items()}
 
 
-def _further_errors(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[str, list[list[FloatArray]]]:
-    """Errors (n_wanted,) of each further set of drawn models, by model and individual."""
+def _further_sets(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[str, list[list[dict[str, Any]]]]:
+    """Results of each further set of drawn models, by model and individual."""
     results = [_values(result) for result in earlier[3]]
-    found: dict[str, list[list[FloatArray]]] = {}
+    found: dict[str, list[list[dict[str, Any]]]] = {}
     for pair in pairs(run, earlier):
         owners = owners_of_sets(study, len(pair.configurations))
         own, results = results[: len(owners)], results[len(owners) :]
         for name in dict.fromkeys(owners):
-            each = [_errors(row) for owner, row in zip(owners, own, strict=True) if owner == name]
+            each = [row for owner, row in zip(owners, own, strict=True) if owner == name]
             found.setdefault(name, []).append(each)
     return found
 
 
-def _errors(row: dict[str, Any]) -> FloatArray:
-    """Logarithm of each estimated over its true linear stiffness (n_wanted,)."""
+def _errors(row: dict[str, Any], key: str) -> FloatArray:
+    """Logarithm of each estimated spring over its true linear stiffness (n_wanted,)."""
     estimated = {name for name in row["names"].tolist() if name.endswith(".stiffness")}
     chosen = [f"{spring}.stiffness" in estimated for spring in row["springs"].tolist()]
-    return np.asarray(np.log(row["stiffness"] / row["true_stiffness"])[chosen])
+    return np.asarray(np.log(row[key] / row["true_stiffness"])[chosen])
 
 
-def _model(name: str, rows: list[dict[str, Any]], further: list[list[FloatArray]]) -> Model:
+def _model(name: str, rows: list[dict[str, Any]], further: list[list[dict[str, Any]]]) -> Model:
     wanted = tuple(rows[0]["wanted"].tolist())
     more = further or [[] for _ in rows]
     places = [rows[0]["names"].tolist().index(spring) for spring in wanted]
+
+    def errors(key: str) -> FloatArray:
+        return np.array([[_errors(each, key) for each in (row, *sets)] for row, sets in zip(rows, more, strict=True)])
+
     return Model(
         name=name,
         used=tuple(rows[0]["used"].tolist()),
         wanted=wanted,
         std=np.array([row["std"] for row in rows]),
         fit_std=np.array([row["fit_std"][places] for row in rows]),
-        error=np.array([[_errors(row), *sets] for row, sets in zip(rows, more, strict=True)]),
+        effective_std=np.array([row["effective_std"][places] for row in rows]),
+        error=errors("physical_stiffness"),
+        fit_error=errors("stiffness"),
         stiffness=np.array([row["stiffness"] for row in rows]),
         cost=np.array([row["cost"] for row in rows]),
         expected=np.array([row["expected"] for row in rows]),
@@ -196,6 +212,7 @@ def summarise(found: Found) -> dict[str, float]:
             ("average_std", one.average_std),
             ("worst_std", one.std.max(axis=1)),
             ("average_fit_std", one.average_fit_std),
+            ("average_effective_std", one.average_effective_std),
             ("average_cost", one.average_cost),
             ("worst_cost", one.cost.max(axis=1)),
             ("average_excess", one.average_excess),
@@ -204,6 +221,7 @@ def summarise(found: Found) -> dict[str, float]:
             summary[f"{name}.{key}_low"], summary[f"{name}.{key}_high"] = float(values.min()), float(values.max())
         if len(one.error) > 1:
             summary[f"{name}.scatter"] = scatter(one.error)
+            summary[f"{name}.fit_scatter"] = scatter(one.fit_error)
             summary[f"{name}.offset"] = float(np.abs(one.error.mean(axis=(0, 1))).mean())
         if len(one.error) > 2:
             summary[f"{name}.scatter_error"] = scatter_error(one.error)

@@ -22,6 +22,7 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import make_problem
 from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.elastic.uncertainty import sandwich
+from robid.fit.estimate import Estimate
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
@@ -34,7 +35,7 @@ from robid.settings.robot_parts import delay_s
 from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
-from robid.studies.over_individuals import stated_std
+from robid.studies.over_individuals import effective_interval, stated_std
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
@@ -44,6 +45,8 @@ from robid.validation.elastic.fitted import FittedModel, fitted_model
 from robid.validation.elastic.validating import weighted_costs
 
 _NOTHING_KNOWN = 1e9
+_RESULT = 2
+"""Version of what a result holds."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +152,7 @@ def model_task(
         "settings": settings,
         "axes": study.axes,
         "source": plain_settings(own.source),
+        "result": _RESULT,
     }
     if "cubic" in options.free:
         decides["slopes"] = [path.name for path in pair.estimation_paths]
@@ -176,21 +180,31 @@ def fit_model(one: Fitting) -> Content:
 def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
     """Returns what a fit found, beside the truth."""
     parameter, spring = ("parameter",), ("spring",)
-    springs = fitted_robot(one.robots[0], solution.estimate).springs
+    found = solution.estimate
+    springs, middles = (fitted_robot(one.robots[0], each).springs for each in (found, _of_the_springs(found)))
     by_name = {each.name: each for each in one.truth.springs}
     true = [by_name[each.name] for each in springs]
-    found = solution.estimate
     deviation = stated_std(found.lower, found.upper, found.confidence)
+    predicting = stated_std(*effective_interval(found), found.confidence)
     return {
         "names": Dataset(np.array(found.names), "1", parameter),
         "nominal": Dataset(found.nominal, "SI", parameter, "Values of the robot file"),
         "estimate": Dataset(found.value, "SI", parameter, "Estimated values"),
         "fit_std": Dataset(deviation, "1", parameter, "Deviation of the logarithm that the fit's interval states"),
+        "effective_std": Dataset(predicting, "1", parameter, "The same of what infinitely many configurations give"),
         "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
         "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
+        "physical_stiffness": Dataset(
+            np.array([each.stiffness for each in middles]), "N m/rad", spring, "Middle of the interval of each itself"
+        ),
         "true_stiffness": Dataset(np.array([each.stiffness for each in true]), "N m/rad", spring),
         "true_cubic": Dataset(np.array([each.cubic for each in true]), "N m/rad^3", spring),
     }
+
+
+def _of_the_springs(found: Estimate) -> Estimate:
+    """The estimate of the springs themselves: the middles of their intervals."""
+    return found if found.physical_value is None else replace(found, value=found.physical_value)
 
 
 def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, Dataset]:

@@ -110,7 +110,6 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
         def ours(key: str, name: str = name) -> float:
             return summary[f"{name}.{key}"]
 
-        low, high = (_deviation(ours(f"average_fit_std_{end}")) for end in ("low", "high"))
         rows.append(
             (
                 name,
@@ -120,27 +119,31 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
                 significant(paper.get("average_cost", {}).get(name)),
                 significant(ours("average_excess")),
                 _deviation(ours("average_std")),
+                _deviation(ours("average_effective_std")),
                 _deviation(ours("average_fit_std")),
-                f"{low} to {high}",
                 _scatter(summary, name),
                 _deviation(summary.get(f"{name}.offset")),
+                _deviation(summary.get(f"{name}.fit_scatter")),
                 _their_std(paper, name),
                 f"{ours('missed'):.0f} of {summary['resonances']:.0f}",
             )
         )
     heads = (
         *("Model", "Worst cost", "Paper", "Average", "Paper", "Excess"),
-        *("Noise floor", "Deviation", "Range", "Scatter", "Offset", "Paper", "Missed"),
+        *("Noise floor", "Effective", "Deviation", "Scatter", "Offset", "Of fits", "Paper", "Missed"),
     )
     axes = " and ".join(found.study.axes)
     caption = (
         "Costs: mean squared logarithmic amplitude error per element of the validation's responses (half the payload,"
         " new phases), a motor's own response at weight 1; the paper's are of another scale. Excess: above what the"
         " validation's noise alone gives. Noise floor: relative deviation by eq. 5 with the total covariance, as in the"
-        " paper, mean over the free springs. Deviation: what the fit states, its interval over the normal quantile."
-        " Scatter: standard deviation of log(estimate / truth) over the individuals, and over disjoint sets of"
-        " configurations where a model's are drawn, with its standard error; offset: size of its mean, what"
-        " all individuals share, such as the stiffening that a linear model takes for stiffness. Missed: first"
+        " paper, mean over the free springs. Deviation: what the fit states of the springs themselves, its interval"
+        " over the normal quantile; effective: of what infinitely many configurations would give, which a design"
+        " sees. Scatter: standard deviation of log(estimate / truth) over the individuals, and over disjoint sets of"
+        " configurations where a model's are drawn, with its standard error; the estimate is the middle of the interval"
+        " of the spring itself. Of fits: that of the fitted springs, which predict. These are geometric means over the"
+        " springs: one that no data can tell would outweigh all others. Offset: size of the scatter's mean, what all"
+        " individuals share, such as the stiffening that a linear model takes for stiffness. Missed: first"
         f" resonances of the own responses of {axes} that are off by more than {percent(MISSED)}."
     )
     optimal = list(found.models).index(found.study.optimal)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import gmean
 from scipy.stats import t as student
 
 from robid.arrays import FloatArray
@@ -11,7 +12,9 @@ _LEVEL = 0.95
 
 
 def scatter(error: FloatArray) -> float:
-    """Standard deviation of each parameter's error over all samples, mean over the parameters.
+    """Standard deviation of each parameter's error over all samples, geometric mean over the parameters.
+
+    One that no data can tell would outweigh all others in a plain mean.
 
     Args:
         error (n_seed, n_set, n_param): Logarithm of estimate over truth of each individual, from each of the sets of
@@ -21,7 +24,7 @@ def scatter(error: FloatArray) -> float:
         The scatter; NaN of a single sample.
     """
     samples = error.reshape(-1, error.shape[-1])
-    return float(samples.std(axis=0, ddof=1).mean()) if len(samples) > 1 else float("nan")
+    return float(gmean(samples.std(axis=0, ddof=1))) if len(samples) > 1 else float("nan")
 
 
 def scatter_error(error: FloatArray) -> float:

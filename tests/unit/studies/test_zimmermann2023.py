@@ -83,8 +83,10 @@ def model(name, std, cost=1.0, used=(0, 1), stiffness=1.0, slope=None):
         used=used,
         wanted=("gear.stiffness", "bearing.stiffness"),
         std=std * SCATTER[:, None] * np.array([0.5, 1.5]),
-        fit_std=2 * std * SCATTER[:, None] * np.ones((N_SEED, 2)),
+        fit_std=2 * std * SCATTER[:, None] * np.array([0.5, 2]),
+        effective_std=std * SCATTER[:, None] * np.ones((N_SEED, 2)),
         error=std * ERRORS,
+        fit_error=3 * std * ERRORS,
         stiffness=np.full((N_SEED, 2), stiffness),
         cost=cost * ones * np.linspace(0.5, 1.5, N_CONF),
         expected=0.2 * ones,
@@ -145,7 +147,9 @@ def test_figures_are_medians_over_the_individuals():
     assert summary["opt2.average_std_low"] == pytest.approx(0.03 * 0.97)
     assert summary["opt2.worst_std"] == pytest.approx(0.045)
     assert summary["opt2.average_fit_std"] == pytest.approx(0.06)
-    assert summary["opt2.scatter"] == pytest.approx(0.03 * ERRORS.std(axis=0, ddof=1).mean())
+    assert summary["opt2.average_effective_std"] == pytest.approx(0.03)
+    assert summary["opt2.scatter"] == pytest.approx(0.03 * np.sqrt(np.prod(ERRORS.std(axis=0, ddof=1))))
+    assert summary["opt2.fit_scatter"] == pytest.approx(3 * summary["opt2.scatter"])
     assert summary["opt2.offset"] == pytest.approx(0.03 * np.abs(ERRORS.mean(axis=0)).mean())
     assert summary["opt2.scatter_error"] > 0
     assert summary["m49.average_cost"] == pytest.approx(1.0)
@@ -174,7 +178,7 @@ def test_lowest_deviation_and_ties_are_told_apart():
 def test_scatter_is_the_deviation_about_what_all_individuals_share():
     generator = np.random.default_rng(1)
     error = 0.7 + generator.standard_normal((4000, 3, 2)) * [0.1, 0.3]
-    assert scatter(error) == pytest.approx(0.2, rel=0.02)
+    assert scatter(error) == pytest.approx(np.sqrt(0.03), rel=0.02)
     assert np.isnan(scatter(error[:1, :1]))
 
 
