@@ -134,11 +134,12 @@ def test_files_of_schema_1_are_refused_and_can_be_made_again(bench, name, made_b
     path = bench.runs / "log" / f"{name}.h5"
     with h5py.File(path, "r+") as file:
         file.attrs["schema_version"] = np.bytes_("1.2")
+    again = (made_by, "bench.yaml", "--campaign", "log", "--force")
     told = (
         f"log/{name}.h5",
         "has schema version 1.2; this robid reads 2.x",
-        f"robid {made_by} EXPERIMENT.yaml --force",
+        f"robid {' '.join(again)}",
     )
     bench.refuse(3, *told, command=(reader, "bench.yaml"))
-    assert bench.robid(made_by, "bench.yaml", "--force").code == 0
+    assert bench.robid(*again).code == 0
     read_artifact(path, {"record": RECORD, "frf": FRF}[name])
