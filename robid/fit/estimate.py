@@ -112,6 +112,18 @@ class Estimate:
         return np.asarray(~self.identifiable & known & ~doubted)
 
     @property
+    def middle(self) -> FloatArray:
+        """Middle of each interval (n_param,), the estimate of the parameter itself."""
+        return self.value if self.physical_value is None else self.physical_value
+
+    @property
+    def effective_interval(self) -> tuple[FloatArray, FloatArray]:
+        """Ends (n_param,) of the intervals of what predicts; those of the parameters where nothing tells them apart."""
+        if self.effective_lower is None or self.effective_upper is None:
+            return self.lower, self.upper
+        return self.effective_lower, self.effective_upper
+
+    @property
     def found(self) -> dict[str, float]:
         """Estimated value of every parameter, tied ones too, by name."""
         return _by_name((self.names, self.value), (self.tied.names, self.tied.value))

@@ -64,7 +64,7 @@ def _own(estimate: Estimate) -> list[dict[str, Any]]:
         "effective": estimate.effective_value,
         "effective_low": estimate.effective_lower,
         "effective_high": estimate.effective_upper,
-        "physical": estimate.value if estimate.physical_value is None else estimate.physical_value,
+        "physical": estimate.middle,
         "physical_low": estimate.lower,
         "physical_high": estimate.upper,
         "relative_standard_deviation": estimate.relative_std,

@@ -7,7 +7,6 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from robid.arrays import FloatArray
-from robid.fit.estimate import Estimate
 
 _TIE_LEVEL = 0.95
 
@@ -32,7 +31,7 @@ def ratio_interval(one: FloatArray, other: FloatArray) -> tuple[float, float]:
 def differs(one: FloatArray, other: FloatArray) -> bool:
     """Tells whether two figures (n_seed,) differ by more than chance over the individuals, see `ratio_interval`."""
     low, high = ratio_interval(one, other)
-    return not low <= 1 <= high
+    return low > 1 or high < 1
 
 
 def stated_std(lower: FloatArray, upper: FloatArray, confidence: float) -> FloatArray:
@@ -48,10 +47,3 @@ def stated_std(lower: FloatArray, upper: FloatArray, confidence: float) -> Float
     """
     ratio = np.divide(upper, lower, out=np.full(lower.shape, np.nan), where=lower > 0)
     return np.asarray(np.log(ratio) / (2 * norm.ppf(0.5 + 0.5 * confidence)))
-
-
-def effective_interval(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Ends (n_param,) of the intervals of what infinitely many configurations would give."""
-    if estimate.effective_lower is None or estimate.effective_upper is None:
-        return estimate.lower, estimate.upper
-    return estimate.effective_lower, estimate.effective_upper

@@ -119,7 +119,6 @@ def fit_individual(one: Fitting) -> Content:
     names = [estimate.names[index] for index in known]
     truth = np.array([true[name] for name in names])
     lower, upper = estimate.lower[known], estimate.upper[known]
-    physical = estimate.value if estimate.physical_value is None else estimate.physical_value
     parameter = ("parameter",)
     datasets = {
         "names": Dataset(np.array(names), "1", parameter),
@@ -127,7 +126,7 @@ def fit_individual(one: Fitting) -> Content:
             np.log(estimate.value[known] / truth), "1", parameter, "Logarithm of the estimate over the truth"
         ),
         "physical": Dataset(
-            np.log(physical[known] / truth), "1", parameter, "Logarithm of the interval's middle over the truth"
+            np.log(estimate.middle[known] / truth), "1", parameter, "Logarithm of the interval's middle over the truth"
         ),
         "std": Dataset(
             stated_std(lower, upper, estimate.confidence), "1", parameter, "Deviation that the fit's interval states"

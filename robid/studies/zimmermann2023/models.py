@@ -22,7 +22,6 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.fit.elastic.problem import make_problem
 from robid.fit.elastic.solution import ElasticSolution
 from robid.fit.elastic.uncertainty import sandwich
-from robid.fit.estimate import Estimate
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
@@ -35,7 +34,7 @@ from robid.settings.robot_parts import delay_s
 from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
-from robid.studies.over_individuals import effective_interval, stated_std
+from robid.studies.over_individuals import stated_std
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
@@ -181,11 +180,13 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
     """Returns what a fit found, beside the truth."""
     parameter, spring = ("parameter",), ("spring",)
     found = solution.estimate
-    springs, middles = (fitted_robot(one.robots[0], each).springs for each in (found, _of_the_springs(found)))
+    springs, middles = (
+        fitted_robot(one.robots[0], each).springs for each in (found, replace(found, value=found.middle))
+    )
     by_name = {each.name: each for each in one.truth.springs}
     true = [by_name[each.name] for each in springs]
     deviation = stated_std(found.lower, found.upper, found.confidence)
-    predicting = stated_std(*effective_interval(found), found.confidence)
+    predicting = stated_std(*found.effective_interval, found.confidence)
     return {
         "names": Dataset(np.array(found.names), "1", parameter),
         "nominal": Dataset(found.nominal, "SI", parameter, "Values of the robot file"),
@@ -200,11 +201,6 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
         "true_stiffness": Dataset(np.array([each.stiffness for each in true]), "N m/rad", spring),
         "true_cubic": Dataset(np.array([each.cubic for each in true]), "N m/rad^3", spring),
     }
-
-
-def _of_the_springs(found: Estimate) -> Estimate:
-    """The estimate of the springs themselves: the middles of their intervals."""
-    return found if found.physical_value is None else replace(found, value=found.physical_value)
 
 
 def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, Dataset]:

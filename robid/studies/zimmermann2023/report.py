@@ -142,7 +142,7 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
         " sees. Scatter: standard deviation of log(estimate / truth) over the individuals, and over disjoint sets of"
         " configurations where a model's are drawn, with its standard error; the estimate is the middle of the interval"
         " of the spring itself. Of fits: that of the fitted springs, which predict. These are geometric means over the"
-        " springs: one that no data can tell would outweigh all others. Offset: size of the scatter's mean, what all"
+        " springs: one that no data can tell would outweigh all others. Offset: size of that logarithm's mean, what all"
         " individuals share, such as the stiffening that a linear model takes for stiffness. Missed: first"
         f" resonances of the own responses of {axes} that are off by more than {percent(MISSED)}."
     )

@@ -74,6 +74,7 @@ def test_a_difference_counts_only_beyond_the_scatter():
     scattered = np.array([0.5, 1.0, 2.0, 3.0, 0.7])
     assert differs(1.05 * scattered, scattered * np.array([1, 1.001, 0.999, 1, 1]))
     assert not differs(np.array([2.0]), np.array([1.0]))
+    assert not differs(np.array([np.nan, 2.0]), np.ones(2))
 
 
 def model(name, std, cost=1.0, used=(0, 1), stiffness=1.0, slope=None):
