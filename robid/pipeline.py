@@ -106,7 +106,17 @@ class Run:
     def command(self, node: Node) -> str:
         """Returns the command that makes a node's output."""
         chosen = f" --{node.stage.owned_by} {node.owner}" if node.stage.owned_by != "experiment" else ""
-        return f"robid {node.stage.name} {self.loaded.path}{chosen}"
+        return f"robid {node.stage.name} {self.loaded.path}{chosen}{self.in_folder}"
+
+    @property
+    def in_folder(self) -> str:
+        """What a command needs beside its experiment to work in this run folder."""
+        return "" if self.folder == run_folder(self.loaded) else f" --run-dir {self.folder}"
+
+
+def run_folder(loaded: LoadedExperiment) -> Path:
+    """Returns the run folder of an experiment where none is named."""
+    return Path("runs") / loaded.experiment.name
 
 
 def graph(loaded: LoadedExperiment) -> tuple[Node, ...]:

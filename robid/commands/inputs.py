@@ -74,7 +74,7 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
             there = state.status == "stale" and run.path(maker.output).exists()
             remedy = f"`{run.command(maker)}{' --force' * there}` makes it"
             if not maker.stage.on_request(run.loaded, maker.owner):
-                remedy += f"; `robid run {run.loaded.path}` makes all that is needed"
+                remedy += f"; `robid run {run.loaded.path}{run.in_folder}` makes all that is needed"
             raise ArtifactError(f"The input is {state.status}{why}.", where=str(run.path(path)), remedy=remedy)
         inputs[name] = run.path(path)
     return inputs

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from robid.artifacts.lock import FOLDER_LOCK
 from robid.errors import SettingsError, require_module
 from robid.families.family import Graded
-from robid.pipeline import Result, Run
+from robid.pipeline import Result, Run, run_folder
 from robid.report.numbers import duration
 from robid.settings.experiment import Execution
 from robid.stages.terminal import Shell, make_console
@@ -36,7 +36,7 @@ def open_run(
     execution = loaded.experiment.execution
     return Run(
         loaded=loaded,
-        folder=folder or Path("runs") / loaded.experiment.name,
+        folder=folder or run_folder(loaded),
         backend=choose_backend(execution, backend, scheduler),
         workers=workers or execution.workers or os.cpu_count() or 1,
         scheduler=scheduler or execution.scheduler,

@@ -68,16 +68,21 @@ def test_a_damaged_artifact_is_refused_by_name(done, command):
     refuse(done, 3, "estimation/frf.h5", "is damaged", "estimate-frf", command=command)
 
 
-def test_the_remedy_of_a_damaged_artifact_makes_it_again(done):
-    path = done.runs / "estimation" / "frf.h5"
+@pytest.mark.parametrize("elsewhere", [(), ("--run-dir", "elsewhere")])
+def test_the_remedy_of_a_damaged_artifact_makes_it_again(done, elsewhere):
+    folder = done.runs
+    if elsewhere:
+        folder = done.folder / "elsewhere"
+        done.runs.rename(folder)
+    path = folder / "estimation" / "frf.h5"
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    answer = refuse(done, 3, "delete it and make it again with", command=("fit", "small.yaml", "--force"))
+    answer = refuse(done, 3, "delete it and make it again with", command=("fit", "small.yaml", "--force", *elsewhere))
     command = re.search("`robid ([^`]*)`", answer.flat)[1].split()
-    assert command == ["estimate-frf", "small.yaml", "--campaign", "estimation"]
+    assert command == ["estimate-frf", "small.yaml", "--campaign", "estimation", *elsewhere]
     path.unlink()
     assert done.robid(*command).code == 0
-    assert done.states()["estimation/frf.h5"] == ("fresh", "")
+    assert read_artifact(path, FRF).datasets
 
 
 def test_a_flipped_number_is_refused_by_name(done):
