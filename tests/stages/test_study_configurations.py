@@ -37,12 +37,15 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
         for key in ("average_std", "average_fit_std", "average_effective_std", "scatter", "fit_scatter", "average_cost",
                     "worst_cost", "average_excess"):  # fmt: skip
             assert summary[f"{name}.{key}"] > 0
+        for key in ("fit_std", "effective_std", "scatter", "fit_scatter"):
+            average = summary.get(f"{name}.average_{key}", summary.get(f"{name}.{key}"))
+            assert 0 < summary[f"{name}.typical_{key}"] <= average
         assert summary[f"{name}.worst_cost"] >= summary[f"{name}.average_cost"]
     assert summary["m49.average_std"] < min(summary[f"{name}.average_std"] for name in ("opt2", "guess", "mirr"))
     assert 0 <= summary["opt2.gap"] < 1e-6
     assert summary["nonlinear.step_tool_rms_m"] < summary["m49.step_tool_rms_m"]
     page = (study.runs / "report.html").read_text()
-    for text in ("Table II", "0.123", "&gt; 10 %", "How long must I measure?", "Design optimal", "Fig. 6"):
+    for text in ("Table II", "0.123", "by geometric means", "&gt; 10 %", "How long must I measure?", "Design optimal", "Fig. 6"):
         assert text in page
     kept = {path: path.stat().st_mtime_ns for path in tasks.rglob("*.h5")}
     lost = next((tasks / "models").glob("guess_2.*"))

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
-from scipy.stats import gmean
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact
@@ -18,7 +17,7 @@ from robid.pipeline import Run
 from robid.settings.study import ZimmermannStudy
 from robid.studies.study import Earlier
 from robid.studies.zimmermann2023.effort import EffortCurves, effort_curves
-from robid.studies.zimmermann2023.scatter import scatter, scatter_error
+from robid.studies.zimmermann2023.scatter import Mean, over_springs, scatter, scatter_error
 from robid.studies.zimmermann2023.sets import owners_of_sets
 from robid.studies.zimmermann2023.steps import read_steps
 from robid.studies.zimmermann2023.study import pairs, study_of
@@ -70,15 +69,9 @@ class Model:
         """Mean relative deviation of the springs (n_seed,)."""
         return np.asarray(self.std.mean(axis=1))
 
-    @property
-    def average_fit_std(self) -> FloatArray:
-        """Geometric mean over the springs of the deviation that the fit states (n_seed,)."""
-        return np.asarray(gmean(self.fit_std, axis=1))
-
-    @property
-    def average_effective_std(self) -> FloatArray:
-        """The same of what infinitely many configurations would give (n_seed,)."""
-        return np.asarray(gmean(self.effective_std, axis=1))
+    def stated(self, mean: Mean) -> FloatArray:
+        """Mean over the springs of the deviation that the fit states (n_seed,)."""
+        return over_springs(self.fit_std, mean)
 
     @property
     def average_cost(self) -> FloatArray:
@@ -211,8 +204,8 @@ def summarise(found: Found) -> dict[str, float]:
         for key, values in (
             ("average_std", one.average_std),
             ("worst_std", one.std.max(axis=1)),
-            ("average_fit_std", one.average_fit_std),
-            ("average_effective_std", one.average_effective_std),
+            *((f"{mean}_fit_std", one.stated(mean)) for mean in get_args(Mean)),
+            *((f"{mean}_effective_std", over_springs(one.effective_std, mean)) for mean in get_args(Mean)),
             ("average_cost", one.average_cost),
             ("worst_cost", one.cost.max(axis=1)),
             ("average_excess", one.average_excess),
@@ -220,11 +213,13 @@ def summarise(found: Found) -> dict[str, float]:
             summary[f"{name}.{key}"] = float(np.median(values))
             summary[f"{name}.{key}_low"], summary[f"{name}.{key}_high"] = float(values.min()), float(values.max())
         if len(one.error) > 1:
-            summary[f"{name}.scatter"] = scatter(one.error)
-            summary[f"{name}.fit_scatter"] = scatter(one.fit_error)
+            summary[f"{name}.scatter"] = scatter(one.error, "average")
+            summary[f"{name}.fit_scatter"] = scatter(one.fit_error, "average")
+            summary[f"{name}.typical_scatter"] = scatter(one.error, "typical")
+            summary[f"{name}.typical_fit_scatter"] = scatter(one.fit_error, "typical")
             summary[f"{name}.offset"] = float(np.abs(one.error.mean(axis=(0, 1))).mean())
         if len(one.error) > 2:
-            summary[f"{name}.scatter_error"] = scatter_error(one.error)
+            summary[f"{name}.scatter_error"] = scatter_error(one.error, "average")
         summary[f"{name}.missed"] = float(np.median((one.missed & found.there).sum(axis=(1, 2))))
     optimal, reference = models[study.optimal], models[study.reference]
     summary[f"{study.optimal}.gap"] = found.design.gap

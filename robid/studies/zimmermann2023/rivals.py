@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.studies.over_individuals import differs
 from robid.studies.zimmermann2023.figures import Found
-from robid.studies.zimmermann2023.scatter import scatter, scatters_differ
+from robid.studies.zimmermann2023.scatter import Mean, scatter, scatters_differ
 
 
 @dataclass(frozen=True)
@@ -25,20 +25,21 @@ class Rivals:
     tied: tuple[str, ...]
 
 
-def rivals(found: Found) -> dict[str, Rivals]:
-    """Returns the optimal model's rivals by `deviation`, as fits state it, and by `scatter` about the truth."""
+def rivals(found: Found, mean: Mean) -> dict[str, Rivals]:
+    """Returns the optimal model's rivals by `deviation`, as fits state it, and by `scatter` about the truth.
+
+    Args:
+        found: What the study found.
+        mean: Mean over the springs.
+    """
     own = found.models[found.study.optimal]
     others = [found.models[name] for name in found.small if name != found.study.optimal]
-    stated = {
-        one.name: (
-            float(np.median(one.average_fit_std / own.average_fit_std)),
-            differs(one.average_fit_std, own.average_fit_std),
-        )
-        for one in others
-    }
-    scattered = {
-        one.name: (scatter(one.error) / scatter(own.error), scatters_differ(one.error, own.error)) for one in others
-    }
+    stated, scattered = {}, {}
+    for one in others:
+        pair = one.stated(mean), own.stated(mean)
+        stated[one.name] = float(np.median(pair[0] / pair[1])), differs(*pair)
+        ratio = scatter(one.error, mean) / scatter(own.error, mean)
+        scattered[one.name] = ratio, scatters_differ(one.error, own.error, mean)
     return {"deviation": _rivals(stated), "scatter": _rivals(scattered)}
 
 

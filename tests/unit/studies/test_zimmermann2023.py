@@ -147,10 +147,16 @@ def test_figures_are_medians_over_the_individuals():
     assert summary["opt2.average_std"] == pytest.approx(0.03)
     assert summary["opt2.average_std_low"] == pytest.approx(0.03 * 0.97)
     assert summary["opt2.worst_std"] == pytest.approx(0.045)
-    assert summary["opt2.average_fit_std"] == pytest.approx(0.06)
+    assert summary["opt2.average_fit_std"] == pytest.approx(0.06 * 1.25)
+    assert summary["opt2.typical_fit_std"] == pytest.approx(0.06)
     assert summary["opt2.average_effective_std"] == pytest.approx(0.03)
-    assert summary["opt2.scatter"] == pytest.approx(0.03 * np.sqrt(np.prod(ERRORS.std(axis=0, ddof=1))))
-    assert summary["opt2.fit_scatter"] == pytest.approx(3 * summary["opt2.scatter"])
+    assert summary["opt2.typical_effective_std"] == pytest.approx(0.03)
+    apart = ERRORS.std(axis=0, ddof=1)
+    assert summary["opt2.scatter"] == pytest.approx(0.03 * apart.mean())
+    assert summary["opt2.typical_scatter"] == pytest.approx(0.03 * np.sqrt(np.prod(apart)))
+    for scattered in ("scatter", "typical_scatter"):
+        fitted = summary[f"opt2.{scattered.replace('scatter', 'fit_scatter')}"]
+        assert fitted == pytest.approx(3 * summary[f"opt2.{scattered}"])
     assert summary["opt2.offset"] == pytest.approx(0.03 * np.abs(ERRORS.mean(axis=0)).mean())
     assert summary["opt2.scatter_error"] > 0
     assert summary["m49.average_cost"] == pytest.approx(1.0)
@@ -163,49 +169,64 @@ def test_figures_are_medians_over_the_individuals():
     assert summary["resonances"] == 5
 
 
-def test_lowest_deviation_and_ties_are_told_apart():
+@pytest.mark.parametrize("mean", ["average", "typical"])
+def test_lowest_deviation_and_ties_are_told_apart(mean):
     none = Rivals((), ())
-    assert rivals(found(**everything())) == {"deviation": none, "scatter": none}
+    assert rivals(found(**everything()), mean) == {"deviation": none, "scatter": none}
     tied = np.array([1.05, 0.96, 1.02, 0.97, 1.01]) / SCATTER
     near = model("mirr", 0.03)
     other = 0.03 * np.random.default_rng(4).standard_normal((N_SEED, 1, 2))
     near = Model(**{**vars(near), "fit_std": near.fit_std * tied[:, None], "error": other})
-    held = rivals(found(**everything(mirr=near)))
+    held = rivals(found(**everything(mirr=near)), mean)
     assert held == {"deviation": Rivals((), ("mirr",)), "scatter": Rivals((), ("mirr",))}
     low = Rivals(("opt1",), ())
-    assert rivals(found(**everything(opt1=model("opt1", 0.02)))) == {"deviation": low, "scatter": low}
+    assert rivals(found(**everything(opt1=model("opt1", 0.02))), mean) == {"deviation": low, "scatter": low}
+
+
+def test_a_spring_that_no_data_tell_decides_one_mean_and_not_the_other():
+    lost = model("guess", 0.02)
+    lost = Model(**{**vars(lost), "fit_std": lost.fit_std * [0.1, 8], "error": lost.error * [0.1, 8]})
+    own, none = everything(guess=lost), Rivals((), ())
+    assert rivals(found(**own), "average") == {"deviation": none, "scatter": none}
+    low = Rivals(("guess",), ())
+    assert rivals(found(**own), "typical") == {"deviation": low, "scatter": low}
 
 
 def test_scatter_is_the_deviation_about_what_all_individuals_share():
     generator = np.random.default_rng(1)
     error = 0.7 + generator.standard_normal((4000, 3, 2)) * [0.1, 0.3]
-    assert scatter(error) == pytest.approx(np.sqrt(0.03), rel=0.02)
-    assert np.isnan(scatter(error[:1, :1]))
+    assert scatter(error, "average") == pytest.approx(0.2, rel=0.02)
+    assert scatter(error, "typical") == pytest.approx(np.sqrt(0.03), rel=0.02)
+    assert np.isnan(scatter(error[:1, :1], "average"))
 
 
-def test_scatter_is_as_uncertain_as_it_varies():
+@pytest.mark.parametrize("mean", ["average", "typical"])
+def test_scatter_is_as_uncertain_as_it_varies(mean):
     """Against the spread over many repetitions, of sets that share much of an individual's error."""
     generator = np.random.default_rng(2)
 
     def draw():
         return generator.standard_normal((6, 1, 8)) + 0.5 * generator.standard_normal((6, 3, 8))
 
-    found = np.array([(np.log(scatter(error)), scatter_error(error)) for error in (draw() for _ in range(300))])
+    drawn = [draw() for _ in range(300)]
+    found = np.array([(np.log(scatter(error, mean)), scatter_error(error, mean)) for error in drawn])
     assert found[:, 1].mean() == pytest.approx(found[:, 0].std(), rel=0.2)
-    assert np.isnan(scatter_error(draw()[:2]))
+    assert np.isnan(scatter_error(draw()[:2], mean))
 
 
-def test_models_that_scatter_alike_differ_seldom_and_others_mostly():
+@pytest.mark.parametrize("mean", ["average", "typical"])
+def test_models_that_scatter_alike_differ_seldom_and_others_mostly(mean):
     generator = np.random.default_rng(5)
     shared = generator.standard_normal((400, 6, 1, 12))
     pairs = [(each + 0.3 * generator.standard_normal(each.shape), each) for each in shared]
     alike = [
-        scatters_differ(one + 0 * other, other + 0.3 * generator.standard_normal(one.shape)) for one, other in pairs
+        scatters_differ(one + 0 * other, other + 0.3 * generator.standard_normal(one.shape), mean)
+        for one, other in pairs
     ]
     assert np.mean(alike) < 0.09
-    apart = [scatters_differ(2 * one, other) for one, other in pairs]
+    apart = [scatters_differ(2 * one, other, mean) for one, other in pairs]
     assert np.mean(apart) > 0.9
-    assert not scatters_differ(2 * shared[0][:2], shared[0][:2])
+    assert not scatters_differ(2 * shared[0][:2], shared[0][:2], mean)
 
 
 def test_drawn_models_have_further_sets_that_share_nothing():
