@@ -28,6 +28,8 @@ from robid.studies.zimmermann2023.study import study_of
 
 _ENOUGH_COST = 1.06
 _ENOUGH_EXCESS = 0.5
+_FURTHER = 2.0
+"""Scatter over the stated deviation above which intervals do not hold what they should."""
 
 
 def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
@@ -152,8 +154,20 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
     )
     optimal = list(found.models).index(found.study.optimal)
     table = Table(heads, tuple(rows), caption=caption, strong=optimal)
-    lead = " ".join(("Models are judged by their scatter: the truth is known here.", *_contradictions(found, paper)))
+    judged = "Models are judged by their scatter: the truth is known here."
+    lead = " ".join((judged, *_contradictions(found, paper), *_too_sure(found, summary)))
     return Section("Table II: costs and deviations", lead, (table, _typical_table(found, summary)))
+
+
+def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:
+    """Says which models scatter much further than they state."""
+    pairs = {name: (summary.get(f"{name}.scatter", 0.0), summary[f"{name}.average_fit_std"]) for name in found.models}
+    return tuple(
+        f"{name} states too little: it scatters by {_deviation(scattered)}, {significant(scattered / stated, 2)} times"
+        f" its {_deviation(stated)}. What no doubt names takes others along."
+        for name, (scattered, stated) in pairs.items()
+        if scattered > _FURTHER * stated
+    )
 
 
 def _typical_table(found: Found, summary: Mapping[str, float]) -> Table:

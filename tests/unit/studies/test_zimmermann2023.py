@@ -12,7 +12,7 @@ from robid.studies.over_individuals import differs
 from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
 from robid.studies.zimmermann2023.figures import Found, Model, explained_springs, summarise
 from robid.studies.zimmermann2023.models import model_sets, options_of, transmission_torque
-from robid.studies.zimmermann2023.report import _contradictions
+from robid.studies.zimmermann2023.report import _contradictions, _too_sure
 from robid.studies.zimmermann2023.rivals import Rivals, rivals
 from robid.studies.zimmermann2023.scatter import scatter, scatter_error, scatters_differ
 from robid.studies.zimmermann2023.sets import further_sets
@@ -248,6 +248,15 @@ def test_a_part_cannot_be_better_known_than_the_whole():
     assert "here it does so for every spring" in told
     assert "> 10 % of it and 4.0 % of opt2" in told
     assert _contradictions(found(**everything()), {"average_std": {"m49": 0.01, "opt2": 0.04}}) == ()
+
+
+def test_a_model_that_scatters_further_than_it_states_is_told():
+    honest = found(**everything())
+    assert _too_sure(honest, summarise(honest)) == ()
+    wrong = model("m49", 0.01, used=tuple(range(N_CONF)))
+    wrong = found(**everything(m49=Model(**{**vars(wrong), "error": 10 * wrong.error})))
+    (told,) = _too_sure(wrong, summarise(wrong))
+    assert told.startswith("m49 states too little: it scatters by")
 
 
 def test_local_springs_are_held_against_the_slope_where_they_were_measured():
