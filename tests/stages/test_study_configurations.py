@@ -45,7 +45,15 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
     assert 0 <= summary["opt2.gap"] < 1e-6
     assert summary["nonlinear.step_tool_rms_m"] < summary["m49.step_tool_rms_m"]
     page = (study.runs / "report.html").read_text()
-    for text in ("Table II", "0.123", "by geometric means", "&gt; 10 %", "How long must I measure?", "Design optimal", "Fig. 6"):
+    for text in (
+        "Table II",
+        "0.123",
+        "by geometric means",
+        "&gt; 10 %",
+        "How long must I measure?",
+        "Design optimal",
+        "Fig. 6",
+    ):
         assert text in page
     kept = {path: path.stat().st_mtime_ns for path in tasks.rglob("*.h5")}
     lost = next((tasks / "models").glob("guess_2.*"))
