@@ -45,8 +45,8 @@ class Doubts:
     friction: float = field(
         default=0.02,
         metadata={
-            "description": "Of what friction leaves in a motor's torque, in phase with its angle and losing energy,"
-            " over what its rotor asks for at 10 Hz.",
+            "description": "Of what friction leaves in a motor's torque, in phase with its angle, losing energy and,"
+            " where `viscous` is not estimated, growing with its speed, over what its rotor asks for at 10 Hz.",
             "ge": 0,
         },
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, TorqueScale
+from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, TorqueScale, ViscousFriction
 from robid.fit.elastic.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.doubts.springs import Compliance
@@ -161,17 +161,23 @@ def off_robot(
         elif isinstance(direction, Compliance):
             spring = direction.spring
             further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
-        elif isinstance(direction, ArmFriction | RotorShare):
+        elif isinstance(direction, ArmFriction | RotorShare | ViscousFriction):
             joint = robot.joints[direction.joint]
             off = _with_off_drive(joint, direction, share, float(inertia[direction.joint]))
             robot = replace(robot, joints=_with(robot.joints, direction.joint, off))
     return replace(robot, springs=(*robot.springs, *further))
 
 
-def _with_off_drive(joint: Joint, direction: ArmFriction | RotorShare, share: float, inertia: float) -> Joint:
+def _with_off_drive(
+    joint: Joint, direction: ArmFriction | RotorShare | ViscousFriction, share: float, inertia: float
+) -> Joint:
     if isinstance(direction, ArmFriction):
         return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
-    return replace(joint, motor=replace(joint.motor, inertia_kgm2=joint.motor.inertia_kgm2 * (1 + share)))
+    motor = joint.motor
+    if isinstance(direction, RotorShare):
+        return replace(joint, motor=replace(motor, inertia_kgm2=motor.inertia_kgm2 * (1 + share)))
+    viscous = motor.friction.viscous_nms_rad + share * _TURN_10_HZ * motor.inertia_kgm2
+    return replace(joint, motor=replace(motor, friction=replace(motor.friction, viscous_nms_rad=viscous)))
 
 
 def _with(values: tuple[_Value, ...], index: int, value: _Value) -> tuple[_Value, ...]:

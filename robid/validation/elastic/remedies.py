@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import TorqueScale
+from robid.fit.elastic.doubts.drives import TorqueScale, ViscousFriction
 from robid.fit.elastic.doubts.gear_kinds import HYSTERESIS
 from robid.fit.elastic.doubts.gears import slipping_name
 
@@ -25,6 +25,8 @@ def remedy(doubts: Sequence[DoubtColumn], *, swings_known: bool) -> tuple[str, .
     cause = doubts[0].cause
     if cause in _KINDS:
         return (_KINDS[cause],)
+    if isinstance(doubts[0].direction, ViscousFriction):
+        return ("viscous",)
     slipping = tuple(dict.fromkeys(filter(None, map(slipping_name, doubts))))
     if slipping_name(doubts[0]) is not None and swings_known:
         return slipping if len(slipping) <= _FEW else (HYSTERESIS,)

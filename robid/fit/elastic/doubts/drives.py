@@ -110,6 +110,25 @@ class ArmFriction:
 
 
 @dataclass(frozen=True)
+class ViscousFriction:
+    """Viscous friction of a motor, where no fit estimates it, in percent of what its rotor asks for at 10 Hz.
+
+    Attributes:
+        joint: Index of the motor.
+    """
+
+    joint: int
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        return np.asarray(scene.viscous_slopes[..., self.joint] * self.size(scene.values))
+
+    def size(self, values: ElasticParameters) -> float:
+        """Viscous friction that an amount of one is [N m s/rad]."""
+        return _TURN_10_HZ * float(values.motor_inertia[self.joint]) / _PERCENT
+
+
+@dataclass(frozen=True)
 class MotorFriction:
     """A torque that follows a motor's angle, in percent of what its rotor asks for at 10 Hz.
 
@@ -168,12 +187,17 @@ def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]
 
 
 def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
-    """Yields the doubts of friction: of arms, where nothing estimates it, and what is left of the motors'."""
+    """Yields the doubts of friction: of arms and motors, where nothing estimates it, and what else motors' leaves."""
     for index, (joint, name) in enumerate(zip(robot.joints, element_names(robot, "arm_viscous"), strict=True)):
         std = _PERCENT * joint.doubts.arm_friction
         if std > 0 and name is not None and not is_estimated(options, "arm_viscous", name):
             names = name, f"viscous friction of {joint.name}'s arm"
             yield DoubtColumn(*names, "arm_friction", _OF_LINK, std, std, ArmFriction(index), 0.0, _PERCENT)
+    for index, (joint, name) in enumerate(zip(robot.joints, element_names(robot, "viscous"), strict=True)):
+        std = _PERCENT * joint.doubts.friction
+        if std > 0 and name is not None and not is_estimated(options, "viscous", name):
+            names = name, f"viscous friction of {joint.name}'s motor"
+            yield DoubtColumn(*names, "friction", _OF_ROTOR, std, std, ViscousFriction(index), -_PERCENT, _PERCENT)
     kinds: tuple[tuple[Literal["friction_spring", "friction_loss"], str, complex], ...] = (
         ("friction_spring", "in phase with its angle", 1.0),
         ("friction_loss", "that loses energy", 1j),

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare
+from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, ViscousFriction
 from robid.fit.elastic.doubts.extension import extended_values, hold_options
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
 from robid.fit.elastic.doubts.scene import Scene, with_estimated_links
@@ -45,7 +45,7 @@ class OffRobot:
 
 def are_put_in(doubts: Sequence[DoubtColumn]) -> BoolArray:
     """Tells which doubts (n_doubt,) a robot can be off by; the others do to its response what their columns say."""
-    kinds = (RobotMove, Compliance, RotorShare, ArmFriction, *_OF_PLACES)
+    kinds = (RobotMove, Compliance, RotorShare, ArmFriction, ViscousFriction, *_OF_PLACES)
     return np.array([isinstance(doubt.direction, kinds) for doubt in doubts], bool)
 
 
@@ -107,14 +107,16 @@ def put_in(
 
 
 def _with_drives(nominal: ElasticParameters, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ElasticParameters:
-    """The values that no fit estimates with rotors and arms' friction that are off."""
-    rotors, arms = nominal.motor_inertia.copy(), nominal.arm_viscous.copy()
+    """The values that no fit estimates with rotors and viscous friction that are off."""
+    rotors, motors, arms = nominal.motor_inertia.copy(), nominal.viscous.copy(), nominal.arm_viscous.copy()
     for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
         if isinstance(doubt.direction, RotorShare):
             rotors[doubt.direction.joint] *= 1 + amount / _PERCENT
+        elif isinstance(doubt.direction, ViscousFriction):
+            motors[doubt.direction.joint] += amount * doubt.direction.size(nominal)
         elif isinstance(doubt.direction, ArmFriction):
             arms[doubt.direction.joint] += amount * doubt.direction.size(nominal)
-    return replace(nominal, motor_inertia=rotors, arm_viscous=arms)
+    return replace(nominal, motor_inertia=rotors, viscous=motors, arm_viscous=arms)
 
 
 def _added(scene: Scene, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ComplexArray | None:

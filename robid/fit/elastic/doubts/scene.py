@@ -74,6 +74,11 @@ class Scene:
         return self._slopes("motor_inertia")
 
     @cached_property
+    def viscous_slopes(self) -> ComplexArray:
+        """Derivatives (n_conf, n_freq, n_out, n_in, n_joint) of the log response by the motors' viscous friction."""
+        return self._slopes("viscous")
+
+    @cached_property
     def arm_slopes(self) -> ComplexArray:
         """Derivatives (n_conf, n_freq, n_out, n_in, n_joint) of the log response by the arms' viscous friction."""
         return self._slopes("arm_viscous")

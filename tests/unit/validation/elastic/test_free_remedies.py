@@ -11,8 +11,8 @@ from robid.validation.elastic.remedies import remedy
 NEVER = "gear_1.hysteresis_never"
 
 
-def doubts(*names):
-    every = {doubt.name: doubt for doubt in list_doubts(two_joint_robot(), ElasticOptions())}
+def doubts(*names, options=None):
+    every = {doubt.name: doubt for doubt in list_doubts(two_joint_robot(), options or ElasticOptions())}
     return [every[name] for name in names]
 
 
@@ -32,3 +32,10 @@ def test_hysteresis_is_freed_by_gear(named, free):
     assert found == free
     assert remedy(doubts(*named), swings_known=False) == ()
     assert len(freed_doubts(two_joint_robot(), ElasticOptions(free=found))) == len(free)
+
+
+def test_viscous_friction_is_freed_as_a_kind():
+    without = ElasticOptions(free=("stiffness", "damping"))
+    found = remedy(doubts("elbow.viscous", "elbow.friction_loss", options=without), swings_known=True)
+    assert found == ("viscous",)
+    assert remedy(doubts("elbow.friction_loss"), swings_known=True) == ()

@@ -9,7 +9,7 @@ from exact_systems import exact_frf, two_joint_robot
 from robid.errors import DataError
 from robid.fit.elastic.doubts.column import RobotMove
 from robid.fit.elastic.doubts.columns import doubt_columns
-from robid.fit.elastic.doubts.drives import MotorFriction
+from robid.fit.elastic.doubts.drives import MotorFriction, ViscousFriction
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.doubts.off import are_put_in, may_differ, put_in
@@ -80,6 +80,17 @@ def test_friction_that_clings_to_motors_is_that_of_the_exact_robot(problem):
     wanted = exact(robot, doubts, (amounts + added).T)
     found = np.log(model_of(problem, robot, doubts, amounts, added) / wanted)
     assert np.abs(found).max() < 1e-4 * np.abs(np.log(wanted / exact(robot))).max()
+
+
+def test_motors_that_rub_more_are_those_of_the_exact_robot():
+    options, robot = ElasticOptions(free=("stiffness", "damping")), two_joint_robot()
+    own, doubts = made(options=options), list_doubts(two_joint_robot(), options)
+    amounts, _ = drawn(doubts, 8, ViscousFriction)
+    assert np.count_nonzero(amounts) == 2
+    wanted = exact(robot, doubts, np.tile(amounts[:, None], len(PLACES)))
+    assert np.abs(np.log(wanted / exact(robot))).max() > 0.02
+    off = put_in(own, np.zeros(len(own.parameters.names)), robot, options, doubts, amounts)
+    np.testing.assert_allclose(off.problem.model_response(np.zeros(len(own.parameters.names))), wanted, rtol=1e-6)
 
 
 def test_friction_waits_for_neither_hold_nor_delay():

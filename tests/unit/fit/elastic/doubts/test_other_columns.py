@@ -135,6 +135,46 @@ def test_rotors_are_doubts_where_they_are_not_estimated():
     assert not [doubt for doubt in list_doubts(robot, ElasticOptions()) if doubt.cause == "rotor_inertia"]
 
 
+def rubbing(robot, joint, viscous):
+    """The robot with more viscous friction of a motor [N m s/rad]."""
+    motor = robot.joints[joint].motor
+    friction = replace(motor.friction, viscous_nms_rad=motor.friction.viscous_nms_rad + viscous)
+    joints = list(robot.joints)
+    joints[joint] = replace(joints[joint], motor=replace(motor, friction=friction))
+    return replace(robot, joints=tuple(joints))
+
+
+def test_viscous_friction_of_motors_is_a_doubt_where_it_is_not_estimated():
+    robot, without = two_joint_robot(), ElasticOptions(free=("stiffness", "damping"))
+    found = columns_of(robot, options=without)["elbow.viscous"]
+    percent = 2 * np.pi * 10 * robot.joints[1].motor.inertia_kgm2 / 100
+    close(found, log_ratio(rubbing(robot, 1, -1e-2 * percent), rubbing(robot, 1, 1e-2 * percent)) / 2e-2)
+    fixed = ElasticOptions(fixed=("shoulder.viscous",))
+    names = {doubt.name for doubt in list_doubts(robot, fixed)}
+    assert "shoulder.viscous" in names
+    assert "elbow.viscous" not in names
+
+
+@pytest.mark.parametrize("free", [("stiffness", "damping"), ("stiffness", "damping", "viscous", "motor_inertia")])
+def test_nothing_tells_a_factor_of_all_torques(free):
+    """Springs, dampers, masses, friction and torques by one factor are the same response, whatever a fit estimates."""
+    robot = with_arm_friction(rubbing(rubbing(two_joint_robot(), 0, 2e-3), 1, 1e-3), 3.0, 2.0)
+    options = ElasticOptions(free=free, statics="every_iterate")
+    scene, doubts = scene_of(robot, measured(robot), options), list_doubts(robot, options)
+    parameters, values = scene.problem.parameters, scene.values
+    grown = {"payload.mass": robot.payload.mass_kg}
+    for index, name in enumerate(joint.name for joint in robot.joints):
+        turn = 2 * np.pi * 10 / 100 * np.array([values.motor_inertia[index], values.link_inertia[index]])
+        grown |= {f"{name}.mass": 100.0, f"{name}.motor_inertia": 100.0, f"{name}.torque_constant": -100.0}
+        grown |= {f"{name}.viscous": values.viscous[index] / turn[0]}
+        grown |= {f"{name}.arm_viscous": values.arm_viscous[index] / turn[1]}
+    along = np.array([grown.get(doubt.name, 0.0) for doubt in doubts])
+    own = np.where(parameters.logarithmic, 1.0, parameters.nominal_values() / parameters.scale)
+    own = scene.problem.linear(scene.internal)[1] @ own
+    columns = doubt_columns(scene.problem, scene.internal, robot, options, doubts)
+    assert np.abs(own + columns @ along).max() < 1e-4 * np.abs(own).max()
+
+
 @pytest.mark.parametrize(("kind", "phase"), [("friction_spring", 1.0), ("friction_loss", 1j)])
 def test_friction_of_motors_acts_as_a_spring_to_the_housing(kind, phase):
     robot = two_joint_robot()
