@@ -14,7 +14,7 @@ from robid.fit.elastic.doubts.unseen import Told, UnseenSpring, leave_room, unse
 from robid.fit.elastic.effective import Settled, settle
 from robid.fit.elastic.joint import Joint, descend
 from robid.fit.elastic.named import Listed, Named, Suspicion, name_doubts, suspect
-from robid.fit.elastic.problem import Problem
+from robid.fit.elastic.problem import Problem, make_problem
 from robid.fit.elastic.solution import NamedDoubts
 from robid.fit.elastic.uncertainty import influence
 
@@ -62,6 +62,7 @@ def find_physical(
     Returns:
         The parameters; None where there are no doubts, or the robot rests nowhere with what is found.
     """
+    problem, suspicion = _allowing_for_error(problem, points[-1], suspicion)
     near = points if suspicion.rested else (np.zeros_like(points[-1]),)
     listed = suspect(problem, near, suspicion)
     if listed is None:
@@ -86,6 +87,20 @@ def find_physical(
     given = replace(suspicion, robot=found.robot, options=found.options)
     together = _descended(soft, given, found.cost, found.springs)
     return _estimated(problem, soft if together is None else together.named, found.springs, unseen, confidence)
+
+
+def _allowing_for_error(problem: Problem, internal: FloatArray, suspicion: Suspicion) -> tuple[Problem, Suspicion]:
+    """The problem with weights that allow for an error of the model, whatever those of the fit.
+
+    Weights without one let the data outweigh all that is known beforehand: what no doubt names then takes masses and
+    torque constants far off, and with them all springs by a factor that no response tells.
+    """
+    weights = suspicion.options.weights
+    if weights.kind in ("inflated", "estimated") or (weights.kind == "user" and weights.off_diagonal == 0):
+        return problem, suspicion
+    options = replace(suspicion.options, weights=replace(weights, kind="inflated"))
+    allowing, _ = make_problem(problem.frf, problem.model, problem.parameters, options, internal)
+    return allowing, replace(suspicion, options=options)
 
 
 def _estimated(

@@ -28,7 +28,7 @@ from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 from robid.studies.wernholt2008.study import read_frf, study_of, with_estimator
 
-_RESULT = 2
+_RESULT = 3
 """Version of what a result holds."""
 
 
