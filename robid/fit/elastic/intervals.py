@@ -112,7 +112,7 @@ def find_spreads(
         suspicion: What the robot file may have wrong; nothing when not given.
     """
     places = len(group_places(problem.frf.configurations))
-    rule = "noise and assumed model error" if problem.model_error.any() else "noise"
+    rule = _errors(model_error=bool(problem.model_error.any()))
     if places < FEWEST_PLACES:
         return _of_few_places(problem, internal, found, (excess, rule), confidence, suspicion)
     differing = f"what {places} places differ by"
@@ -124,7 +124,8 @@ def find_spreads(
     far = None if suspicion is None else find_physical(problem, (near.values, internal), suspicion, confidence)
     if far is None:
         return Spreads(effective, effective, near.pooled.assumed, between)
-    told = f"{rule}, {differing}, and {_told(len(far.doubts.names), rigid=far.rigid)}{_beyond(far.further)}"
+    known = f"{_errors(model_error=far.model_error)}, {differing}"
+    told = f"{known}, and {_told(len(far.doubts.names), rigid=far.rigid)}{_beyond(far.further)}"
     physical = Spread(far.values, far.covariance, far.degrees_of_freedom, told)
     return Spreads(effective, physical, near.pooled.assumed, between, far.doubts)
 
@@ -165,6 +166,10 @@ def _carried(named: Named, far: Settled, confidence: float) -> NamedDoubts:
         value=far.amounts,
         half_width=np.asarray(norm.ppf(0.5 + 0.5 * confidence) * std),
     )
+
+
+def _errors(*, model_error: bool) -> str:
+    return "noise and assumed model error" if model_error else "noise"
 
 
 def _told(count: int, *, rigid: bool) -> str:

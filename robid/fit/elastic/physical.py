@@ -34,6 +34,7 @@ class Physical:
         rigid: Whether a rigid fit says how far masses may be off.
         further: How many times as far off as known beforehand the doubts are, at least 1: what is known was taken to be
             known so much worse.
+        model_error: Whether an error of the model was allowed for.
     """
 
     values: FloatArray
@@ -42,6 +43,7 @@ class Physical:
     doubts: NamedDoubts
     rigid: bool
     further: float = 1.0
+    model_error: bool = True
 
 
 def find_physical(
@@ -129,6 +131,7 @@ def _estimated(
         doubts=_estimates(named, told, springs, confidence),
         rigid=named.rigid,
         further=further,
+        model_error=bool(problem.model_error.any()),
     )
 
 
