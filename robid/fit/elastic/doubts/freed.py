@@ -14,7 +14,7 @@ from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import TorqueScale, coupling_doubts, torque_doubts
 from robid.fit.elastic.doubts.further import further_springs, is_spring
 from robid.fit.elastic.doubts.gear_kinds import gear_kinds
-from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
+from robid.fit.elastic.doubts.masses import base_doubts, link_doubts, payload_doubts
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
@@ -51,6 +51,7 @@ def movable_doubts(robot: Robot) -> tuple[DoubtColumn, ...]:
     return (
         *payload_doubts(doubtful),
         *link_doubts(doubtful),
+        *base_doubts(doubtful),
         *coupling_doubts(doubtful),
         *torque_doubts(doubtful),
         *balance_doubts(doubtful),

@@ -13,7 +13,7 @@ from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.drives import coupling_doubts, friction_doubts, left_of_freed, rotor_doubts, torque_doubts
 from robid.fit.elastic.doubts.freed import freed_doubts
 from robid.fit.elastic.doubts.gears import bristle_names, gear_doubts
-from robid.fit.elastic.doubts.masses import link_doubts, payload_doubts
+from robid.fit.elastic.doubts.masses import base_doubts, link_doubts, payload_doubts
 from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.doubts.springs import spring_doubts
 from robid.fit.elastic.options import ElasticOptions
@@ -36,6 +36,7 @@ def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulR
     listed = (
         *payload_doubts(robot),
         *of_links,
+        *base_doubts(robot),
         *torque_doubts(robot, rigid=bool(rigid)),
         *rotor_doubts(robot, options),
         *coupling_doubts(robot),

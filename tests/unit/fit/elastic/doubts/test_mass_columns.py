@@ -62,6 +62,20 @@ def heavier(body, share):
     return Inertial(body.mass_kg * (1 + share), body.com_m, body.inertia_kgm2 * (1 + share))
 
 
+def changes_of_base(robot):
+    """The same of the base."""
+
+    def based(**values):
+        return replace(robot, base=replace(robot.base, **values))
+
+    found = {"base.mass": lambda percent: replace(robot, base=heavier(robot.base, percent / 100))}
+    found["base.inertia"] = lambda percent: based(inertia_kgm2=robot.base.inertia_kgm2 * (1 + percent / 100))
+    for axis, letter in enumerate("xyz"):
+        unit = 1e-3 * np.eye(3)[axis]
+        found[f"base.com_{letter}"] = lambda mm, unit=unit: based(com_m=robot.base.com_m + mm * unit)
+    return found
+
+
 def changes(robot):
     """What each doubt means, by name: a robot of an amount in the doubt's unit."""
     load, found = robot.payload, {}
@@ -74,6 +88,8 @@ def changes(robot):
             found[f"{joint.name}.com_{letter}"] = lambda mm, i=index, unit=unit: with_link(
                 robot, i, lambda body: replace(body, com_m=body.com_m + 1e-3 * mm * unit)
             )
+    if robot.base is not None:
+        found |= changes_of_base(robot)
     for index, joint in enumerate(robot.joints):
         found[f"{joint.name}.mass"] = lambda percent, i=index: with_link(
             robot, i, lambda body: heavier(body, percent / 100)

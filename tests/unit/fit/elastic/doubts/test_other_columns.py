@@ -156,13 +156,18 @@ def test_viscous_friction_of_motors_is_a_doubt_where_it_is_not_estimated():
 
 
 @pytest.mark.parametrize("free", [("stiffness", "damping"), ("stiffness", "damping", "viscous", "motor_inertia")])
-def test_nothing_tells_a_factor_of_all_torques(free):
+@pytest.mark.parametrize("robot", [springs_everywhere(), ball_screw()], ids=["arm", "ball screw"])
+def test_nothing_tells_a_factor_of_all_torques(robot, free):
     """Springs, dampers, masses, friction and torques by one factor are the same response, whatever a fit estimates."""
-    robot = with_arm_friction(rubbing(rubbing(two_joint_robot(), 0, 2e-3), 1, 1e-3), 3.0, 2.0)
+    for index in range(len(robot.joints)):
+        robot = rubbing(robot, index, 2e-3)
+    robot = with_arm_friction(robot, *(3.0 for _ in robot.joints))
     options = ElasticOptions(free=free, statics="every_iterate")
-    scene, doubts = scene_of(robot, measured(robot), options), list_doubts(robot, options)
+    places = PLACES[:, : len(robot.joints)]
+    scene, doubts = scene_of(robot, measured(robot, places), options), list_doubts(robot, options)
     parameters, values = scene.problem.parameters, scene.values
-    grown = {"payload.mass": robot.payload.mass_kg}
+    grown = {"payload.mass": robot.payload.mass_kg, "base.mass": 100.0}
+    grown |= {f"{spring.name}.inertia": 100.0 for spring in robot.springs if spring.place == "shaft"}
     for index, name in enumerate(joint.name for joint in robot.joints):
         turn = 2 * np.pi * 10 / 100 * np.array([values.motor_inertia[index], values.link_inertia[index]])
         grown |= {f"{name}.mass": 100.0, f"{name}.motor_inertia": 100.0, f"{name}.torque_constant": -100.0}
