@@ -54,6 +54,14 @@ class Doubts:
         default=0.02,
         metadata={"description": "Of the largest loss factor of a gear's hysteresis, which stiffens it too.", "ge": 0},
     )
+    stiffness_relative_std: float = field(
+        default=0.1,
+        metadata={"description": "Of a spring's stiffness, relative; where `stiffness` is not estimated.", "ge": 0},
+    )
+    damping_relative_std: float = field(
+        default=0.3,
+        metadata={"description": "Of a spring's damping, relative; where `damping` is not estimated.", "ge": 0},
+    )
     load_stiffness: float = field(
         default=0.1,
         metadata={"description": "Of a gear's stiffness over the range of its loads, relative.", "ge": 0},

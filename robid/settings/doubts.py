@@ -33,6 +33,12 @@ class JointDoubts(Section):
     loss_factor: float | None = Field(
         default=None, description=f"Of the largest loss factor of the gear's hysteresis, {_FOR_ALL}.", ge=0
     )
+    stiffness_relative_std: float | None = Field(
+        default=None, description=f"Of the joint's springs where no fit estimates them, {_FOR_ALL}.", ge=0
+    )
+    damping_relative_std: float | None = Field(
+        default=None, description=f"Of the joint's dampers where no fit estimates them, {_FOR_ALL}.", ge=0
+    )
     load_stiffness: float | None = Field(
         default=None, description=f"Of the gear's stiffness over the range of its loads, {_FOR_ALL}.", ge=0
     )

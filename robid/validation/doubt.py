@@ -20,6 +20,7 @@ CAUSES = {
     "masses": "masses or centres of mass that are off",
     "counterbalance": "a counterbalance that the robot file lacks",
     "rotor_inertia": "rotor inertias that are off",
+    "held_spring": "springs or dampers that are off and not estimated",
     "missing_spring": "a spring that the robot file lacks",
     "friction": "friction of another kind or size",
     "arm_friction": "viscous friction behind a transmission, which `arm_viscous` in `free` estimates",

@@ -12,6 +12,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, TorqueScale, ViscousFriction
 from robid.fit.elastic.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
+from robid.fit.elastic.doubts.held import HeldSpring
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.doubts.springs import Compliance
 from robid.fit.elastic.options import ElasticOptions
@@ -158,6 +159,9 @@ def off_robot(
             spring = robot.springs[direction.spring]
             softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
             robot = replace(robot, springs=_with(robot.springs, direction.spring, softer))
+        elif isinstance(direction, HeldSpring):
+            held = direction.moved(robot.springs[direction.spring], amounts[doubt.name])
+            robot = replace(robot, springs=_with(robot.springs, direction.spring, held))
         elif isinstance(direction, Compliance):
             spring = direction.spring
             further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))

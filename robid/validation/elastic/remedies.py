@@ -8,6 +8,7 @@ from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import TorqueScale, ViscousFriction
 from robid.fit.elastic.doubts.gear_kinds import HYSTERESIS
 from robid.fit.elastic.doubts.gears import slipping_name
+from robid.fit.elastic.doubts.held import HELD, HeldSpring
 
 _FEW = 2
 _KINDS = {"rotor_inertia": "motor_inertia", "arm_friction": "arm_viscous"}
@@ -27,6 +28,8 @@ def remedy(doubts: Sequence[DoubtColumn], *, swings_known: bool) -> tuple[str, .
         return (_KINDS[cause],)
     if isinstance(doubts[0].direction, ViscousFriction):
         return ("viscous",)
+    if cause == HELD:
+        return tuple(dict.fromkeys(doubt.direction.kind for doubt in doubts if isinstance(doubt.direction, HeldSpring)))
     slipping = tuple(dict.fromkeys(filter(None, map(slipping_name, doubts))))
     if slipping_name(doubts[0]) is not None and swings_known:
         return slipping if len(slipping) <= _FEW else (HYSTERESIS,)

@@ -13,6 +13,7 @@ from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.drives import coupling_doubts, friction_doubts, left_of_freed, rotor_doubts, torque_doubts
 from robid.fit.elastic.doubts.freed import freed_doubts
 from robid.fit.elastic.doubts.gears import bristle_names, gear_doubts
+from robid.fit.elastic.doubts.held import held_doubts
 from robid.fit.elastic.doubts.masses import base_doubts, link_doubts, payload_doubts
 from robid.fit.elastic.doubts.scene import Scene
 from robid.fit.elastic.doubts.springs import spring_doubts
@@ -23,8 +24,8 @@ from robid.robot.description import Robot
 def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[DoubtColumn, ...]:
     """Lists the doubts of a robot file with the priors that it states.
 
-    What the fit estimates is none: rotor inertias, viscous friction of arms, cubic gears, doubts that are freed and not
-    fixed.
+    What the fit estimates is none: springs, dampers, rotor inertias, viscous friction, cubic gears, doubts that are freed
+    and not fixed.
 
     Args:
         robot: The robot that the fit starts from, with its campaign's payload.
@@ -42,6 +43,7 @@ def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulR
         *coupling_doubts(robot),
         *gear_doubts(robot, options),
         *friction_doubts(robot, options),
+        *held_doubts(robot, options),
         *spring_doubts(robot),
     )
     freed = {doubt.name for doubt in freed_doubts(robot, options)}.difference(options.fixed)

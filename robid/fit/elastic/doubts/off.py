@@ -12,6 +12,7 @@ from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
 from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, ViscousFriction
 from robid.fit.elastic.doubts.extension import extended_values, hold_options
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
+from robid.fit.elastic.doubts.held import HeldSpring
 from robid.fit.elastic.doubts.scene import Scene, with_estimated_links
 from robid.fit.elastic.doubts.springs import Compliance, stiffened
 from robid.fit.elastic.options import ElasticOptions
@@ -45,7 +46,7 @@ class OffRobot:
 
 def are_put_in(doubts: Sequence[DoubtColumn]) -> BoolArray:
     """Tells which doubts (n_doubt,) a robot can be off by; the others do to its response what their columns say."""
-    kinds = (RobotMove, Compliance, RotorShare, ArmFriction, ViscousFriction, *_OF_PLACES)
+    kinds = (RobotMove, Compliance, HeldSpring, RotorShare, ArmFriction, ViscousFriction, *_OF_PLACES)
     return np.array([isinstance(doubt.direction, kinds) for doubt in doubts], bool)
 
 
@@ -86,12 +87,12 @@ def put_in(
             further.append(stiffened(doubt.direction.spring, _PERCENT / amount))
     for spring in further:
         options = hold_options(options, robot, spring)
-    values = extended_values(problem.parameters.parameters(point), further)
+    values = extended_values(_with_held(problem.parameters.parameters(point), doubts, amounts), further)
     robot = replace(robot, springs=(*robot.springs, *further))
     options = replace(options, statics=statics)
     model = with_estimated_links(rest_model(robot, frf, options, float(values.delay[0]), values), problem)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    nominal = _with_drives(nominal_parameters(robot, model, delay_s), doubts, amounts)
+    nominal = _with_drives(_with_held(nominal_parameters(robot, model, delay_s), doubts, amounts), doubts, amounts)
     own, free = problem.parameters, replace(options, bounds={})
     parameters = replace(
         map_parameters(robot, nominal, free, *known),
@@ -117,6 +118,15 @@ def _with_drives(nominal: ElasticParameters, doubts: Sequence[DoubtColumn], amou
         elif isinstance(doubt.direction, ArmFriction):
             arms[doubt.direction.joint] += amount * doubt.direction.size(nominal)
     return replace(nominal, motor_inertia=rotors, viscous=motors, arm_viscous=arms)
+
+
+def _with_held(values: ElasticParameters, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ElasticParameters:
+    """Values with springs and dampers that are off and that no fit estimates: these decide where the robot rests."""
+    sizes = {"stiffness": values.stiffness.copy(), "damping": values.damping.copy()}
+    for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
+        if isinstance(doubt.direction, HeldSpring):
+            sizes[doubt.direction.kind][doubt.direction.spring] *= 1 + amount / _PERCENT
+    return replace(values, stiffness=sizes["stiffness"], damping=sizes["damping"])
 
 
 def _added(scene: Scene, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ComplexArray | None:

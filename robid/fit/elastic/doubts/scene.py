@@ -60,13 +60,22 @@ class Scene:
         return np.asarray(slopes / self.response.sampled[..., None])
 
     @cached_property
+    def spring_slopes(self) -> ComplexArray:
+        """Derivatives (n_conf, n_freq, n_out, n_in, n_spring) of the log response by the springs' relative sizes."""
+        return np.asarray(self._slopes("stiffness") * self.values.stiffness)
+
+    @cached_property
+    def damper_slopes(self) -> ComplexArray:
+        """The same by their dampers'."""
+        return np.asarray(self._slopes("damping") * self.values.damping)
+
+    @cached_property
     def compliance_slopes(self) -> ComplexArray:
         """Derivatives (n_conf, n_freq, n_out, n_in, n_spring) of the log response by the springs' relative compliances.
 
         Dampers go with them.
         """
-        stiffness, damping = np.split(self._slopes("stiffness", "damping"), 2, axis=-1)
-        return np.asarray(-(stiffness * self.values.stiffness + damping * self.values.damping))
+        return np.asarray(-(self.spring_slopes + self.damper_slopes))
 
     @cached_property
     def rotor_slopes(self) -> ComplexArray:

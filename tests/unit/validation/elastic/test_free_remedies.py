@@ -34,6 +34,12 @@ def test_hysteresis_is_freed_by_gear(named, free):
     assert len(freed_doubts(two_joint_robot(), ElasticOptions(free=found))) == len(free)
 
 
+def test_springs_that_are_held_are_freed_as_kinds():
+    without = ElasticOptions(free=("viscous", "stiffness"), fixed=("gear_1.stiffness",))
+    found = remedy(doubts("gear_2.damping", "gear_1.stiffness", options=without), swings_known=True)
+    assert found == ("damping", "stiffness")
+
+
 def test_viscous_friction_is_freed_as_a_kind():
     without = ElasticOptions(free=("stiffness", "damping"))
     found = remedy(doubts("elbow.viscous", "elbow.friction_loss", options=without), swings_known=True)

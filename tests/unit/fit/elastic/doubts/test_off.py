@@ -11,6 +11,7 @@ from robid.fit.elastic.doubts.column import RobotMove
 from robid.fit.elastic.doubts.columns import doubt_columns
 from robid.fit.elastic.doubts.drives import MotorFriction, ViscousFriction
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
+from robid.fit.elastic.doubts.held import HELD, HeldSpring
 from robid.fit.elastic.doubts.listing import list_doubts
 from robid.fit.elastic.doubts.off import are_put_in, may_differ, put_in
 from robid.fit.elastic.doubts.scene import Scene
@@ -80,6 +81,20 @@ def test_friction_that_clings_to_motors_is_that_of_the_exact_robot(problem):
     wanted = exact(robot, doubts, (amounts + added).T)
     found = np.log(model_of(problem, robot, doubts, amounts, added) / wanted)
     assert np.abs(found).max() < 1e-4 * np.abs(np.log(wanted / exact(robot))).max()
+
+
+def test_springs_and_dampers_that_no_fit_estimates_are_those_of_the_exact_robot():
+    options, robot = ElasticOptions(free=("viscous", "stiffness"), fixed=("forearm.stiffness",)), two_joint_robot()
+    own, doubts = made(options=options), list_doubts(two_joint_robot(), options)
+    amounts, _ = drawn(doubts, 9, HeldSpring)
+    held = {doubt.name for doubt, amount in zip(doubts, amounts, strict=True) if amount}
+    assert held == {"forearm.stiffness", *(f"{spring.name}.damping" for spring in robot.springs)}
+    wanted = exact(robot, doubts, np.tile(amounts[:, None], len(PLACES)))
+    assert np.abs(np.log(wanted / exact(robot))).max() > 0.05
+    still = replace(options, statics="every_iterate")
+    off = put_in(own, np.zeros(len(own.parameters.names)), robot, still, doubts, amounts)
+    np.testing.assert_allclose(off.problem.model_response(np.zeros(len(own.parameters.names))), wanted, rtol=1e-6)
+    assert not [doubt for doubt in list_doubts(robot, OPTIONS) if doubt.cause == HELD]
 
 
 def test_motors_that_rub_more_are_those_of_the_exact_robot():

@@ -155,7 +155,24 @@ def test_viscous_friction_of_motors_is_a_doubt_where_it_is_not_estimated():
     assert "elbow.viscous" not in names
 
 
-@pytest.mark.parametrize("free", [("stiffness", "damping"), ("stiffness", "damping", "viscous", "motor_inertia")])
+def test_springs_and_dampers_are_doubts_where_they_are_not_estimated():
+    robot, options = two_joint_robot(), ElasticOptions(free=("damping",), fixed=("gear_2.damping",))
+    found = columns_of(robot, options=replace(options, statics="every_iterate"))
+
+    def off(index, kind, percent):
+        spring = robot.springs[index]
+        other = replace(spring, **{kind: getattr(spring, kind) * (1 + percent / 100)})
+        return replace(robot, springs=(*robot.springs[:index], other, *robot.springs[index + 1 :]))
+
+    for index, kind in ((0, "stiffness"), (2, "stiffness"), (1, "damping")):
+        wanted = log_ratio(off(index, kind, -1e-2), off(index, kind, 1e-2)) / 2e-2
+        close(found[f"{robot.springs[index].name}.{kind}"], wanted)
+    assert "gear_1.damping" not in found
+
+
+@pytest.mark.parametrize(
+    "free", [("viscous",), ("stiffness", "damping"), ("stiffness", "damping", "viscous", "motor_inertia")]
+)
 @pytest.mark.parametrize("robot", [springs_everywhere(), ball_screw()], ids=["arm", "ball screw"])
 def test_nothing_tells_a_factor_of_all_torques(robot, free):
     """Springs, dampers, masses, friction and torques by one factor are the same response, whatever a fit estimates."""
@@ -173,6 +190,7 @@ def test_nothing_tells_a_factor_of_all_torques(robot, free):
         grown |= {f"{name}.mass": 100.0, f"{name}.motor_inertia": 100.0, f"{name}.torque_constant": -100.0}
         grown |= {f"{name}.viscous": values.viscous[index] / turn[0]}
         grown |= {f"{name}.arm_viscous": values.arm_viscous[index] / turn[1]}
+    grown |= {f"{spring.name}.{kind}": 100.0 for spring in robot.springs for kind in ("stiffness", "damping")}
     along = np.array([grown.get(doubt.name, 0.0) for doubt in doubts])
     own = np.where(parameters.logarithmic, 1.0, parameters.nominal_values() / parameters.scale)
     own = scene.problem.linear(scene.internal)[1] @ own
