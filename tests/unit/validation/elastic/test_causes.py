@@ -160,6 +160,20 @@ def test_the_fit_alone_names_the_cause_and_how_far_it_moves_a_parameter(true_arm
     assert grade.messages[0] in grade.sentence
 
 
+@pytest.mark.parametrize(("kind", "factor"), [("stiffness", 1.5), ("damping", 3.0)])
+def test_a_spring_that_is_fixed_and_off_is_to_be_fixed_no_more(kind, factor):
+    stated = two_joint_robot()
+    forearm = stated.springs[3]
+    off = replace(forearm, **{kind: factor * getattr(forearm, kind)})
+    frf = measured(replace(stated, springs=(*stated.springs[:3], off)))
+    options = replace(OPTIONS, fixed=(f"forearm.{kind}",))
+    solution = fit_elastic(stated, frf, options, DELAY_S)
+    grade = assess_fit(stated, solution, frf, options, DELAY_S)
+    assert grade.causes[0] == "held_spring"
+    assert f"(take `forearm.{kind}` out of `fixed`" in grade.messages[0]
+    assert fit_elastic(stated, frf, OPTIONS, DELAY_S).costs.total < 0.2 * solution.costs.total
+
+
 def test_a_rotor_that_is_fixed_and_off_is_to_be_fixed_no_more():
     true, stated = two_joint_robot(), two_joint_robot()
     shoulder, elbow = true.joints
