@@ -24,8 +24,8 @@ from robid.robot.description import Robot
 def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[DoubtColumn, ...]:
     """Lists the doubts of a robot file with the priors that it states.
 
-    What the fit estimates is none: springs, dampers, rotor inertias, viscous friction, cubic gears, doubts that are freed
-    and not fixed.
+    What the fit estimates is none: springs, dampers, rotor inertias, viscous friction, cubic gears, doubts that are
+    freed and not fixed.
 
     Args:
         robot: The robot that the fit starts from, with its campaign's payload.

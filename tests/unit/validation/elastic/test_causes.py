@@ -171,7 +171,8 @@ def test_a_spring_that_is_fixed_and_off_is_to_be_fixed_no_more(kind, factor):
     grade = assess_fit(stated, solution, frf, options, DELAY_S)
     assert grade.causes[0] == "held_spring"
     assert f"(take `forearm.{kind}` out of `fixed`" in grade.messages[0]
-    assert fit_elastic(stated, frf, OPTIONS, DELAY_S).costs.total < 0.2 * solution.costs.total
+    freed = fit_elastic(stated, frf, OPTIONS, DELAY_S).costs
+    assert freed.total < 1.1 * freed.expected.sum() < 0.6 * solution.costs.total
 
 
 def test_a_rotor_that_is_fixed_and_off_is_to_be_fixed_no_more():
