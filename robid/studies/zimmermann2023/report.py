@@ -55,11 +55,12 @@ def _verdict(found: Found, summary: Mapping[str, float]) -> tuple[str, bool]:
     """What was found in a few sentences, and whether all that is asked of it is reached."""
     study, optimal = found.study, found.study.optimal
     held, typical = rivals(found, "average"), rivals(found, "typical")
-    own = {
-        "deviation": ("average deviation", summary[f"{optimal}.average_fit_std"]),
-        "scatter": ("scatter about the truth", summary.get(f"{optimal}.scatter", float("nan"))),
-    }
-    sentences = [_standing(optimal, *own[key], each) + _otherwise(typical[key]) for key, each in held.items()]
+    keys = {"deviation": ("average deviation", "average_fit_std"), "scatter": ("scatter about the truth", "scatter")}
+    sentences = []
+    for key, each in held.items():
+        what, figure = keys[key]
+        figures = {name: summary.get(f"{name}.{figure}", float("nan")) for name in found.models}
+        sentences.append(_standing(optimal, what, figures, each) + _otherwise(typical[key]))
     lower = any(each.lower for each in (*held.values(), *typical.values()))
     ratio = summary[f"{optimal}.over_{study.reference}_cost"]
     beside = f"{_below(ratio, _ENOUGH_COST)}; paper: 1.093"
@@ -73,15 +74,19 @@ def _verdict(found: Found, summary: Mapping[str, float]) -> tuple[str, bool]:
     return f"{'; '.join(sentences)}. {found.effort.sentence}", reached
 
 
-def _standing(optimal: str, what: str, own: float, held: Rivals) -> str:
+def _standing(optimal: str, what: str, figures: Mapping[str, float], held: Rivals) -> str:
     """Says whether the optimal model has the lowest figure of those with as few configurations."""
+    own = figures[optimal]
+    below = [f"{name} ({_deviation(figures[name])})" for name in held.tied if figures[name] < own]
+    above = [name for name in held.tied if not figures[name] < own]
     if held.lower:
         first = f"{optimal} does not have the lowest {what} ({_deviation(own)}): {', '.join(held.lower)} lie below it"
+    elif below:
+        first = f"no model with as few configurations has surely a lower {what} than {optimal} ({_deviation(own)})"
     else:
         first = f"{optimal} has the lowest {what} of the models with as few configurations ({_deviation(own)})"
-    if held.tied:
-        first += f", and {', '.join(held.tied)} tie with it within what chance makes over the individuals"
-    return first
+    tied = [f"{', '.join(names)} lie {side}" for names, side in ((below, "below"), (above, "above")) if names]
+    return f"{first}; within what chance makes over the individuals {' and '.join(tied)}" if tied else first
 
 
 def _otherwise(typical: Rivals) -> str:

@@ -13,6 +13,7 @@ from robid.studies.zimmermann2023.effort import crossing, deviations, effort_cur
 from robid.studies.zimmermann2023.figures import Found, Model, explained_springs, summarise
 from robid.studies.zimmermann2023.models import model_sets, options_of, transmission_torque
 from robid.studies.zimmermann2023.report import _contradictions, _too_sure
+from robid.studies.zimmermann2023.report import _standing
 from robid.studies.zimmermann2023.rivals import Rivals, rivals
 from robid.studies.zimmermann2023.scatter import scatter, scatter_error, scatters_differ
 from robid.studies.zimmermann2023.sets import further_sets
@@ -303,3 +304,12 @@ def test_more_visits_to_the_guess_tell_no_more_than_its_configurations_allow():
     place = (effort.experiments / 24).astype(int).tolist().index(17)
     assert effort.average["guess"][place] == pytest.approx(std.mean())
     assert effort.average["guess"][-1] > np.mean([0.5, 2.0]) / np.sqrt(2)
+
+
+def test_of_models_that_tie_is_said_which_lie_below():
+    figures = {"opt2": 0.05, "guess": 0.03, "mirr": 0.06}
+    told = _standing("opt2", "scatter", figures, Rivals((), ("guess", "mirr")))
+    assert told.startswith("no model with as few configurations has surely a lower scatter than opt2 (5.00 %)")
+    assert told.endswith("guess (3.00 %) lie below and mirr lie above")
+    assert _standing("opt2", "scatter", figures, Rivals((), ("mirr",))).startswith("opt2 has the lowest scatter")
+    assert "does not have the lowest" in _standing("opt2", "scatter", figures, Rivals(("guess",), ("mirr",)))
