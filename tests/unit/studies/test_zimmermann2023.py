@@ -12,8 +12,7 @@ from robid.studies.over_individuals import differs
 from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
 from robid.studies.zimmermann2023.figures import Found, Model, explained_springs, summarise
 from robid.studies.zimmermann2023.models import model_sets, options_of, transmission_torque
-from robid.studies.zimmermann2023.report import _contradictions, _too_sure
-from robid.studies.zimmermann2023.report import _standing
+from robid.studies.zimmermann2023.report import _contradictions, _standing, _too_sure
 from robid.studies.zimmermann2023.rivals import Rivals, rivals
 from robid.studies.zimmermann2023.scatter import scatter, scatter_error, scatters_differ
 from robid.studies.zimmermann2023.sets import further_sets
