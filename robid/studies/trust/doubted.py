@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, TorqueScale, ViscousFriction
+from robid.fit.elastic.doubts.drives import MotorFriction, RotorShare, TorqueScale, ViscousFriction
 from robid.fit.elastic.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
 from robid.fit.elastic.doubts.held import HeldSpring
 from robid.fit.elastic.doubts.listing import list_doubts
@@ -165,17 +165,15 @@ def off_robot(
         elif isinstance(direction, Compliance):
             spring = direction.spring
             further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
-        elif isinstance(direction, ArmFriction | RotorShare | ViscousFriction):
+        elif isinstance(direction, RotorShare | ViscousFriction):
             joint = robot.joints[direction.joint]
             off = _with_off_drive(joint, direction, share, float(inertia[direction.joint]))
             robot = replace(robot, joints=_with(robot.joints, direction.joint, off))
     return replace(robot, springs=(*robot.springs, *further))
 
 
-def _with_off_drive(
-    joint: Joint, direction: ArmFriction | RotorShare | ViscousFriction, share: float, inertia: float
-) -> Joint:
-    if isinstance(direction, ArmFriction):
+def _with_off_drive(joint: Joint, direction: RotorShare | ViscousFriction, share: float, inertia: float) -> Joint:
+    if isinstance(direction, ViscousFriction) and direction.kind == "arm_viscous":
         return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
     motor = joint.motor
     if isinstance(direction, RotorShare):

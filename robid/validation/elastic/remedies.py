@@ -11,7 +11,7 @@ from robid.fit.elastic.doubts.gears import slipping_name
 from robid.fit.elastic.doubts.held import HELD, HeldSpring
 
 _FEW = 2
-_KINDS = {"rotor_inertia": "motor_inertia", "arm_friction": "arm_viscous"}
+_KINDS = {"rotor_inertia": "motor_inertia"}
 """Kinds of parameters that stand for a cause."""
 _ALWAYS_WHOLE = ("payload",)
 
@@ -27,7 +27,7 @@ def remedy(doubts: Sequence[DoubtColumn], *, swings_known: bool) -> tuple[str, .
     if cause in _KINDS:
         return (_KINDS[cause],)
     if isinstance(doubts[0].direction, ViscousFriction):
-        return ("viscous",)
+        return (doubts[0].direction.kind,)
     if cause == HELD:
         return tuple(dict.fromkeys(doubt.direction.kind for doubt in doubts if isinstance(doubt.direction, HeldSpring)))
     slipping = tuple(dict.fromkeys(filter(None, map(slipping_name, doubts))))

@@ -91,41 +91,26 @@ class RotorShare:
 
 
 @dataclass(frozen=True)
-class ArmFriction:
-    """Viscous friction behind a transmission, in percent of what its link's inertia asks for at 10 Hz.
+class ViscousFriction:
+    """Viscous friction that no fit estimates, in percent of what an inertia asks for at 10 Hz.
 
     Attributes:
         joint: Index of the joint.
+        kind: That of the motor over its rotor, or that behind the transmission over its link.
     """
 
     joint: int
+    kind: Literal["viscous", "arm_viscous"]
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
-        return np.asarray(scene.arm_slopes[..., self.joint] * self.size(scene.values))
+        slopes = scene.viscous_slopes if self.kind == "viscous" else scene.arm_slopes
+        return np.asarray(slopes[..., self.joint] * self.size(scene.values))
 
     def size(self, values: ElasticParameters) -> float:
         """Viscous friction that an amount of one is [N m s/rad, or N s/m]."""
-        return _TURN_10_HZ * float(values.link_inertia[self.joint]) / _PERCENT
-
-
-@dataclass(frozen=True)
-class ViscousFriction:
-    """Viscous friction of a motor, where no fit estimates it, in percent of what its rotor asks for at 10 Hz.
-
-    Attributes:
-        joint: Index of the motor.
-    """
-
-    joint: int
-
-    def column(self, scene: Scene) -> ComplexArray:
-        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
-        return np.asarray(scene.viscous_slopes[..., self.joint] * self.size(scene.values))
-
-    def size(self, values: ElasticParameters) -> float:
-        """Viscous friction that an amount of one is [N m s/rad]."""
-        return _TURN_10_HZ * float(values.motor_inertia[self.joint]) / _PERCENT
+        inertia = values.motor_inertia if self.kind == "viscous" else values.link_inertia
+        return _TURN_10_HZ * float(inertia[self.joint]) / _PERCENT
 
 
 @dataclass(frozen=True)
@@ -188,16 +173,8 @@ def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]
 
 def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
     """Yields the doubts of friction: of arms and motors, where nothing estimates it, and what else motors' leaves."""
-    for index, (joint, name) in enumerate(zip(robot.joints, element_names(robot, "arm_viscous"), strict=True)):
-        std = _PERCENT * joint.doubts.arm_friction
-        if std > 0 and name is not None and not is_estimated(options, "arm_viscous", name):
-            names = name, f"viscous friction of {joint.name}'s arm"
-            yield DoubtColumn(*names, "arm_friction", _OF_LINK, std, std, ArmFriction(index), 0.0, _PERCENT)
-    for index, (joint, name) in enumerate(zip(robot.joints, element_names(robot, "viscous"), strict=True)):
-        std = _PERCENT * joint.doubts.friction
-        if std > 0 and name is not None and not is_estimated(options, "viscous", name):
-            names = name, f"viscous friction of {joint.name}'s motor"
-            yield DoubtColumn(*names, "friction", _OF_ROTOR, std, std, ViscousFriction(index), -_PERCENT, _PERCENT)
+    yield from _viscous_doubts(robot, options, "arm_viscous")
+    yield from _viscous_doubts(robot, options, "viscous")
     kinds: tuple[tuple[Literal["friction_spring", "friction_loss"], str, complex], ...] = (
         ("friction_spring", "in phase with its angle", 1.0),
         ("friction_loss", "that loses energy", 1j),
@@ -208,6 +185,18 @@ def friction_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColu
             names = f"{joint.name}.{kind}", f"friction of {joint.name} {what}"
             found = MotorFriction(index, phase)
             yield DoubtColumn(*names, "friction", _OF_ROTOR, std, std, found, -_PERCENT, _PERCENT)
+
+
+def _viscous_doubts(
+    robot: Robot, options: ElasticOptions, kind: Literal["viscous", "arm_viscous"]
+) -> Iterator[DoubtColumn]:
+    of_arm = kind == "arm_viscous"
+    least, unit, cause = (0.0, _OF_LINK, "arm_friction") if of_arm else (-_PERCENT, _OF_ROTOR, "friction")
+    for index, (joint, name) in enumerate(zip(robot.joints, element_names(robot, kind), strict=True)):
+        std = _PERCENT * (joint.doubts.arm_friction if of_arm else joint.doubts.friction)
+        if std > 0 and name is not None and not is_estimated(options, kind, name):
+            names = name, f"viscous friction of {joint.name}'s {'arm' if of_arm else 'motor'}"
+            yield DoubtColumn(*names, cause, unit, std, std, ViscousFriction(index, kind), least, _PERCENT)
 
 
 def coupling_doubts(robot: Robot) -> Iterator[DoubtColumn]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import ArmFriction, MotorFriction, RotorShare, ViscousFriction
+from robid.fit.elastic.doubts.drives import MotorFriction, RotorShare, ViscousFriction
 from robid.fit.elastic.doubts.extension import extended_values, hold_options
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
 from robid.fit.elastic.doubts.held import HeldSpring
@@ -46,7 +46,7 @@ class OffRobot:
 
 def are_put_in(doubts: Sequence[DoubtColumn]) -> BoolArray:
     """Tells which doubts (n_doubt,) a robot can be off by; the others do to its response what their columns say."""
-    kinds = (RobotMove, Compliance, HeldSpring, RotorShare, ArmFriction, ViscousFriction, *_OF_PLACES)
+    kinds = (RobotMove, Compliance, HeldSpring, RotorShare, ViscousFriction, *_OF_PLACES)
     return np.array([isinstance(doubt.direction, kinds) for doubt in doubts], bool)
 
 
@@ -87,12 +87,12 @@ def put_in(
             further.append(stiffened(doubt.direction.spring, _PERCENT / amount))
     for spring in further:
         options = hold_options(options, robot, spring)
-    values = extended_values(_with_held(problem.parameters.parameters(point), doubts, amounts), further)
+    values = extended_values(_off_values(problem.parameters.parameters(point), doubts, amounts), further)
     robot = replace(robot, springs=(*robot.springs, *further))
     options = replace(options, statics=statics)
     model = with_estimated_links(rest_model(robot, frf, options, float(values.delay[0]), values), problem)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    nominal = _with_drives(_with_held(nominal_parameters(robot, model, delay_s), doubts, amounts), doubts, amounts)
+    nominal = _off_values(nominal_parameters(robot, model, delay_s), doubts, amounts)
     own, free = problem.parameters, replace(options, bounds={})
     parameters = replace(
         map_parameters(robot, nominal, free, *known),
@@ -107,26 +107,19 @@ def put_in(
     return OffRobot(robot, options, replace(resting, model=model))
 
 
-def _with_drives(nominal: ElasticParameters, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ElasticParameters:
-    """The values that no fit estimates with rotors and viscous friction that are off."""
-    rotors, motors, arms = nominal.motor_inertia.copy(), nominal.viscous.copy(), nominal.arm_viscous.copy()
+def _off_values(values: ElasticParameters, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ElasticParameters:
+    """Values, of which those that no fit estimates are off."""
+    kinds = ("stiffness", "damping", "motor_inertia", "viscous", "arm_viscous")
+    sizes = {kind: getattr(values, kind).copy() for kind in kinds}
     for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
-        if isinstance(doubt.direction, RotorShare):
-            rotors[doubt.direction.joint] *= 1 + amount / _PERCENT
-        elif isinstance(doubt.direction, ViscousFriction):
-            motors[doubt.direction.joint] += amount * doubt.direction.size(nominal)
-        elif isinstance(doubt.direction, ArmFriction):
-            arms[doubt.direction.joint] += amount * doubt.direction.size(nominal)
-    return replace(nominal, motor_inertia=rotors, viscous=motors, arm_viscous=arms)
-
-
-def _with_held(values: ElasticParameters, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ElasticParameters:
-    """Values with springs and dampers that are off and that no fit estimates: these decide where the robot rests."""
-    sizes = {"stiffness": values.stiffness.copy(), "damping": values.damping.copy()}
-    for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
-        if isinstance(doubt.direction, HeldSpring):
-            sizes[doubt.direction.kind][doubt.direction.spring] *= 1 + amount / _PERCENT
-    return replace(values, stiffness=sizes["stiffness"], damping=sizes["damping"])
+        direction = doubt.direction
+        if isinstance(direction, HeldSpring):
+            sizes[direction.kind][direction.spring] *= 1 + amount / _PERCENT
+        elif isinstance(direction, RotorShare):
+            sizes["motor_inertia"][direction.joint] *= 1 + amount / _PERCENT
+        elif isinstance(direction, ViscousFriction):
+            sizes[direction.kind][direction.joint] += amount * direction.size(values)
+    return replace(values, **sizes)
 
 
 def _added(scene: Scene, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ComplexArray | None:

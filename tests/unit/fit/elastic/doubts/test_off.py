@@ -97,11 +97,11 @@ def test_springs_and_dampers_that_no_fit_estimates_are_those_of_the_exact_robot(
     assert not [doubt for doubt in list_doubts(robot, OPTIONS) if doubt.cause == HELD]
 
 
-def test_motors_that_rub_more_are_those_of_the_exact_robot():
+def test_motors_and_arms_that_rub_more_are_those_of_the_exact_robot():
     options, robot = ElasticOptions(free=("stiffness", "damping")), two_joint_robot()
     own, doubts = made(options=options), list_doubts(two_joint_robot(), options)
     amounts, _ = drawn(doubts, 8, ViscousFriction)
-    assert np.count_nonzero(amounts) == 2
+    assert np.count_nonzero(amounts) == 4
     wanted = exact(robot, doubts, np.tile(amounts[:, None], len(PLACES)))
     assert np.abs(np.log(wanted / exact(robot))).max() > 0.02
     off = put_in(own, np.zeros(len(own.parameters.names)), robot, options, doubts, amounts)
