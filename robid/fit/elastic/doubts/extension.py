@@ -18,10 +18,17 @@ from robid.robot.response import ElasticParameters, nominal_parameters
 
 
 def extend_options(options: ElasticOptions, robot: Robot, springs: Sequence[Spring]) -> ElasticOptions:
-    """Returns options with which stiffness and damping of further springs are free, their locations are not."""
+    """Returns options with which stiffness and damping of further springs are free, their locations are not.
+
+    What the fit does not estimate of the robot's own springs stays as it is: else these would explain what a further
+    one does not.
+    """
     free = tuple(dict.fromkeys([*options.kinds, "stiffness", "damping", *options.freed]))
     located = [name for spring in springs for name in _names_of(spring, robot, ("location",))]
-    fixed = (*options.fixed, *(located if "location" in free else ()))
+    names, more = {spring.name for spring in springs}, set(free).difference(options.kinds)
+    own = [spring.name for spring in robot.springs if spring.name not in names]
+    held = [f"{name}.{kind}" for kind in ("stiffness", "damping") if kind in more for name in own]
+    fixed = (*options.fixed, *held, *(located if "location" in free else ()))
     return replace(options, free=free, fixed=fixed, statics="updates")
 
 

@@ -175,6 +175,17 @@ def test_a_spring_that_is_fixed_and_off_is_to_be_fixed_no_more(kind, factor):
     assert freed.total < 1.1 * freed.expected.sum() < 0.6 * solution.costs.total
 
 
+def test_dampers_that_are_off_and_not_estimated_are_no_missing_spring():
+    stated, options = two_joint_robot(), replace(OPTIONS, free=("stiffness", "viscous", "delay", "motor_inertia"))
+    factors = [2.5, 0.4, 3.0, 0.4]
+    off = [replace(s, damping=f * s.damping) for s, f in zip(stated.springs, factors, strict=True)]
+    frf = measured(replace(stated, springs=tuple(off)))
+    grade = assess_fit(stated, fit_elastic(stated, frf, options, DELAY_S), frf, options, DELAY_S)
+    # Trials that freed all dampers beside a further spring called that one first.
+    assert grade.causes[0] == "held_spring"
+    assert "(try `free: [stiffness, viscous, delay, motor_inertia, damping]`" in grade.messages[0]
+
+
 def test_a_rotor_that_is_fixed_and_off_is_to_be_fixed_no_more():
     true, stated = two_joint_robot(), two_joint_robot()
     shoulder, elbow = true.joints
