@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from place_systems import gather
 from robid.places.between import estimate_between
-from robid.places.evidence import Evidence, gather
+from robid.places.evidence import Evidence
 from robid.places.pooling import Pooled, pool
 
 _S = 2j * np.pi * np.geomspace(2.0, 60.0, 40)

@@ -1,11 +1,12 @@
 """Places that differ: linear systems of known truth, written out densely, for tests of the statistics of places."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from robid.places.evidence import Evidence, gather
+from robid.places.evidence import Evidence
 
 
 @dataclass(frozen=True)
@@ -18,9 +19,8 @@ class Dense:
     @property
     def evidence(self) -> Evidence:
         """What each place says, around zero, nothing known beforehand."""
-        n_place, _, n_param = self.derivative.shape
-        places = [[index] for index in range(n_place)]
-        return gather(self.measured, self.derivative, places, np.zeros((n_param, n_param)), np.zeros(n_param))
+        n_param = self.derivative.shape[-1]
+        return Evidence(self.derivative, self.measured, np.zeros((n_param, n_param)), np.zeros(n_param))
 
     def covariance(self, between: np.ndarray) -> np.ndarray:
         """Covariance of all rows."""
@@ -41,3 +41,35 @@ def dense_places(n_place: int, n_row: int, deviation: np.ndarray, seed: int, ali
     own = deviation * generator.standard_normal((n_place, n_param))
     measured = (derivative @ own[..., None])[..., 0] + generator.standard_normal((n_place, n_row))
     return Dense(derivative, measured)
+
+
+def gather(
+    residual: np.ndarray,
+    derivative: np.ndarray,
+    places: Sequence[Sequence[int]],
+    precision: np.ndarray,
+    pull: np.ndarray,
+) -> Evidence:
+    """Compresses weighted residuals to what they say of the parameters.
+
+    Args:
+        residual (n_conf, ...): Measured minus modelled, over the deviation of its noise; `E|r|^2 = 1` for circular
+            complex ones.
+        derivative (n_conf, ..., n_param): Derivative of the model, weighted alike.
+        places: Indices of the configurations of each place.
+        precision (n_param, n_param): What is known beforehand, an inverse covariance.
+        pull (n_param,): `precision` times how far that lies from the point.
+    """
+    n_param = derivative.shape[-1]
+    found = [_compressed(residual[list(place)], derivative[list(place)], n_param) for place in places]
+    return Evidence(np.array([rows for rows, _ in found]), np.array([left for _, left in found]), precision, pull)
+
+
+def _compressed(residual: np.ndarray, derivative: np.ndarray, n_param: int) -> tuple[np.ndarray, np.ndarray]:
+    stacked = np.concatenate([derivative.reshape(-1, n_param), residual.reshape(-1, 1)], axis=1)
+    if np.iscomplexobj(stacked):
+        stacked = np.sqrt(2) * np.concatenate([stacked.real, stacked.imag])
+    triangle = np.zeros((n_param, n_param + 1))
+    found = np.linalg.qr(stacked, mode="r")[:n_param]
+    triangle[: len(found)] = found
+    return triangle[:, :-1], triangle[:, -1]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, check_shape
+from robid.arrays import FloatArray
 
 _NOTHING = 1e-12
 """Scaled information relative to the largest of a place, below which a place says nothing."""
@@ -39,33 +38,6 @@ class Evidence:
         """Information times how far each place's own estimate lies from the point (n_place, n_param)."""
         return np.asarray((self.target[:, None] @ self.rows)[:, 0])
 
-    def moved(self, shift: FloatArray) -> Evidence:
-        """The same around a point that lies further by a shift (n_param,), where all is linear."""
-        return Evidence(self.rows, self.target - self.rows @ shift, self.precision, self.pull - self.precision @ shift)
-
-
-def gather(
-    residual: FloatArray | ComplexArray,
-    derivative: FloatArray | ComplexArray,
-    places: Sequence[Sequence[int]],
-    precision: FloatArray,
-    pull: FloatArray,
-) -> Evidence:
-    """Compresses weighted residuals to what they say of the parameters.
-
-    Args:
-        residual (n_conf, ...): Measured minus modelled, over the deviation of its noise; `E|r|^2 = 1` for circular
-            complex ones.
-        derivative (n_conf, ..., n_param): Derivative of the model, weighted alike.
-        places: Indices of the configurations of each place.
-        precision (n_param, n_param): What is known beforehand, an inverse covariance.
-        pull (n_param,): `precision` times how far that lies from the point.
-    """
-    n_param = derivative.shape[-1]
-    check_shape("precision", precision, "n_param n_param", n_param=n_param)
-    found = [_compressed(residual[list(place)], derivative[list(place)], n_param) for place in places]
-    return Evidence(np.array([rows for rows, _ in found]), np.array([left for _, left in found]), precision, pull)
-
 
 def summarise(
     bread: FloatArray, score: FloatArray, meat: FloatArray, precision: FloatArray, pull: FloatArray
@@ -88,15 +60,3 @@ def summarise(
     root = np.where(kept, 1 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
     whiten = root[:, :, None] * vectors.swapaxes(1, 2) / scale[:, None]
     return Evidence(whiten @ bread, (whiten @ score[..., None])[..., 0], precision, pull)
-
-
-def _compressed(
-    residual: FloatArray | ComplexArray, derivative: FloatArray | ComplexArray, n_param: int
-) -> tuple[FloatArray, FloatArray]:
-    stacked = np.concatenate([derivative.reshape(-1, n_param), residual.reshape(-1, 1)], axis=1)
-    if np.iscomplexobj(stacked):
-        stacked = np.sqrt(2) * np.concatenate([stacked.real, stacked.imag])
-    triangle = np.zeros((n_param, n_param + 1))
-    found = np.linalg.qr(stacked, mode="r")[:n_param]
-    triangle[: len(found)] = found
-    return triangle[:, :-1], triangle[:, -1]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 
 _SAME_CONFIGURATION_RAD = 1e-3
+Values = TypeVar("Values", FloatArray, ComplexArray)
 
 
 def group_places(configurations: FloatArray) -> list[list[int]]:
@@ -24,9 +26,9 @@ def group_places(configurations: FloatArray) -> list[list[int]]:
     return places
 
 
-def spread_over(places: Sequence[Sequence[int]], values: FloatArray) -> FloatArray:
+def spread_over(places: Sequence[Sequence[int]], values: Values) -> Values:
     """Values (n_conf, ...) of configurations from those of their places (n_place, ...)."""
-    spread = np.empty((sum(map(len, places)), *values.shape[1:]))
+    spread = np.empty((sum(map(len, places)), *values.shape[1:]), values.dtype)
     for place, own in zip(places, values, strict=True):
         spread[list(place)] = own
     return spread

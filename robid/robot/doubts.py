@@ -66,6 +66,10 @@ class Doubts:
         default=0.1,
         metadata={"description": "Of a gear's stiffness over the range of its loads, relative.", "ge": 0},
     )
+    delay_s: float = field(
+        default=5e-5,
+        metadata={"description": "Of the drives' delay [s]; where `delay` is not estimated.", "ge": 0},
+    )
     compliance: float = field(
         default=0.05,
         metadata={

@@ -90,6 +90,8 @@ def test_a_trial_is_written_where_it_is_told_to_and_is_no_fit_of_the_run(loaded)
     [
         ("paylod", ("nothing of this robot is called `paylod`", "did you mean `payload`")),
         ("stiffness", ("estimates `stiffness` already",)),
+        ("gear_lift", ("estimates `gear_lift` already",)),
+        ("gear_lift.compliance", ("estimates `gear_lift.compliance` already",)),
     ],
 )
 def test_what_cannot_be_tried_is_refused_by_name(loaded, name, texts):
@@ -111,9 +113,38 @@ def test_an_unknown_name_in_a_file_is_one_message_on_its_line(workshop, tmp_path
     shop.refuse(2, "small.yaml:", "fits.elastic.free[1]", "`mass.lift`", "did you mean `lift.mass`")
 
 
+def test_a_spring_s_name_that_frees_nothing_is_refused_with_what_may_be_meant(workshop, tmp_path, monkeypatch):
+    shop = workshop(tmp_path, monkeypatch)
+    shop.change("starts: 2}", "starts: 2, free: [payload, gear_lift]}")
+    shop.refuse(2, "fits.elastic.free[1]", "of `gear_lift` are free anyway; leave it out", "`gear_lift.hysteresis`")
+
+
 def test_doubts_of_which_the_data_say_nothing_are_freed_with_the_others(shop):
     shop.change("truth: {", "truth: {mass_factor: {payload: 1.5}, ")
     assert shop.robid("run", "small.yaml").code == 5
     answer = shop.robid("fit", "small.yaml", "--fit", "elastic", "--try", "masses")
     assert answer.code == 0, answer.err
     assert "`free: [masses]`" in answer.out + answer.err
+
+
+@pytest.mark.parametrize(
+    ("payload_kg", "code", "text"),
+    [(0, 0, ""), (1.0, 4, "kg lighter than stated; that leaves nothing of the 1 kg here")],
+)
+def test_of_a_payload_that_was_found_lighter_nothing_is_left_where_less_is_carried(
+    workshop, tmp_path, monkeypatch, payload_kg, code, text
+):
+    shop = workshop(tmp_path, monkeypatch)
+    shop.change("{from: best}", PLACES)
+    shop.change("friction: lugre}", "friction: lugre, unmodelled_payload_kg: -1.5}")
+    own = "seed: 2, imperfections: {encoder_noise_rad: 1.0e-5, torque_noise_nm: 0.02, friction: lugre}}"
+    shop.change("<<: *simulate, seed: 2}", f"<<: *simulate, {own}")
+    shop.change("  validation:\n", f"  validation:\n    payload_kg: {payload_kg}\n")
+    shop.change("starts: 2}", "starts: 2, free: [payload.mass]}")
+    for campaign in ("estimation", "validation"):
+        for stage in ("design-excitation", "simulate-or-acquire", "estimate-frf"):
+            assert shop.robid(stage, "small.yaml", "--campaign", campaign).code == 0
+    assert shop.robid("fit", "small.yaml").code in (0, 5)
+    answer = shop.robid("validate", "small.yaml")
+    assert answer.code == code, answer.err
+    assert text in answer.err

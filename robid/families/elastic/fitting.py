@@ -17,6 +17,7 @@ from robid.families.family import Data, Work
 from robid.families.rigid_source import RigidSource, rigid_source
 from robid.fit.elastic.bootstrap import bootstrap_tasks
 from robid.fit.elastic.considered import DoubtfulRobot
+from robid.fit.elastic.doubts.freed import options_of
 from robid.fit.elastic.doubts.further import with_freed_springs
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.solution import ElasticSolution
@@ -61,13 +62,9 @@ def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifac
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
     """Holds an elastic model against a response that it never saw, and against the true robot where it is known."""
     settings = elastic_fit(data.loaded.experiment, data.name)
-    fitted = (
-        _robot(data, data.loaded.experiment.campaigns[settings.validate_on or settings.campaign]),
-        solution_from_artifact(model),
-        data.response,
-        settings.options(),
-        delay_s(data.loaded, _campaign(data)),
-    )
+    robot = _robot(data, data.loaded.experiment.campaigns[settings.validate_on or settings.campaign])
+    options, delay = options_of(robot, settings.options()), delay_s(data.loaded, _campaign(data))
+    fitted = robot, solution_from_artifact(model), data.response, options, delay
     validation = validate_elastic(
         *fitted,
         None if true is None else dict(values_in(data.loaded, data.name, true)),

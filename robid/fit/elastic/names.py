@@ -7,10 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robid.errors import SettingsError
-from robid.fit.elastic.options import ElasticOptions
-from robid.robot.parameters import LOGARITHMIC, PARAMETER_KINDS, ElasticKind, kind_of_name
+from robid.fit.elastic.options import BY_SPRING, ElasticOptions
+from robid.robot.parameters import LOGARITHMIC, PARAMETER_KINDS, ElasticKind, element_names, kind_of_name
 
 if TYPE_CHECKING:
+    from robid.robot.description import Robot
     from robid.robot.response import ElasticParameters
 
 
@@ -48,6 +49,16 @@ def check_names(
     if problems:
         remedy = "correct `free`, `fixed`, `tied`, `bounds` or the robot file's values"
         raise SettingsError("; ".join(problems), where="fit", remedy=remedy)
+
+
+def estimable_names(robot: Robot, options: ElasticOptions) -> dict[str, list[str | None]]:
+    """Names of the parameters that a fit estimates unless it fixes them, by kind; None for all others of the kind."""
+    every = {str(kind): element_names(robot, kind) for kind in options.kinds}
+    for kind in BY_SPRING if options.freed else ():
+        names = [name if name and options.frees(kind, name) else None for name in element_names(robot, kind)]
+        if any(names):
+            every[kind] = names
+    return every
 
 
 def free_problem(name: str, meant: str) -> str:

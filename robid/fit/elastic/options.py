@@ -11,6 +11,14 @@ from robid.robot.parameters import ELASTIC, FREE, ElasticKind
 
 WeightsKind = Literal["user", "optimal", "optimal_full", "inflated", "estimated"]
 Optimizer = Literal["levenberg", "scipy", "nlopt", "nlopt_global"]
+BY_SPRING: tuple[ElasticKind, ...] = ("stiffness", "damping")
+"""Kinds that a spring's name frees of it."""
+_COMPLIANCE = ".compliance"
+
+
+def spring_of(name: str) -> str:
+    """Name of the spring that something frees which may end as a doubt of its compliance does."""
+    return name.removesuffix(_COMPLIANCE)
 
 
 @dataclass(frozen=True)
@@ -143,6 +151,15 @@ class ElasticOptions:
     def freed(self) -> tuple[str, ...]:
         """Names of doubts that are estimated, or of groups of them."""
         return tuple(dict.fromkeys(name for name in self.free if name not in ELASTIC))
+
+    def frees(self, kind: str, name: str) -> bool:
+        """Whether a parameter is of a kind that is free, or of a spring that is freed by its name."""
+        by_spring = kind in BY_SPRING and name.removesuffix(f".{kind}") in map(spring_of, self.freed)
+        return kind in self.kinds or by_spring
+
+    def estimates(self, kind: str, name: str) -> bool:
+        """Whether a parameter is estimated: free and not fixed."""
+        return self.frees(kind, name) and name not in self.fixed
 
     @property
     def residual(self) -> Residual:

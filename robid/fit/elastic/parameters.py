@@ -11,7 +11,7 @@ from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
 from robid.fit.elastic.doubts.column import DoubtColumn
 from robid.fit.elastic.doubts.freed import DOUBT, PRIOR_FACTOR, freed_doubts, unknown_names
-from robid.fit.elastic.names import check_names
+from robid.fit.elastic.names import check_names, estimable_names
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.parameters import (
@@ -19,7 +19,6 @@ from robid.robot.parameters import (
     NUISANCE,
     PARAMETER_KINDS,
     coefficient_unit,
-    element_names,
     element_units,
     viscous_scale,
 )
@@ -173,9 +172,8 @@ def map_parameters(
             parameter starts at a bound or outside; all at once.
     """
     freed = freed_doubts(robot, options)
-    kinds: tuple[str, ...] = (*options.kinds, *([DOUBT] if freed else []))
-    every: dict[str, list[str | None]] = {kind: element_names(robot, kind) for kind in options.kinds}
-    every |= {DOUBT: [doubt.name for doubt in freed]} if freed else {}
+    every = estimable_names(robot, options) | ({DOUBT: [doubt.name for doubt in freed]} if freed else {})
+    kinds = tuple(every)
     masks = tuple(np.array([n is not None and n not in options.fixed for n in every[kind]], bool) for kind in kinds)
     free = {name: kind for kind in kinds for name in every[kind] if name is not None and name not in options.fixed}
     elements = tuple(free)
@@ -183,7 +181,8 @@ def map_parameters(
     names = [name for name in elements if name not in options.tied]
     member = [names.index(options.tied.get(name, name)) for name in elements]
     kind_of = [free[name] for name in names]
-    units = {kind: element_units(robot, kind) for kind in options.kinds} | {DOUBT: [doubt.unit for doubt in freed]}
+    units = {kind: element_units(robot, kind) for kind in kinds if kind != DOUBT}
+    units |= {DOUBT: [doubt.unit for doubt in freed]}
     unit_of = {name: unit for kind in kinds for name, unit in zip(every[kind], units[kind], strict=True)}
     scales = _scales(robot, nominal) | {DOUBT: np.array([doubt.common_std for doubt in freed])}
     n_friction = len(friction_names)

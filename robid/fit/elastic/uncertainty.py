@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.problem import Problem
+from robid.places.grouping import group_places, spread_over
 from robid.robot.collocated import motor_rows
 
 
@@ -89,19 +90,22 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
     """Covariance (n_conf, n_param, n_param) of what the errors of each configuration pull at the parameters.
 
     The pull is twice the weighted residuals' real product with their derivative: the slope of the log-likelihood
-    where the weights are right.
+    where the weights are right. Noise is each configuration's own; the assumed model error is the model's, the same
+    however often a place is measured, so what a configuration shares with others in its place is in it too.
     """
     n_conf, n_param = len(found.gain), found.gain.shape[-1]
     relative = problem.residual_kind.per_relative(problem.frf.response)
     error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
     assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)
+    places = group_places(problem.frf.configurations)
+    shared = spread_over(places, np.array([assumed[place].sum(axis=0) for place in places]))
     scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
     rows = np.einsum("cfop,cfpiq->cfoiq", _root(problem.frf.covariance), scaled, optimize=True)
     rows = np.einsum("cfij,cfojq->cfoiq", _root(problem.frf.input_factor), rows, optimize=True)
     if problem.frf.line_correlation is not None:
         rows = np.einsum("cfg,cgoiq->cfoiq", _root(_whole(problem.frf.line_correlation)), rows, optimize=True)
     rows = rows.reshape(n_conf, -1, n_param)
-    return np.asarray(2 * np.real(_adjoint(rows) @ rows + _adjoint(assumed) @ assumed))
+    return np.asarray(2 * np.real(_adjoint(rows) @ rows + _adjoint(assumed) @ shared))
 
 
 def _adjoint(rows: ComplexArray) -> ComplexArray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import MotorFriction, RotorShare, TorqueScale, ViscousFriction
+from robid.fit.elastic.doubts.drives import LaterTorque, MotorFriction, RotorShare, TorqueScale, ViscousFriction
 from robid.fit.elastic.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
 from robid.fit.elastic.doubts.held import HeldSpring
 from robid.fit.elastic.doubts.listing import list_doubts
@@ -93,11 +93,16 @@ def doubted_responses(
         own = off_robot(robot, off.doubts, amounts, shares[place])
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
-        parameters = nominal_parameters(own, linear, sampling[1])
+        delay_s = sampling[1] + sum(
+            doubt.direction.size(amounts[doubt.name])
+            for doubt in off.doubts
+            if isinstance(doubt.direction, LaterTorque)
+        )
+        parameters = nominal_parameters(own, linear, delay_s)
         exact = _with_bristles(
             linear, parameters, _bristles(off.doubts, amounts, own, frequency_hz), frequency_hz, sampling[0]
         )
-        hold = hold_factor(2 * np.pi * frequency_hz, sampling[1], sampling[0])
+        hold = hold_factor(2 * np.pi * frequency_hz, delay_s, sampling[0])
         found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz, hold))
     return np.array(found)
 

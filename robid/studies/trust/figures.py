@@ -116,7 +116,7 @@ def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[st
         "physical.worst": own.worst,
         "physical.width_ratio": own.width_ratio,
         "physical.half_width": _median(own),
-        "trusted": _share([row.grade == _TRUST for row in rows if row.grade is not None]),
+        "trusted": _share([row.grade == _TRUST for row in rows if row.grade is not None and row.random is not None]),
         "trusted_wrong": trusted_wrong(rows),
         "robots": float(len(rows)),
         "refused": _share([row.random is None for row in rows]),
@@ -160,14 +160,12 @@ def spring_rows(rows: Sequence[RobotRow]) -> list[tuple[str, float, float, float
 
 
 def trusted_wrong(rows: Sequence[RobotRow]) -> float:
-    """Share of the robots that are graded trust though a spring is off by more than three half widths."""
+    """Share of the fitted robots that are graded trust though a spring is off by more than three half widths."""
     wrong = []
     for row in rows:
-        if row.grade is None:
+        if row.grade is None or row.random is None:
             continue
-        off = np.nan
-        if row.random is not None:
-            off = float(worst_half_widths(row.random.physical, row.random.truth[None], row.random.counted[None])[0])
+        off = float(worst_half_widths(row.random.physical, row.random.truth[None], row.random.counted[None])[0])
         wrong.append(row.grade == _TRUST and off > _HALF_WIDTHS)
     return _share(wrong)
 

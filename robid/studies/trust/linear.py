@@ -12,7 +12,6 @@ from robid.errors import DataError
 from robid.families.elastic.files import solution_content
 from robid.families.elastic.settings import elastic_fit, model_settings
 from robid.families.elastic.truth import true_values
-from robid.fit.elastic.doubts.drives import is_estimated
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
 from robid.frf.frf import Frf
@@ -131,7 +130,7 @@ def _with_rotors_off(robot: Robot, options: ElasticOptions, seed: int) -> Robot:
     draws = np.random.default_rng([seed, _ROTOR_DRAWS]).standard_normal(len(robot.joints)).tolist()
 
     def off(joint: Joint, draw: float) -> Joint:
-        if not is_estimated(options, "motor_inertia", f"{joint.name}.motor_inertia"):
+        if not options.estimates("motor_inertia", f"{joint.name}.motor_inertia"):
             return joint
         inertia = joint.motor.inertia_kgm2 * float(np.exp(joint.motor.inertia_relative_std * draw))
         return replace(joint, motor=replace(joint.motor, inertia_kgm2=inertia))

@@ -21,6 +21,7 @@ from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, nominal_parameters
 
 _SAME_VALUE = 1e-6
+_PAYLOAD_MASS = "payload.mass"
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,8 @@ def _internal(robot: Robot, solution: ElasticSolution, parameters: ParameterMap)
         if kind == DOUBT:  # as many kilograms with another payload too
             name = parameters.names[index]
             internal[index] = (estimate[name] - stated[name]) / parameters.scale[index]
+            if name == _PAYLOAD_MASS and internal[index] < parameters.lower[index] - _SAME_VALUE:
+                raise _too_light(estimate[name] - stated[name], robot)
     for index, offset in enumerate(parameters.friction_offset, start=len(internal) - parameters.n_friction):
         internal[index] = estimate.get(parameters.names[index], offset) - offset
     values = dict(zip(parameters.names, parameters.values(internal).tolist(), strict=True))
@@ -128,3 +131,11 @@ def _internal(robot: Robot, solution: ElasticSolution, parameters: ParameterMap)
         message = f"robot, options or delay are not those of the fit: {', '.join(differing)} would change"
         raise DataError(message, where=robot.name, remedy="fit again with the present robot and settings")
     return internal
+
+
+def _too_light(more_kg: float, robot: Robot) -> DataError:
+    message = (
+        f"the fit found a payload {-more_kg:.3g} kg lighter than stated; that leaves nothing of the"
+        f" {robot.payload.mass_kg:.3g} kg here"
+    )
+    return DataError(message, where=robot.name, remedy="correct `payload_kg` of the campaigns and fit again")

@@ -11,7 +11,7 @@ from robid.fit.elastic.doubts.gears import slipping_name
 from robid.fit.elastic.doubts.held import HELD, HeldSpring
 
 _FEW = 2
-_KINDS = {"rotor_inertia": "motor_inertia"}
+_KINDS = {"rotor_inertia": "motor_inertia", "delay": "delay"}
 """Kinds of parameters that stand for a cause."""
 _ALWAYS_WHOLE = ("payload",)
 

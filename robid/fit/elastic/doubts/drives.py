@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _OF_PLACE = 0.25  # of a torque constant's deviation: what temperature does between places
 _PERCENT = 100.0
+_MICRO = 1e-6
 _TURN_10_HZ = 20 * np.pi
 _COUPLING_STEP = 1e-2  # percent
 _SHARE_STEP = 1e-2  # percent
@@ -75,6 +76,20 @@ class SharedTorqueScale:
 
 
 @dataclass(frozen=True)
+class LaterTorque:
+    """A delay that is longer by some microseconds, where no fit estimates it."""
+
+    def column(self, scene: Scene) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
+        return np.asarray(_MICRO * scene.delay_slopes[..., 0])
+
+    @staticmethod
+    def size(amount: float) -> float:
+        """How much longer it is [s]."""
+        return _MICRO * amount
+
+
+@dataclass(frozen=True)
 class RotorShare:
     """A rotor's inertia that is off by some percent, where no fit estimates it.
 
@@ -86,7 +101,7 @@ class RotorShare:
 
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
-        size = scene.values.motor_inertia[self.joint] / _PERCENT
+        size = scene.stated.motor_inertia[self.joint] / _PERCENT
         return np.asarray(scene.rotor_slopes[..., self.joint] * size)
 
 
@@ -105,7 +120,7 @@ class ViscousFriction:
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
         slopes = scene.viscous_slopes if self.kind == "viscous" else scene.arm_slopes
-        return np.asarray(slopes[..., self.joint] * self.size(scene.values))
+        return np.asarray(slopes[..., self.joint] * self.size(scene.stated))
 
     def size(self, values: ElasticParameters) -> float:
         """Viscous friction that an amount of one is [N m s/rad, or N s/m]."""
@@ -162,11 +177,18 @@ def left_of_freed(doubt: DoubtColumn) -> DoubtColumn | None:
     return replace(doubt, name=name, title=title, cause="masses", place_std=0.0, direction=heavier)
 
 
+def delay_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
+    """Yields the doubt of the drives' delay, where no fit estimates it."""
+    std = robot.doubts.delay_s / _MICRO
+    if std > 0 and not options.estimates("delay", "delay"):
+        yield DoubtColumn("delay", "delay of the drives", "delay", "us", std, 0.0, LaterTorque())
+
+
 def rotor_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
     """Yields the doubts of rotor inertias that no fit estimates."""
     for index, joint in enumerate(robot.joints):
         name, std = f"{joint.name}.motor_inertia", _PERCENT * joint.motor.inertia_relative_std
-        if not is_estimated(options, "motor_inertia", name):
+        if not options.estimates("motor_inertia", name):
             title = f"rotor inertia of {joint.name}"
             yield DoubtColumn(name, title, "rotor_inertia", "%", std, 0.0, RotorShare(index), -_PERCENT, _PERCENT)
 
@@ -194,7 +216,7 @@ def _viscous_doubts(
     least, unit, cause = (0.0, _OF_LINK, "arm_friction") if of_arm else (-_PERCENT, _OF_ROTOR, "friction")
     for index, (joint, name) in enumerate(zip(robot.joints, element_names(robot, kind), strict=True)):
         std = _PERCENT * (joint.doubts.arm_friction if of_arm else joint.doubts.friction)
-        if std > 0 and name is not None and not is_estimated(options, kind, name):
+        if std > 0 and name is not None and not options.estimates(kind, name):
             names = name, f"viscous friction of {joint.name}'s {'arm' if of_arm else 'motor'}"
             yield DoubtColumn(*names, cause, unit, std, std, ViscousFriction(index, kind), least, _PERCENT)
 
@@ -212,11 +234,6 @@ def coupling_doubts(robot: Robot) -> Iterator[DoubtColumn]:
                 names = f"{joint.name}.coupling_{driven.name}", f"turn of {joint.name} by the motor of {driven.name}"
                 move = RobotMove(partial(_with_coupling, index, other), _COUPLING_STEP)
                 yield DoubtColumn(*names, "gear_coupling", "% of a turn", std, 0.0, move)
-
-
-def is_estimated(options: ElasticOptions, kind: str, name: str) -> bool:
-    """Whether a fit estimates a parameter."""
-    return kind in options.kinds and name not in options.fixed
 
 
 def _with_coupling(index: int, other: int, robot: Robot, percent: float) -> Robot:

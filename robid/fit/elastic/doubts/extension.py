@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.options import BY_SPRING, ElasticOptions
 from robid.fit.elastic.parameters import map_parameters
 from robid.fit.elastic.problem import Problem
 from robid.fit.elastic.rest_model import rest_model
@@ -23,11 +23,12 @@ def extend_options(options: ElasticOptions, robot: Robot, springs: Sequence[Spri
     What the fit does not estimate of the robot's own springs stays as it is: else these would explain what a further
     one does not.
     """
-    free = tuple(dict.fromkeys([*options.kinds, "stiffness", "damping", *options.freed]))
+    free = tuple(dict.fromkeys([*options.kinds, *BY_SPRING, *options.freed]))
     located = [name for spring in springs for name in _names_of(spring, robot, ("location",))]
-    names, more = {spring.name for spring in springs}, set(free).difference(options.kinds)
-    own = [spring.name for spring in robot.springs if spring.name not in names]
-    held = [f"{name}.{kind}" for kind in ("stiffness", "damping") if kind in more for name in own]
+    further = {spring.name for spring in springs}
+    own = [spring.name for spring in robot.springs if spring.name not in further]
+    names = [(kind, f"{name}.{kind}") for kind in BY_SPRING for name in own]
+    held = [name for kind, name in names if not options.frees(kind, name)]
     fixed = (*options.fixed, *held, *(located if "location" in free else ()))
     return replace(options, free=free, fixed=fixed, statics="updates")
 

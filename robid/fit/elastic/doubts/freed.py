@@ -74,6 +74,23 @@ def free_with(free: Sequence[str], more: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*unsaid, *free, *more)))
 
 
+def options_of(robot: Robot, options: ElasticOptions) -> ElasticOptions:
+    """Returns the options of a fit for a robot that may carry another payload: of none, nothing is free."""
+    if robot.payload.mass_kg > 0 or not any(map(_is_of_payload, options.freed)):
+        return options
+    return replace(
+        options,
+        free=(*options.kinds, *(name for name in options.freed if not _is_of_payload(name))),
+        fixed=tuple(name for name in options.fixed if not _is_of_payload(name)),
+        tied={name: leader for name, leader in options.tied.items() if not _is_of_payload(name)},
+        bounds={name: ends for name, ends in options.bounds.items() if not _is_of_payload(name)},
+    )
+
+
+def _is_of_payload(name: str) -> bool:
+    return name.partition(".")[0] == "payload"
+
+
 def groups(doubt: DoubtColumn) -> tuple[str, ...]:
     """All names that free a doubt."""
     head, dot, kind = doubt.name.partition(".")

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.fit.elastic.doubts.springs import gear_stiffness, is_there
-from robid.fit.elastic.options import ElasticOptions
+from robid.fit.elastic.options import ElasticOptions, spring_of
 from robid.robot.description import Inertial, Joint, Robot, Spring, SpringPlace
 
 _STIFFER = 3.0  # than the gear nearby: where a trial starts
@@ -17,7 +17,6 @@ _RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
 _TIME_S = 5e-4  # damping over stiffness
 _ALONG = 0.9  # cosine above which two axes are one
 _OUTBOARD = 0.6  # share of a link beyond a split
-_COMPLIANCE = ".compliance"
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ def with_freed_springs(robot: Robot, options: ElasticOptions) -> Robot:
         robot: The robot file's robot.
         options: Options of the fit; their names may end as those of the doubts do, on `.compliance`.
     """
-    wanted = {name.removesuffix(_COMPLIANCE) for name in options.freed}
+    wanted = {spring_of(name) for name in options.freed}
     more = [each.spring for each in further_springs(robot) if each.spring.name in wanted] if wanted else []
     return replace(robot, springs=(*robot.springs, *more)) if more else robot
 
@@ -48,7 +47,7 @@ def with_freed_springs(robot: Robot, options: ElasticOptions) -> Robot:
 def is_spring(robot: Robot, name: str) -> bool:
     """Whether a name is that of a spring of the robot, or of one that it may lack."""
     own = {spring.name for spring in robot.springs} | {each.spring.name for each in further_springs(robot)}
-    return name.removesuffix(_COMPLIANCE) in own
+    return spring_of(name) in own
 
 
 def further_springs(robot: Robot) -> Iterator[FurtherSpring]:

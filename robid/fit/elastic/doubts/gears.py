@@ -10,7 +10,6 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.drives import is_estimated
 from robid.fit.elastic.doubts.gear_kinds import HYSTERESIS
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot
@@ -110,7 +109,7 @@ def gear_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
         if doubts.loss_factor > 0:
             yield from _hysteresis(spring.name, index, _PERCENT * doubts.loss_factor)
         cubic = f"{spring.name}.cubic"
-        if doubts.load_stiffness > 0 and not is_estimated(options, "cubic", cubic):
+        if doubts.load_stiffness > 0 and not options.estimates("cubic", cubic):
             std, names = (
                 _PERCENT * doubts.load_stiffness,
                 (

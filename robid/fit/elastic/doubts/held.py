@@ -10,7 +10,6 @@ import numpy as np
 
 from robid.arrays import ComplexArray
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.drives import is_estimated
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Robot, Spring
 
@@ -38,7 +37,8 @@ class HeldSpring:
     def column(self, scene: Scene) -> ComplexArray:
         """Derivative (n_conf, n_freq, n_out, n_in) of the log response by the amount."""
         slopes = scene.spring_slopes if self.kind == "stiffness" else scene.damper_slopes
-        return np.asarray(slopes[..., self.spring] / _PERCENT)
+        stated, now = (float(getattr(values, self.kind)[self.spring]) for values in (scene.stated, scene.values))
+        return np.asarray(slopes[..., self.spring] * (stated / now) / _PERCENT)
 
     def moved(self, spring: Spring, percent: float) -> Spring:
         """Returns the spring that is off."""
@@ -58,6 +58,6 @@ def held_doubts(robot: Robot, options: ElasticOptions) -> Iterator[DoubtColumn]:
         )
         for kind, what, std, value in stated:
             name = f"{spring.name}.{kind}"
-            if std > 0 and value > 0 and not is_estimated(options, kind, name):
+            if std > 0 and value > 0 and not options.estimates(kind, name):
                 limits = {"least": _LEAST, "most": -_LEAST * 10}
                 yield DoubtColumn(name, what, HELD, "%", _PERCENT * std, 0.0, HeldSpring(index, kind), **limits)

@@ -10,7 +10,14 @@ import numpy as np
 from robid.arrays import ComplexArray
 from robid.fit.elastic.considered import DoubtfulRobot
 from robid.fit.elastic.doubts.column import DoubtColumn
-from robid.fit.elastic.doubts.drives import coupling_doubts, friction_doubts, left_of_freed, rotor_doubts, torque_doubts
+from robid.fit.elastic.doubts.drives import (
+    coupling_doubts,
+    delay_doubts,
+    friction_doubts,
+    left_of_freed,
+    rotor_doubts,
+    torque_doubts,
+)
 from robid.fit.elastic.doubts.freed import freed_doubts
 from robid.fit.elastic.doubts.gears import bristle_names, gear_doubts
 from robid.fit.elastic.doubts.held import held_doubts
@@ -24,8 +31,8 @@ from robid.robot.description import Robot
 def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[DoubtColumn, ...]:
     """Lists the doubts of a robot file with the priors that it states.
 
-    What the fit estimates is none: springs, dampers, rotor inertias, viscous friction, cubic gears, doubts that are
-    freed and not fixed.
+    What the fit estimates is none: springs, dampers, rotor inertias, viscous friction, delay, cubic gears, doubts that
+    are freed and not fixed.
 
     Args:
         robot: The robot that the fit starts from, with its campaign's payload.
@@ -39,6 +46,7 @@ def list_doubts(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulR
         *of_links,
         *base_doubts(robot),
         *torque_doubts(robot, rigid=bool(rigid)),
+        *delay_doubts(robot, options),
         *rotor_doubts(robot, options),
         *coupling_doubts(robot),
         *gear_doubts(robot, options),

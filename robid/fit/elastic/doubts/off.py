@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import MotorFriction, RotorShare, ViscousFriction
+from robid.fit.elastic.doubts.drives import LaterTorque, MotorFriction, RotorShare, ViscousFriction
 from robid.fit.elastic.doubts.extension import extended_values, hold_options
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
 from robid.fit.elastic.doubts.held import HeldSpring
@@ -46,7 +46,7 @@ class OffRobot:
 
 def are_put_in(doubts: Sequence[DoubtColumn]) -> BoolArray:
     """Tells which doubts (n_doubt,) a robot can be off by; the others do to its response what their columns say."""
-    kinds = (RobotMove, Compliance, HeldSpring, RotorShare, ViscousFriction, *_OF_PLACES)
+    kinds = (RobotMove, Compliance, HeldSpring, LaterTorque, RotorShare, ViscousFriction, *_OF_PLACES)
     return np.array([isinstance(doubt.direction, kinds) for doubt in doubts], bool)
 
 
@@ -109,12 +109,14 @@ def put_in(
 
 def _off_values(values: ElasticParameters, doubts: Sequence[DoubtColumn], amounts: FloatArray) -> ElasticParameters:
     """Values, of which those that no fit estimates are off."""
-    kinds = ("stiffness", "damping", "motor_inertia", "viscous", "arm_viscous")
+    kinds = ("stiffness", "damping", "motor_inertia", "viscous", "arm_viscous", "delay")
     sizes = {kind: getattr(values, kind).copy() for kind in kinds}
     for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
         direction = doubt.direction
         if isinstance(direction, HeldSpring):
             sizes[direction.kind][direction.spring] *= 1 + amount / _PERCENT
+        elif isinstance(direction, LaterTorque):
+            sizes["delay"] += direction.size(amount)
         elif isinstance(direction, RotorShare):
             sizes["motor_inertia"][direction.joint] *= 1 + amount / _PERCENT
         elif isinstance(direction, ViscousFriction):

@@ -40,6 +40,17 @@ class Scene:
         return self.problem.parameters.parameters(self.internal)
 
     @cached_property
+    def stated(self) -> ElasticParameters:
+        """Values as the robot file has them: what no fit estimates is off by shares of these."""
+        robot = self.robot
+        return replace(
+            self.problem.parameters.nominal,
+            stiffness=np.array([spring.stiffness for spring in robot.springs]),
+            damping=np.array([spring.damping for spring in robot.springs]),
+            motor_inertia=robot.motor_inertia_kgm2,
+        )
+
+    @cached_property
     def response(self) -> Response:
         """The model's response."""
         return self._response(self.problem.model, self.values)
@@ -81,6 +92,11 @@ class Scene:
     def rotor_slopes(self) -> ComplexArray:
         """Derivatives (n_conf, n_freq, n_out, n_in, n_joint) of the log response by the rotors' inertias."""
         return self._slopes("motor_inertia")
+
+    @cached_property
+    def delay_slopes(self) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in, 1) of the log response by the drives' delay."""
+        return self._slopes("delay")
 
     @cached_property
     def viscous_slopes(self) -> ComplexArray:

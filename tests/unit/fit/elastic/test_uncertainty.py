@@ -277,3 +277,17 @@ def test_reciprocal_elements_share_the_assumed_model_error(estimator, extra):
     alone = replace(problem, model=replace(problem.model, tilt=np.ones_like(problem.model.tilt)))
     ratio = np.diag(structured_covariance(problem, found)) / np.diag(structured_covariance(alone, found))
     assert ratio.max() > 1.2
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_a_place_that_is_measured_again_knows_the_model_no_better(count):
+    robot, places = certain(two_joint_robot()), CONFIGURATIONS[:count]
+    options = ElasticOptions(free=("stiffness", "damping"))
+
+    def half_widths(times):
+        frf = exact_frf(robot, np.repeat(places, times, axis=0), FREQUENCY_HZ, declared_noise=1e-6)
+        estimate = fit_elastic(robot, frf, options, 0.0).estimate
+        return np.log(estimate.upper / estimate.lower), np.log(estimate.effective_upper / estimate.effective_lower)
+
+    for once, again in zip(half_widths(1), half_widths(4), strict=True):
+        np.testing.assert_allclose(again, once, rtol=0.05)

@@ -42,8 +42,8 @@ def test_a_set_of_robots_has_its_shares():
     assert found["b.effective.designed"] == pytest.approx(3 / 4)
     assert found["b.physical.coverage_95"] == pytest.approx(4 / 6)
     assert found["b.physical.worst"] == pytest.approx(1 / 3)
-    assert found["b.trusted"] == 0.5
-    assert found["b.trusted_wrong"] == 0.25
+    assert found["b.trusted"] == pytest.approx(2 / 3)
+    assert found["b.trusted_wrong"] == pytest.approx(1 / 3)
     assert found["b.refused"] == 0.25
     assert found["b.robots"] == 4
     assert found["b.springs_counted"] == 1

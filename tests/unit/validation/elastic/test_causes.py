@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from robid.fit.elastic.doubts.freed import free_with
+from robid.fit.elastic.doubts.further import with_freed_springs
 from robid.fit.elastic.fitting import fit_elastic
 from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Inertial, Spring
+from robid.robot.parameters import FREE
 from robid.validation.elastic.assessment import assess_fit
 from robid.validation.elastic.causes import Explanation, _doubt, explain
 from robid.validation.elastic.fitted import fitted_model
@@ -173,6 +176,39 @@ def test_a_spring_that_is_fixed_and_off_is_to_be_fixed_no_more(kind, factor):
     assert f"(take `forearm.{kind}` out of `fixed`" in grade.messages[0]
     freed = fit_elastic(stated, frf, OPTIONS, DELAY_S).costs
     assert freed.total < 1.1 * freed.expected.sum() < 0.6 * solution.costs.total
+
+
+@pytest.mark.parametrize("held", ["stiffness", "damping"])
+def test_a_missing_spring_is_found_by_its_name_whatever_else_is_free(held):
+    free = tuple(kind for kind in FREE if kind != held)
+    stated, options = without(two_joint_robot(), "bearing_1"), replace(OPTIONS, free=free)
+    # What is not free is right: the spring that lacks is all that is wrong.
+    factors = {"stiffness": [1.3, 0.8, 1.2, 0.9], "damping": [0.7, 1.4, 1.2, 0.8], held: np.ones(4)}
+    true = with_spring_factors(two_joint_robot(), factors["stiffness"], factors["damping"])
+    frf = measured(true)
+    before, found = explained(stated, frf, options)
+    assert found[0].free == ("bearing_shoulder_x",)
+    freed = replace(options, free=free_with(free, found[0].free))
+    solution = fit_elastic(with_freed_springs(stated, freed), frf, freed, DELAY_S)
+    assert solution.costs.total < 1.2 * solution.costs.expected.sum() < 0.05 * before.costs.total
+    names = {name for name in solution.estimate.names if name.endswith(f".{held}")}
+    assert names == {f"bearing_shoulder_x.{held}"}
+    spring = next(each for each in true.springs if each.name == "bearing_1")
+    assert solution.estimate.found[f"bearing_shoulder_x.{held}"] == pytest.approx(getattr(spring, held), rel=0.05)
+
+
+@pytest.mark.parametrize("longer_s", [2e-4, -3e-4])
+def test_a_delay_that_is_off_and_not_estimated_is_named(true_arm, longer_s):
+    options = replace(OPTIONS, free=tuple(kind for kind in FREE if kind != "delay"))
+    frf = exact_frf(true_arm, PLACES, FREQUENCY_HZ, delay_s=DELAY_S + longer_s, relative_noise=0.003, seed=5)
+    solution, found = explained(two_joint_robot(), frf, options)
+    assert found[0].cause == "delay"
+    assert found[0].free == ("delay",)
+    assert float(found[0].amounts[0]) == pytest.approx(1e6 * longer_s, rel=0.2)
+    grade = assess_fit(two_joint_robot(), solution, frf, options, DELAY_S)
+    assert grade.causes[0] == "delay"
+    assert "delay of the drives" in grade.messages[0]
+    assert "(try `free: [stiffness, damping, viscous, motor_inertia, delay]`" in grade.messages[0]
 
 
 def test_dampers_that_are_off_and_not_estimated_are_no_missing_spring():

@@ -9,7 +9,7 @@ from exact_systems import exact_frf, two_joint_robot
 from robid.errors import DataError
 from robid.fit.elastic.doubts.column import RobotMove
 from robid.fit.elastic.doubts.columns import doubt_columns
-from robid.fit.elastic.doubts.drives import MotorFriction, ViscousFriction
+from robid.fit.elastic.doubts.drives import LaterTorque, MotorFriction, RotorShare, ViscousFriction
 from robid.fit.elastic.doubts.gears import Hysteresis, LoadStiffness
 from robid.fit.elastic.doubts.held import HELD, HeldSpring
 from robid.fit.elastic.doubts.listing import list_doubts
@@ -108,6 +108,19 @@ def test_motors_and_arms_that_rub_more_are_those_of_the_exact_robot():
     np.testing.assert_allclose(off.problem.model_response(np.zeros(len(own.parameters.names))), wanted, rtol=1e-6)
 
 
+def test_a_delay_that_no_fit_estimates_is_that_of_exact_responses():
+    options, robot = ElasticOptions(free=("stiffness", "damping", "viscous")), two_joint_robot()
+    own, doubts = made(options=options), list_doubts(two_joint_robot(), options)
+    amounts = np.array([400.0 * (doubt.name == "delay") for doubt in doubts])
+    off = put_in(own, np.zeros(len(own.parameters.names)), robot, options, doubts, amounts)
+    wanted = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S + 4e-4, sampling_period_s=SAMPLING_S).response
+    found = off.problem.model_response(np.zeros(len(own.parameters.names)))
+    np.testing.assert_allclose(found, wanted, rtol=1e-6)
+    assert np.abs(np.log(wanted / exact(robot))).max() > 0.1
+    np.testing.assert_allclose(exact(robot, doubts, np.tile(amounts[:, None], len(PLACES))), wanted, rtol=1e-9)
+    assert not [doubt for doubt in list_doubts(robot, OPTIONS) if doubt.name == "delay"]
+
+
 def test_friction_waits_for_neither_hold_nor_delay():
     slow, robot, doubts = made(8e-3, 4e-3), two_joint_robot(), list_doubts(two_joint_robot(), OPTIONS)
     point = np.zeros(len(slow.parameters.names))
@@ -191,6 +204,32 @@ def test_columns_of_a_robot_that_is_off_are_differences_of_robots_put_together(p
         if isinstance(doubts[index].direction, RobotMove) and doubts[index].unit == "%":
             found = found / (1 + amounts[index] / 100)  # a percent more of what is off already
         np.testing.assert_allclose(found, wanted, rtol=0, atol=2e-3 * np.abs(wanted).max(), err_msg=doubts[index].name)
+
+
+@pytest.mark.parametrize(
+    "free", [("stiffness", "motor_inertia"), ("damping", "viscous", "delay"), ("stiffness", "damping", "motor_inertia")]
+)
+def test_columns_of_what_no_fit_estimates_are_differences_wherever_it_is_off(free):
+    options, robot = ElasticOptions(free=free), two_joint_robot()
+    own, doubts = made(options=options), list_doubts(two_joint_robot(), options)
+    held = [isinstance(doubt.direction, HeldSpring | LaterTorque | RotorShare | ViscousFriction) for doubt in doubts]
+    doubts = [doubt for doubt, kept in zip(doubts, held, strict=True) if kept]
+    assert len(doubts) >= 4
+    point = np.full(len(own.parameters.names), 0.3) * own.parameters.logarithmic
+    amounts = np.where(np.arange(len(doubts)) % 2, -0.6, 1.2) * [min(doubt.common_std, 50.0) for doubt in doubts]
+    amounts = np.maximum(amounts, [doubt.least / 2 for doubt in doubts])
+    off = put_in(own, point, robot, options, doubts, amounts)
+    columns = doubt_columns(off.problem, point, off.robot, off.options, doubts)
+    for index, doubt in enumerate(doubts):
+        step = 1e-3 * doubt.common_std * np.eye(len(doubts))[index]
+        ahead, behind = (
+            put_in(own, point, robot, options, doubts, amounts + side * step).problem.model_response(point)
+            for side in (1, -1)
+        )
+        wanted = np.log(ahead / behind) / (2 * step[index])
+        found = off.problem.residual_kind.part(columns[..., index])
+        # Springs that are held move the rest, which columns leave where it is.
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=0.02 * np.abs(wanted).max(), err_msg=doubt.name)
 
 
 def test_matrices_move_once_and_for_all(problem):
