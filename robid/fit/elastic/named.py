@@ -192,5 +192,6 @@ def linearise(
     added = np.zeros((len(places), len(doubts))) if added is None else added
     each = spread_over(places, added)
     off = put_in(problem, point, given.robot, _anywhere(given), doubts, amounts, each)
-    columns = doubt_columns(off.problem, point, off.robot, off.options, doubts, all_rest=all_rest, shifts=shifts)
+    where = off.problem, point, off.robot, off.options, doubts
+    columns = doubt_columns(*where, amounts=amounts, all_rest=all_rest, shifts=shifts)
     return Named(doubts, off.problem, point, bool(given.doubtful), amounts, columns, added)

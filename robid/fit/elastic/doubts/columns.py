@@ -16,6 +16,8 @@ from robid.robot.description import Robot
 from robid.robot.expand import shifts_between
 from robid.robot.linearize import LinearModel, Shifts
 
+_PERCENT = 100.0
+
 
 def doubt_columns(
     problem: Problem,
@@ -24,6 +26,7 @@ def doubt_columns(
     options: ElasticOptions,
     doubts: Sequence[DoubtColumn],
     *,
+    amounts: FloatArray | None = None,
     all_rest: bool = True,
     shifts: Shifts | None = None,
 ) -> ComplexArray:
@@ -35,6 +38,7 @@ def doubt_columns(
         robot: The robot that the doubts were listed for.
         options: Options of the fit.
         doubts: The doubts.
+        amounts (n_doubt,): By how much this robot is off already; nothing when not given.
         all_rest: Whether robots that are a little off must rest; otherwise nothing is said of doubts where they do not.
         shifts: How the matrices of the robot, which is at rest, move with those doubts that are moves of it; found here
             when not given, together with how loaded springs stiffen.
@@ -59,7 +63,15 @@ def doubt_columns(
             rested = scene.settled() if shifts is None else scene
             columns[..., together] = rested.along(shifts or find_shifts(rested, moves, must_rest=all_rest))
     columns[scene.response.sampled == 0] = 0.0
+    if amounts is not None and shifts is None:
+        columns /= _more_of_it(doubts, amounts)
     return kind.part(columns * kind.per_relative(scene.response.sampled)[..., None])
+
+
+def _more_of_it(doubts: Sequence[DoubtColumn], amounts: FloatArray) -> FloatArray:
+    """How much more a per cent of a body (n_doubt,) is that is off, than of the one that the file states."""
+    shares = np.array([isinstance(doubt.direction, RobotMove) and doubt.unit == "%" for doubt in doubts])
+    return np.where(shares, 1 + amounts / _PERCENT, 1.0)
 
 
 def find_shifts(scene: Scene, moves: Sequence[DoubtColumn], *, must_rest: bool = True) -> Shifts:
