@@ -74,7 +74,7 @@ def _is_free_anyway(robot: Robot, fit: ElasticFit, name: str) -> bool:
 def _more(robot: Robot, name: str) -> str:
     """What else of a spring can be freed, as the end of a sentence."""
     doubts = [doubt.name for doubt in movable_doubts(robot) if doubt.name.startswith(f"{spring_of(name)}.")]
-    other = f", name what else is meant: {', '.join(f'`{each}`' for each in doubts)}" if doubts else ""
+    other = f", or name what else is meant: {', '.join(f'`{each}`' for each in doubts)}" if doubts else ""
     return f"leave it out{other}"
 
 

@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.elastic.doubts.springs import gear_stiffness, is_there
+from robid.fit.elastic.doubts.springs import ALONG, gear_stiffness, is_there, trial_spring
 from robid.fit.elastic.options import ElasticOptions, spring_of
-from robid.robot.description import Inertial, Joint, Robot, Spring, SpringPlace
+from robid.robot.description import Inertial, Joint, Robot, Spring
 
 _STIFFER = 3.0  # than the gear nearby: where a trial starts
 _RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
-_TIME_S = 5e-4  # damping over stiffness
-_ALONG = 0.9  # cosine above which two axes are one
 _OUTBOARD = 0.6  # share of a link beyond a split
 
 
@@ -59,16 +57,18 @@ def further_springs(robot: Robot) -> Iterator[FurtherSpring]:
         if robot.rigid[index] and robot.rotor == "spong":
             reflected = joint.motor.gear_ratio**2 * joint.motor.inertia_kgm2
             gear = (2 * np.pi * _RIGID_HZ) ** 2 * reflected
-            spring = _spring(f"gear_{joint.name}", index, "transmission", np.eye(3)[2], gear)
+            spring = trial_spring(f"gear_{joint.name}", index, "transmission", np.eye(3)[2], gear)
             yield FurtherSpring(spring, f"gear of {joint.name}")
         for letter, axis in zip("xyz", np.eye(3), strict=True):
             if index == 0 and not is_there(robot, "base", 0, axis):
-                yield FurtherSpring(_spring(f"base_{letter}", 0, "base", axis, stiff), f"base about {letter}")
+                yield FurtherSpring(trial_spring(f"base_{letter}", 0, "base", axis, stiff), f"base about {letter}")
             if letter != "z" and not is_there(robot, "bearing", index, axis):
-                spring = _spring(f"bearing_{joint.name}_{letter}", index, "bearing", axis, stiff)
+                spring = trial_spring(f"bearing_{joint.name}_{letter}", index, "bearing", axis, stiff)
                 yield FurtherSpring(spring, f"bearing of {joint.name} about {letter}")
             if index < last and not is_there(robot, "split", index, None):
-                split = _spring(f"link_{joint.name}_{letter}", index, "split", axis, _STIFFER * stiffness[index + 1])
+                split = trial_spring(
+                    f"link_{joint.name}_{letter}", index, "split", axis, _STIFFER * stiffness[index + 1]
+                )
                 split = replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
                 yield FurtherSpring(split, f"link of {joint.name} about its {letter} axis")
             if (
@@ -77,19 +77,15 @@ def further_springs(robot: Robot) -> Iterator[FurtherSpring]:
                 and robot.payload.mass_kg > 0
                 and not is_there(robot, "payload", last, axis)
             ):
-                spring = _spring(f"payload_mount_{letter}", last, "payload", axis, stiff)
+                spring = trial_spring(f"payload_mount_{letter}", last, "payload", axis, stiff)
                 yield FurtherSpring(spring, f"payload mount about {letter}")
 
 
 def _middle(following: Joint, axis: FloatArray) -> FloatArray:
     """Where a link is split: a link that twists along the next joint's axis does so about that very line."""
-    along = abs(float(axis @ following.rotation[:, 2])) > _ALONG
+    along = abs(float(axis @ following.rotation[:, 2])) > ALONG
     return following.position_m if along else np.zeros(3)
 
 
 def _part(link: Inertial) -> Inertial:
     return Inertial(_OUTBOARD * link.mass_kg, link.com_m, _OUTBOARD * link.inertia_kgm2)
-
-
-def _spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:
-    return Spring(name, joint, place, axis, stiffness, _TIME_S * stiffness)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 _PERCENT = 100.0
 _STEP = 1e-3  # percent of the gear's compliance
 _RIGID = 1e11  # times the gear's stiffness
-_ALONG = 0.9  # cosine above which two axes are one
+ALONG = 0.9
+"""Cosine above which two axes are one."""
 _TIME_S = 5e-4  # damping over stiffness
 _SAME_M = 1e-3  # between axes that are one
 _UNKNOWN_NM_RAD = 1e6  # where no gear is stated
@@ -68,11 +69,11 @@ def missing_springs(robot: Robot) -> Iterator[Spring]:
     for letter, axis in zip("xyz", np.eye(3), strict=True):
         beside = np.linalg.norm(np.cross(axis, first.position_m)) > _SAME_M
         if not is_there(robot, "base", 0, axis) and (beside or first.type == "prismatic"):
-            yield _spring(f"base_{letter}", 0, "base", axis, stiffness[0])
+            yield trial_spring(f"base_{letter}", 0, "base", axis, stiffness[0])
     for index, joint in enumerate(robot.joints):
         for letter, axis in zip("xy", np.eye(3), strict=False):
             if not is_there(robot, "bearing", index, axis):
-                yield _spring(f"bearing_{joint.name}_{letter}", index, "bearing", axis, stiffness[index])
+                yield trial_spring(f"bearing_{joint.name}_{letter}", index, "bearing", axis, stiffness[index])
 
 
 def gear_stiffness(robot: Robot) -> list[float]:
@@ -86,7 +87,7 @@ def gear_stiffness(robot: Robot) -> list[float]:
 def is_there(robot: Robot, place: str, joint: int, axis: FloatArray | None) -> bool:
     """Whether the robot has such a spring, about this axis or, for None, about any."""
     own = [spring.axis for spring in robot.springs if spring.place == place and spring.joint == joint]
-    return any(axis is None or abs(float(axis @ each)) > _ALONG for each in own)
+    return any(axis is None or abs(float(axis @ each)) > ALONG for each in own)
 
 
 def stiffened(spring: Spring, factor: float) -> Spring:
@@ -94,5 +95,6 @@ def stiffened(spring: Spring, factor: float) -> Spring:
     return replace(spring, stiffness=factor * spring.stiffness, damping=factor * spring.damping)
 
 
-def _spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:
+def trial_spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:
+    """Returns a spring that a file may lack, with a damper of its size."""
     return Spring(name, joint, place, axis, stiffness, _TIME_S * stiffness)
