@@ -100,13 +100,27 @@ def _remote(address: str) -> Iterator[Client]:
             found.close(timeout=2)
 
 
+class _Closing(Client):  # type: ignore[misc]  # distributed has no types
+    """A client that is closed where it cannot start.
+
+    `Client` leaves some to the garbage collector, which may run while the next one starts: both wait for one lock.
+    """
+
+    async def _start(self, timeout: float) -> Client:
+        try:
+            return await super()._start(timeout)
+        except BaseException:
+            await self._close()
+            raise
+
+
 def _connected(address: str) -> Client | Exception:
     """Connects in a thread: towards a server that accepts and says nothing, `Client` waits for ever."""
     answer: queue.SimpleQueue[Client | Exception] = queue.SimpleQueue()
 
     def connect() -> None:
         try:
-            answer.put(Client(address, timeout=_CONNECT_S, set_as_default=False))
+            answer.put(_Closing(address, timeout=_CONNECT_S, set_as_default=False))
         except Exception as error:  # noqa: BLE001  raised by the one that waits
             answer.put(error)
 

@@ -1,5 +1,6 @@
 """The map on a scheduler that others have started: what is checked first, and what is lost with it."""
 
+import gc
 import os
 import signal
 import socket
@@ -13,6 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from distributed.utils import LoopRunner
 
 import backend_tasks
 from dask_cluster import Cluster, cluster, wait_for
@@ -20,7 +22,7 @@ from robid.backends.dask import checks, worker
 from robid.backends.dask import cluster as connecting
 from robid.backends.dask.exchange import shared_folder
 from robid.backends.map import make_map
-from robid.errors import BackendError, SettingsError
+from robid.errors import BackendError, RobidError, SettingsError
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +79,26 @@ def test_an_address_that_is_none_is_a_settings_error(tmp_path: Path) -> None:
         make_map("dask", 1, scheduler="http://10.0.0.1:8786", folder=tmp_path),
     ):
         pass
+
+
+@pytest.mark.parametrize("address", ["http://10.0.0.1:8786", "tcp://127.0.0.1:1"])
+def test_what_a_refused_address_leaves_keeps_no_other_client_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str
+) -> None:
+    """The garbage collector may come to it while the next client starts, which holds a lock of them all."""
+    monkeypatch.setattr(connecting, "_CONNECT_S", 1)
+    gc.collect()
+    gc.disable()
+    try:
+        with pytest.raises(RobidError), make_map("dask", 1, scheduler=address, folder=tmp_path):
+            pass
+        collecting = threading.Thread(target=gc.collect, daemon=True)
+        with LoopRunner._lock:
+            collecting.start()
+            collecting.join(timeout=20)
+            assert not collecting.is_alive()
+    finally:
+        gc.enable()
 
 
 def test_a_scheduler_without_workers_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
