@@ -44,7 +44,7 @@ from robid.validation.elastic.fitted import FittedModel, fitted_model
 from robid.validation.elastic.validating import weighted_costs
 
 _NOTHING_KNOWN = 1e9
-_RESULT = 4
+_RESULT = 5
 """Version of what a result holds."""
 
 

@@ -53,7 +53,8 @@ def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> l
         spring = further.spring
         try:
             more = replace(robot, springs=(*robot.springs, spring))
-            problem = extend_problem(fitted.problem, fitted.internal, more, extend_options(options, more, (spring,)))
+            extended = extend_options(options, more, (spring,), holding=True)
+            problem = extend_problem(fitted.problem, fitted.internal, more, extended)
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
         starts = _starts(robot, problem, spring, fitted)

@@ -17,18 +17,24 @@ from robid.robot.parameters import element_names
 from robid.robot.response import ElasticParameters, nominal_parameters
 
 
-def extend_options(options: ElasticOptions, robot: Robot, springs: Sequence[Spring]) -> ElasticOptions:
+def extend_options(
+    options: ElasticOptions, robot: Robot, springs: Sequence[Spring], *, holding: bool
+) -> ElasticOptions:
     """Returns options with which stiffness and damping of further springs are free, their locations are not.
 
-    What the fit does not estimate of the robot's own springs stays as it is: else these would explain what a further
-    one does not.
+    Args:
+        options: Options of the fit.
+        robot: The robot with the further springs.
+        springs: The further springs.
+        holding: Whether springs and dampers that the fit does not estimate stay as they are. Free, they explain what a
+            further spring does not; held, they stand in the way of a descent that has to go far.
     """
     free = tuple(dict.fromkeys([*options.kinds, *BY_SPRING, *options.freed]))
     located = [name for spring in springs for name in _names_of(spring, robot, ("location",))]
     further = {spring.name for spring in springs}
     own = [spring.name for spring in robot.springs if spring.name not in further]
     names = [(kind, f"{name}.{kind}") for kind in BY_SPRING for name in own]
-    held = [name for kind, name in names if not options.frees(kind, name)]
+    held = [name for kind, name in names if holding and not options.frees(kind, name)]
     fixed = (*options.fixed, *held, *(located if "location" in free else ()))
     return replace(options, free=free, fixed=fixed, statics="updates")
 

@@ -153,7 +153,7 @@ def _put_in_place(
 ) -> SettledSprings | None:
     """The fit some steps on with further springs, from near another one; None where the robot does not rest so."""
     robot = replace(now.robot, springs=(*now.robot.springs, *springs))
-    options = extend_options(now.options, robot, springs)
+    options = extend_options(now.options, robot, springs, holding=False)
     try:
         problem = extend_problem(now.problem, now.internal, robot, options)
     except DataError:
