@@ -80,18 +80,20 @@ def _standing(optimal: str, what: str, figures: Mapping[str, float], held: Rival
     below = [f"{name} ({_deviation(figures[name])})" for name in held.tied if figures[name] < own]
     above = [name for name in held.tied if not figures[name] < own]
     if held.lower:
-        first = f"{optimal} does not have the lowest {what} ({_deviation(own)}): {', '.join(held.lower)} lie below it"
+        lower = ", ".join(held.lower)
+        first = f"{optimal} does not have the lowest {what} ({_deviation(own)}); surely below it: {lower}"
     elif below:
         first = f"no model with as few configurations has surely a lower {what} than {optimal} ({_deviation(own)})"
     else:
         first = f"{optimal} has the lowest {what} of the models with as few configurations ({_deviation(own)})"
-    tied = [f"{', '.join(names)} lie {side}" for names, side in ((below, "below"), (above, "above")) if names]
-    return f"{first}; within what chance makes over the individuals {' and '.join(tied)}" if tied else first
+    tied = [f"{side} it {', '.join(names)}" for names, side in ((below, "below"), (above, "above")) if names]
+    return f"{first}; within what chance makes over the individuals, {' and '.join(tied)}" if tied else first
 
 
 def _otherwise(typical: Rivals) -> str:
     """Names the models that are lower by the other mean."""
-    return f"; by geometric means over the springs {', '.join(typical.lower)} lie below it" if typical.lower else ""
+    lower = ", ".join(typical.lower)
+    return f"; by geometric means over the springs, surely below it: {lower}" if lower else ""
 
 
 def _deviation(fraction: float | None) -> str:

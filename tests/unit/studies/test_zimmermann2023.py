@@ -309,6 +309,6 @@ def test_of_models_that_tie_is_said_which_lie_below():
     figures = {"opt2": 0.05, "guess": 0.03, "mirr": 0.06}
     told = _standing("opt2", "scatter", figures, Rivals((), ("guess", "mirr")))
     assert told.startswith("no model with as few configurations has surely a lower scatter than opt2 (5.00 %)")
-    assert told.endswith("guess (3.00 %) lie below and mirr lie above")
+    assert told.endswith("below it guess (3.00 %) and above it mirr")
     assert _standing("opt2", "scatter", figures, Rivals((), ("mirr",))).startswith("opt2 has the lowest scatter")
     assert "does not have the lowest" in _standing("opt2", "scatter", figures, Rivals(("guess",), ("mirr",)))
