@@ -12,7 +12,7 @@ from robid.studies.over_individuals import differs
 from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
 from robid.studies.zimmermann2023.figures import Found, Model, explained_springs, summarise
 from robid.studies.zimmermann2023.models import model_sets, options_of, transmission_torque
-from robid.studies.zimmermann2023.report import _contradictions, _standing, _too_sure
+from robid.studies.zimmermann2023.report import _contradictions, _otherwise, _standing, _too_sure
 from robid.studies.zimmermann2023.rivals import Rivals, rivals
 from robid.studies.zimmermann2023.scatter import scatter, scatter_error, scatters_differ
 from robid.studies.zimmermann2023.sets import further_sets
@@ -311,4 +311,7 @@ def test_of_models_that_tie_is_said_which_lie_below():
     assert told.startswith("no model with as few configurations has surely a lower scatter than opt2 (5.00 %)")
     assert told.endswith("below it guess (3.00 %) and above it mirr")
     assert _standing("opt2", "scatter", figures, Rivals((), ("mirr",))).startswith("opt2 has the lowest scatter")
-    assert "does not have the lowest" in _standing("opt2", "scatter", figures, Rivals(("guess",), ("mirr",)))
+    lower = _standing("opt2", "scatter", figures, Rivals(("guess",), ("mirr",)))
+    assert lower.startswith("opt2 does not have the lowest scatter (5.00 %); surely below it: guess;")
+    assert _otherwise(Rivals(("guess", "mirr"), ())).endswith("surely below it: guess, mirr")
+    assert not _otherwise(Rivals((), ("guess",)))
