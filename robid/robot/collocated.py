@@ -8,14 +8,8 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.robot.linearize import LinearModel
-from robid.robot.response import (
-    ElasticParameters,
-    alias_factor,
-    arm_dampers,
-    fast_limit,
-    hold_factor,
-    mass_matrix,
-)
+from robid.robot.response import ElasticParameters, arm_dampers, fast_limit, mass_matrix
+from robid.robot.sampling import alias_factor, hold_factor
 
 _ROUNDING = 1e-12
 

@@ -46,7 +46,7 @@ def test_response_and_derivatives_are_the_general_ones(robot, kinds, period_s):
         rows, columns = np.triu_indices(2)
         expected = whole.sampled[USED][:, rows, columns].T
         np.testing.assert_allclose(ours.response(values), expected, rtol=IDENTITY)
-        slopes = jacobian(model, values, whole, kinds, period_s)[USED][:, rows, columns]
+        slopes = jacobian(model, values, whole, kinds)[USED][:, rows, columns]
         masks = tuple(np.ones(getattr(values, kind).size, bool) for kind in kinds)
         found = ours.derivatives(kinds, masks, np.full(expected.shape, 2j))
         size = np.abs(slopes).max(axis=(0, 1))
