@@ -13,6 +13,7 @@ from robid.settings.robot_sections import JointSection
 from robid.settings.yaml import Document, FieldPath
 
 _PARALLEL = 1e-6
+NO_MOTOR = "is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures the joint's torque)"
 _NO_GEOMETRY = "is missing (or `frame`, or a `model` for the whole robot)"
 
 
@@ -41,6 +42,8 @@ def _lacking(joint: Mapping[str, object], *, slides: bool, alone: bool) -> Itera
         yield ("dh",), _NO_GEOMETRY
     wanted = ("link", "limits_m" if slides else "limits_deg") if alone else ()
     yield from (((key,), "is missing") for key in wanted if key not in joint)
+    if "motor" not in joint and joint.get("torque_measured_at") != "joint":
+        yield ("motor",), NO_MOTOR
     ratio, motor = "gear_ratio_rad_m" if slides else "gear_ratio", joint.get("motor")
     if isinstance(motor, dict) and {"gear_ratio", "gear_ratio_rad_m"}.isdisjoint(motor):
         yield ("motor", ratio), "is missing"
@@ -63,6 +66,8 @@ def missing(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
         field = ("joints", index)
         if robot.model is None:
             yield from _missing_geometry(field, joint)
+        if joint.motor is None and joint.has_motor:
+            yield (*field, "motor"), NO_MOTOR
         if was_read and joint.stated_limits is None:
             yield (*field, joint.limits_key), _is_missing(robot)
     if robot.model is None:
