@@ -56,6 +56,11 @@ class RobotFile(Assumed):
     locked_m: dict[str, float] = Field(
         default_factory=dict, description="Prismatic joints of `model` that do not move, with their positions [m]."
     )
+    locked: Literal["rest"] | None = Field(
+        default=None,
+        description="`rest`: all joints of `model` that are named neither in `joints` nor above do not move: they stay"
+        " where the model has them at rest, at 0, or in the middle of their limits where these leave that out.",
+    )
     flange: str | None = Field(
         default=None, description="Body or site of `model` in whose frame the payload is given; else the last link."
     )
@@ -95,7 +100,7 @@ class RobotFile(Assumed):
         return (*gears, *self.springs)
 
     @property
-    def locked(self) -> dict[str, float]:
+    def held(self) -> dict[str, float]:
         """Positions of the joints of `model` that do not move [rad, or m]."""
         return {name: float(np.deg2rad(angle)) for name, angle in self.locked_deg.items()} | self.locked_m
 
