@@ -13,7 +13,8 @@ from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import DRIVING, MOVING, Hint, Role, read_names
 from robid.logs.inspection.quality import Quality
-from robid.logs.inspection.relations import Likeness, Spectrum, compare, spectrum_of
+from robid.logs.inspection.relations import Likeness, Relation, Spectrum, compare, relate, spectrum_of
+from robid.signals.quantities import UNITS
 
 Evidence: TypeAlias = Literal["unit", "name", "short", "file", "relation", ""]
 
@@ -35,8 +36,17 @@ _FACTORS = {
 }
 """What a factor between an angle's derivative and a speed speaks for."""
 
-_MEANT = 0.03
-"""Relative distance of a factor from these."""
+_MEANT = 0.01
+"""Relative distance of a factor from these that its deviation does not have to explain."""
+
+_TOLD = 0.02
+"""Relative deviation up to which a factor is told."""
+
+_APART = 0.2
+"""Relative distance from which a factor is another one than two stated units give, rather than a poor calibration."""
+
+_MOST = 0.5
+"""Share of a signal's energy at the lines that tell a factor, at least."""
 
 _DRIVES = 0.5
 """Correlation with an acceleration from which an unnamed signal is taken for what drives."""
@@ -72,6 +82,8 @@ class Signal:
         commanded: Whether it was commanded.
         reasons: What else speaks for it.
         twin: Another signal with the same samples; empty where there is none.
+        implied: Its unit, where none is stated but the factor to another signal's derivative tells it.
+        doubted: Whether the data contradict its unit.
     """
 
     column: Column
@@ -82,6 +94,13 @@ class Signal:
     commanded: bool = False
     reasons: tuple[str, ...] = ()
     twin: str = ""
+    implied: str = ""
+    doubted: bool = False
+
+    @property
+    def states_unit(self) -> bool:
+        """Whether the log states a unit, whether a mapping knows it or not."""
+        return bool(self.hint.unit or self.column.unit)
 
     @property
     def name(self) -> str:
@@ -112,6 +131,11 @@ class Comparison:
     def like(self, first: Signal, second: Signal, order: int) -> Likeness:
         """How a signal follows from another one's derivative."""
         return compare(self.spectrum(first), self.spectrum(second), order, self.step_s)
+
+    def factor(self, first: Signal, second: Signal, order: int) -> Relation | None:
+        """How much of another signal's derivative a signal is; None where the data do not tell."""
+        found = relate(self.spectrum(first), self.spectrum(second), order, self.step_s)
+        return found if found is not None and found.relative_std < _TOLD and found.carried > _MOST else None
 
 
 def find_roles(columns: Sequence[Column], qualities: Sequence[Quality], comparison: Comparison) -> list[Signal]:
@@ -181,18 +205,41 @@ def _find_derivatives(signals: dict[str, Signal], comparison: Comparison) -> Non
         named = a.is_sure and b.is_sure
         if like.correlation < (_NAMED if named else _DERIVED) or abs(like.delay) > _LATE:
             continue
-        told = f"{_times(like.factor)} the derivative of `{first}` (correlation {like.correlation:.2f})"
+        found = comparison.factor(a, b, 1)
+        told = f"{_times(found)}the derivative of `{first}` (correlation {like.correlation:.2f})"
         role, by = (b.role, b.by) if b.is_sure else ("speed", "relation")
-        signals[second] = replace(b, role=role, by=by, reasons=(*b.reasons, told))
+        signals[second] = _with_unit(a, replace(b, role=role, by=by, reasons=(*b.reasons, told)), found)
         if not a.is_sure:
             own: Role = a.role if a.role in ("angle", "position") else "angle"
             signals[first] = replace(a, role=own, by="relation", reasons=(*a.reasons, f"`{second}` is its derivative"))
 
 
-def _times(factor: float) -> str:
-    """A factor between a derivative and a speed, with the units that it speaks for."""
-    meant = [text for size, text in _FACTORS.items() if abs(abs(factor) / size - 1) < _MEANT]
-    return f"{factor:.4g} times{f' ({meant[0]})' if meant else ''}"
+def _times(found: Relation | None) -> str:
+    """A factor between a derivative and a speed, with the units that it speaks for; empty where none is told."""
+    if found is None:
+        return ""
+    reach = max(3 * found.relative_std, _MEANT)
+    meant = [text for size, text in _FACTORS.items() if abs(abs(found.factor) / size - 1) < reach]
+    return f"{found.factor:#.4g} times{f' ({meant[0]})' if meant else ''} "
+
+
+def _with_unit(angle: Signal, speed: Signal, found: Relation | None) -> Signal:
+    """A speed whose unit follows from the angle's, where one of the known ones alone has the factor between the two."""
+    known = UNITS.get(angle.hint.unit)
+    if found is None or known is None or known.si not in ("rad", "m"):
+        return speed
+    reach = max(3 * found.relative_std, _MEANT)
+    factor = known.factor / abs(found.factor)
+    meant = [name for name, one in UNITS.items() if one.si == f"{known.si}/s" and abs(factor / one.factor - 1) < reach]
+    if not speed.states_unit:
+        return replace(speed, implied=meant[0]) if len(meant) == 1 else speed
+    stated = UNITS.get(speed.hint.unit)
+    if stated is None or abs(factor / stated.factor - 1) < max(reach, _APART):
+        return speed
+    told = (
+        f"units disagree: by them it is {factor / stated.factor:.4g} times what the derivative of `{angle.name}` says"
+    )
+    return replace(speed, reasons=(*speed.reasons, f"{told}{f', as for {meant[0]}' if meant else ''}"), doubted=True)
 
 
 def _find_drives(signals: dict[str, Signal], comparison: Comparison) -> None:
