@@ -9,9 +9,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from robid.logs.inspection.names import DRIVING, MOVING, Role
+from robid.logs.inspection.names import DRIVING, MOVING
 from robid.logs.inspection.relations import response_at
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
+from robid.logs.inspection.vocabulary import Role
 from robid.signals.quantities import UNITS
 
 _SENSED = 0.3

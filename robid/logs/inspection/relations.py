@@ -247,10 +247,8 @@ def response_at(
         Mean cosine of the phase between them, and the usual size of the second's derivative per size of the first.
     """
     at = drive.strongest[(drive.omega[drive.strongest] >= band[0]) & (drive.omega[drive.strongest] <= band[1])]
-    derived = (
-        second.derivative(order) if order >= 0 else second.values * (1j * np.maximum(second.omega, 1e-300)) ** order
-    )
-    x, y = first.values[at], derived[at]
+    x = first.values[at]
+    y = second.derivative(order)[at] if order >= 0 else second.values[at] * (1j * second.omega[at]) ** order
     told = (np.abs(x) > 0) & (np.abs(y) > 0)
     if not told.any():
         return 0.0, 0.0

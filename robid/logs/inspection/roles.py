@@ -11,9 +11,11 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
-from robid.logs.inspection.names import DRIVING, MOVING, Hint, Role, read_names
+from robid.logs.inspection.names import DRIVING, MOVING, Hint, read_names
 from robid.logs.inspection.quality import Quality
 from robid.logs.inspection.relations import Likeness, Relation, Spectrum, compare, relate, spectrum_of
+from robid.logs.inspection.sampling import is_ramp
+from robid.logs.inspection.vocabulary import Role
 from robid.signals.quantities import UNITS
 
 Evidence: TypeAlias = Literal["unit", "name", "short", "file", "relation", ""]
@@ -148,7 +150,10 @@ def find_roles(columns: Sequence[Column], qualities: Sequence[Quality], comparis
     """
     found: list[Signal] = []
     for column, quality, hint in zip(columns, qualities, read_names(columns), strict=True):
-        found.append(Signal(column, hint, quality, hint.role, hint.by, commanded=hint.commanded is True))
+        one = Signal(column, hint, quality, hint.role, hint.by, commanded=hint.commanded is True)
+        if not one.is_sure and is_ramp(column.values):
+            one = replace(one, role="other", reasons=("it changes evenly all along, as a clock or a counter",))
+        found.append(one)
     moving = [one for one in found if not (one.quality.is_dead or one.quality.is_still or one.role == "other")]
     signals = {one.name: one for one in moving[:_COMPARED]}
     _find_twins(signals)

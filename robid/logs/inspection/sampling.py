@@ -9,7 +9,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
-from robid.logs.inspection.names import read_name, tokens, unit_of_name
+from robid.logs.inspection.names import read_name, unit_of_name
+from robid.logs.inspection.units import PER_SECOND
+from robid.logs.inspection.vocabulary import tokens
 from robid.logs.pieces import limits_of
 
 _TIME = {
@@ -18,13 +20,15 @@ _TIME = {
     "stamp": 4,
     "t": 2,
     "zeit": 3,
+    "zeitstempel": 3,
+    "temps": 3,
+    "horodatage": 3,
     "sec": 1,
     "seconds": 2,
     "log": 1,
     "clock": 2,
     "ms": 1,
 }
-_PER_SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _GAP = 1.5
 _REGULAR = 0.5
 """Share of usual steps from which a variable can be a time."""
@@ -38,7 +42,12 @@ _REPEATED = 0.02
 _ROUNDED = 1.1
 """Steps of rounded stamps by which they may be off a straight line."""
 _LEAST = 100
-_USUAL_HZ = (10.0, 50e3)
+_USUAL_HZ = (10.0, 40e3)
+"""Rates at which robots are recorded."""
+_SLOWEST_HZ = 2.0
+"""Rate from which a time with fractions may be in seconds."""
+_STRAIGHT = 1.0
+"""Steps by which a ramp may be off a straight line: it is rounded."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +68,7 @@ class Sampling:
         backward: Steps at which time stands still or goes back.
         told_by: What else says so, as a number of the log.
         others: Further times, as of the moment of writing.
+        likely: Units that its time may have, where several are as likely and nothing tells which.
     """
 
     variable: str
@@ -74,6 +84,7 @@ class Sampling:
     backward: int = 0
     told_by: str = ""
     others: tuple[str, ...] = ()
+    likely: tuple[str, ...] = ()
 
 
 def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], stated_s: float | None = None) -> Sampling:
@@ -94,8 +105,9 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     column = columns[-index]
     steps = np.diff(column.values)
     usual = float(np.median(steps))
-    unit, is_stated = _unit(column, usual, known)
-    found = _measure(column.name, steps, usual, _PER_SECOND[unit])
+    likely, is_stated = _units(column, usual, known)
+    unit = likely[0]
+    found = _measure(column.name, steps, usual, PER_SECOND[unit])
     others = tuple(
         columns[-place].key
         for score, place in rated
@@ -104,7 +116,8 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     )
     agrees = known is not None and found.step_s is not None and abs(found.step_s / known - 1) < _AGREES
     told_by = told_by if agrees else ""
-    return replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
+    found = replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
+    return found if len(likely) == 1 else replace(found, step_s=None, likely=likely)
 
 
 def _from_rounded(columns: Sequence[Column]) -> tuple[float | None, str]:
@@ -114,14 +127,15 @@ def _from_rounded(columns: Sequence[Column]) -> tuple[float | None, str]:
     """
     for column in columns:
         unit, values = unit_of_name(column), column.values
-        if unit not in _PER_SECOND or len(values) < _LEAST or not np.all(np.isfinite(values)):
+        if unit not in PER_SECOND or len(values) < _LEAST or not np.all(np.isfinite(values)):
             continue
         steps = np.diff(values)
-        if np.mean(steps == 0) <= _REPEATED or steps.min() < 0:
+        # What stays the same all along is no clock, whatever its unit: a delay, a stamp that nobody sets.
+        if np.mean(steps == 0) <= _REPEATED or steps.min() < 0 or steps.max() == 0:
             continue
         line = np.linspace(values[0], values[-1], len(values))
         if np.abs(values - line).max() <= _ROUNDED * steps.max():
-            step = (values[-1] - values[0]) / (len(values) - 1) * _PER_SECOND[unit]
+            step = (values[-1] - values[0]) / (len(values) - 1) * PER_SECOND[unit]
             return float(f"{step:.3g}"), f"`{column.key}`, whose stamps are rounded,"
     return None, ""
 
@@ -139,32 +153,48 @@ def _rate(column: Column, known_s: float | None) -> int:
     words = tokens(column.name.rpartition("/")[2])
     score = max((_TIME.get(word, 0) for word in words), default=0)
     score += 1 if known_s is not None and abs(usual / known_s - 1) < _AGREES else 0
-    score += 3 if unit_of_name(column) in _PER_SECOND else 0
+    score += 3 if unit_of_name(column) in PER_SECOND else 0
     return score or int(known_s is None and _is_clock(column, steps, float(usual)))
 
 
 def _is_clock(column: Column, steps: FloatArray, usual: float) -> bool:
-    """Whether a signal without a telling name rises in equal steps, as only clocks do; counters rise by one."""
-    if read_name(column).role or usual == 1 or np.abs(steps / usual - 1).max() > _EVEN:
+    """Whether what says nothing, or a letter only, rises in equal steps, as only clocks do; counters by one."""
+    hint = read_name(column)
+    if (hint.role and hint.by != "short") or usual == 1 or np.abs(steps / usual - 1).max() > _EVEN:
         return False
     return _USUAL_HZ[0] <= 1 / usual <= _USUAL_HZ[1]
 
 
-def _unit(column: Column, usual: float, known_s: float | None) -> tuple[str, bool]:
-    """Unit of a time, and whether the log says so."""
+def is_ramp(values: FloatArray) -> bool:
+    """Whether a signal (n_sample,) rises or falls evenly all along, as clocks and counters do and no motion."""
+    steps = np.diff(values)
+    if len(steps) == 0 or not np.all(np.isfinite(steps)) or steps.max() == steps.min() == 0:
+        return False
+    if steps.min() < 0 < steps.max():
+        return False
+    line = np.linspace(values[0], values[-1], len(values))
+    return bool(np.abs(values - line).max() <= _STRAIGHT * np.abs(steps).max() and np.mean(steps == 0) < 1 - _REGULAR)
+
+
+def _units(column: Column, usual: float, known_s: float | None) -> tuple[tuple[str, ...], bool]:
+    """Units that a time may have, and whether the log says so."""
     stated = unit_of_name(column)
-    if stated in _PER_SECOND:
-        return stated, True
-    rates = {unit: 1 / (usual * factor) for unit, factor in _PER_SECOND.items()}
+    if stated in PER_SECOND:
+        return (stated,), True
     if known_s is not None:
-        for unit, rate in rates.items():
-            if abs(rate * known_s - 1) < _AGREES:
-                return unit, True
+        for unit, factor in PER_SECOND.items():
+            if abs(known_s / (usual * factor) - 1) < _AGREES:
+                return (unit,), True
+    return _likely(column, usual) or ("s",), False
+
+
+def _likely(column: Column, usual: float) -> tuple[str, ...]:
+    """Units in which a time with such steps is that of a robot's log."""
     whole = bool(np.all(column.values == np.round(column.values)))
-    likely = [unit for unit, rate in rates.items() if _USUAL_HZ[0] <= rate <= _USUAL_HZ[1]]
-    if not whole and "s" in likely:
-        return "s", False
-    return (likely[0] if likely else "s"), False
+    rates = {unit: 1 / (usual * factor) for unit, factor in PER_SECOND.items()}
+    within = [unit for unit, rate in rates.items() if _USUAL_HZ[0] <= rate <= _USUAL_HZ[1]]
+    slow = not whole and _SLOWEST_HZ <= rates["s"] < _USUAL_HZ[0]
+    return ("s", *within) if slow else tuple(within)
 
 
 def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sampling:
