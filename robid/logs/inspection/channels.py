@@ -12,6 +12,7 @@ import numpy as np
 from robid.logs.inspection.names import DRIVING, MOVING
 from robid.logs.inspection.relations import response_at
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
+from robid.logs.inspection.units import CONVERTED
 from robid.logs.inspection.vocabulary import Role
 from robid.signals.quantities import UNITS
 
@@ -21,14 +22,13 @@ _SENSED = 0.3
 _COUNT = 0.25
 """Resolution from which an angle without a unit is in counts."""
 
-_NEARLY = 0.05
-"""Distance of a range from a turn in degrees, relative."""
-
 _SLOW = 0.1
 """Share of the sampling rate up to which delays leave the signs as they are."""
 
-_PLACEHOLDER_COUNTS = 4096
-_GRAVITY = 9.80665
+_COUNTS_OPEN = (
+    "add `counts_per_turn` (`resolution_m` for a slide): nothing in the log tells it; the encoder's data sheet or the"
+    " drive's parameters do"
+)
 
 _UNIT: dict[Role, str] = {
     **{"torque": "N m", "current": "A", "force": "N", "voltage": "N m", "angle": "rad", "position": "rad"},
@@ -191,26 +191,41 @@ def _plain_entry(signal: Signal, name: str) -> Entry:
 
 
 def _unit_of(signal: Signal) -> tuple[Settings, list[str]]:
-    unit, quality = signal.hint.unit, signal.quality
+    """Unit, scale and unwrapping of a channel, with what to check; what nobody stated is left out, or stops the run."""
+    settings, checks = _size_of(signal)
+    if signal.hint.by_letter and "unit" in settings and not signal.column.name.rstrip().endswith(("]", ")")):
+        checks.append("unit by the last letter of the name")
+    if signal.wrap is not None:
+        turn = signal.wrap.unit != "counts" and settings["unit"] != "counts"
+        settings["unwrap"] = True if turn else signal.wrap.size
+        checks.append(f"it starts again after {signal.wrap.size:.6g}, which `unwrap` takes out")
+    return settings, checks
+
+
+def _size_of(signal: Signal) -> tuple[Settings, list[str]]:
+    unit, quality, along = signal.hint.unit, signal.quality, signal.role in ("angle", "position")
     if unit in UNITS:
         return {"unit": unit}, []
-    coarse = quality.resolution is not None and quality.resolution >= _COUNT
-    if signal.role in ("angle", "position") and (unit == "counts" or coarse):
-        told = "" if unit == "counts" else "unit not stated, its steps look like counts; "
-        check = f"{told}counts_per_turn is a placeholder (`resolution_m` for a slide)"
-        return {"unit": "counts", "counts_per_turn": _PLACEHOLDER_COUNTS}, [check]
-    if signal.role in ("angle", "position") and quality.turns and not unit:
-        turned = abs((quality.highest - quality.lowest) / 360 - 1) < _NEARLY
-        told = "unit not stated; it jumps by a turn, which is taken out"
-        return {"unit": "deg" if turned else "rad", "unwrap": True}, [told]
-    if signal.role == "acceleration" and signal.column.unit == "g":
-        return {"unit": "m/s^2", "scale": _GRAVITY}, []
+    if unit in CONVERTED:
+        known, factor = CONVERTED[unit]
+        return {"unit": known, "scale": factor}, [f"from {signal.hint.stated}"]
+    turn = "" if signal.wrap is None or signal.states_unit else signal.wrap.unit
+    if turn not in ("", "counts"):
+        return {"unit": turn}, [
+            f"unit by the range of {signal.wrap.size:.6g} after which it starts again" if signal.wrap else ""
+        ]
+    coarse = not unit and quality.resolution is not None and quality.resolution >= _COUNT
+    if unit.startswith("counts") or (along and (turn == "counts" or coarse)):
+        guess = [] if unit else ["unit not stated, its steps look like counts"]
+        return {"unit": unit or "counts"}, [*guess, _COUNTS_OPEN]
+    if signal.implied:
+        return {"unit": signal.implied}, [signal.implied_by]
     usual = _UNIT[signal.role]
-    if signal.role == "voltage" or unit == "V":
-        return {"unit": usual, "scale": 1}, [f"the log has volts: `scale` is a placeholder for {usual} per volt"]
-    stated = signal.column.unit or unit
-    told = f"unit `{stated}` not known" if stated else "unit not stated"
-    return {"unit": usual}, [f"{told}, {usual} assumed"]
+    stated = signal.hint.stated or signal.column.unit or ("V" if signal.role == "voltage" else "")
+    if stated:
+        told = f"state as `unit` and `scale` what one `{stated}` stands for: nothing in the log tells it"
+        return {"unit": stated}, [told]
+    return {"unit": usual}, [f"unit not stated, {usual} assumed"]
 
 
 def _of_axis(

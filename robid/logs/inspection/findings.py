@@ -116,7 +116,7 @@ def inspect_log(
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
     columns = [one for one in group if one.name != sampling.variable and one.key not in sampling.others]
     tell("comparing signals")
-    comparison = Comparison(sampling.step_s or _UNKNOWN_STEP_S)
+    comparison = Comparison(sampling.step_s or _UNKNOWN_STEP_S, is_known=sampling.step_s is not None)
     signals = find_roles(columns, [judge(one.values) for one in columns], comparison)
     chosen = choose(signals)
     tell("measuring periods")
@@ -194,7 +194,7 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "",
     )
     repeats = found.shared is not None and len(found.lines)
-    if found.sampling.gaps and (made.resample or not repeats):
+    if found.sampling.gaps and found.sampling.step_s and (made.resample or not repeats):
         made = replace(made, part_s=found.sampling.longest_s)
     if found.shared is None or not len(found.lines):
         count, part = len(chosen.inputs), found.unbroken

@@ -211,4 +211,5 @@ def _role(name: str) -> Role:
     """What the words of a name say, or a lone `i` or `f`."""
     words = tokens(name)
     found = [ROLES[word] for word in words if word in ROLES]
-    return found[-1] if found else next(({"i": "current", "f": "force"}[one] for one in words if one in ("i", "f")), "")
+    letters: dict[str, Role] = {"i": "current", "f": "force"}
+    return found[-1] if found else next((letters[one] for one in words if one in letters), "")
