@@ -12,6 +12,7 @@ import numpy as np
 from robid.logs.inspection.names import DRIVING, MOVING
 from robid.logs.inspection.relations import response_at
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
+from robid.logs.inspection.sides import SIDES, Place, find_sides
 from robid.logs.inspection.units import CONVERTED
 from robid.logs.inspection.vocabulary import Role
 from robid.signals.quantities import UNITS
@@ -35,7 +36,6 @@ _UNIT: dict[Role, str] = {
     **{"speed": "rad/s", "acceleration": "rad/s^2"},
 }
 _PREFERRED: tuple[Role, ...] = ("torque", "current", "force", "voltage", "position", "angle", "speed", "acceleration")
-_SIDES = {"motor": 0, "": 1, "arm": 2, "tool": 3}
 _BY = {"file": "by the name of the log", "short": "by a single letter of its name"}
 
 Settings: TypeAlias = dict[str, str | float | int | bool]
@@ -50,12 +50,14 @@ class Entry:
         name: Name of the channel.
         settings: What else is said of it, by key.
         checks: What the user has to check.
+        is_open: Whether a person has to say what it is, so that it is proposed as a comment.
     """
 
     signal: Signal
     name: str
     settings: Settings
     checks: tuple[str, ...] = ()
+    is_open: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def _one_kind(signals: list[Signal]) -> list[Signal]:
     ordered = sorted(signals, key=lambda one: (not one.is_sure, one.commanded, _PREFERRED.index(one.role)))
     for role, commanded in dict.fromkeys((one.role, one.commanded) for one in ordered):
         own: dict[str, Signal] = {}
-        for one in sorted(signals, key=lambda one: _SIDES[one.hint.side]):
+        for one in sorted(signals, key=lambda one: SIDES[one.hint.side]):
             if (one.role, one.commanded) == (role, commanded):
                 own.setdefault(one.hint.joint, one)
         if len(own) > len(best):
@@ -235,29 +237,33 @@ def _of_axis(
     low, high = 2 * np.pi * band[0], 2 * np.pi * min(band[1], max(_SLOW / comparison.step_s, 2 * band[0]))
     middle = float(np.sqrt(low * high))
     torque = comparison.spectrum(drive)
-
-    def rank(one: Signal) -> tuple[int, float]:
-        _, size = response_at(torque, torque, comparison.spectrum(one), derivatives(one.role), (middle, high))
-        return _SIDES[one.hint.side], -size
-
+    places = find_sides(drive, own, comparison)
     entries: list[Entry] = []
-    turned = 1
-    for place, one in enumerate(sorted(own, key=rank)):
-        motion, channel = comparison.spectrum(one), [name, f"{name}.arm", f"{name}.{_short(one.column.name)}"]
-        entry = _plain_entry(one, channel[min(place, 2)])
-        if not place:
+    turned, motor = 1, places[0].signal
+    for place in places:
+        one = place.signal
+        motion = comparison.spectrum(one)
+        entry = _plain_entry(one, _channel_name(name, place))
+        entry = replace(entry, is_open=place.is_open, checks=(*entry.checks, *place.told))
+        if one is motor:
             sense, _ = response_at(torque, torque, motion, derivatives(one.role), (middle, high))
+            if place.side == "arm":  # behind the resonance a load moves against the torque
+                sense, _ = response_at(torque, torque, motion, derivatives(one.role), (low, middle))
             entries.append(_signed(entry, sense, f"its acceleration at high frequencies against `{drive.name}`"))
             turned = -1 if entries[0].settings.get("sign") == -1 else 1
             continue
-        motor = entries[0].signal
         order = derivatives(one.role) - derivatives(motor.role)
         sense, _ = response_at(torque, comparison.spectrum(motor), motion, order, (low, middle))
-        if not one.hint.side:
-            side = f"taken for the load's side: at high frequencies it moves less than `{motor.name}`"
-            entry = replace(entry, checks=(*entry.checks, side))
         entries.append(_signed(entry, turned * sense, f"how it goes with `{motor.name}` at low frequencies"))
     return entries
+
+
+def _channel_name(name: str, place: Place) -> str:
+    return (
+        name
+        if place.side == "motor"
+        else f"{name}.{'arm' if place.side == 'arm' else _short(place.signal.column.name)}"
+    )
 
 
 def _signed(entry: Entry, sense: float, by: str) -> Entry:
@@ -287,7 +293,7 @@ def _with_command_sign(
 
 def _unmatched(name: str, own: tuple[Signal, ...]) -> list[Entry]:
     """Outputs of a joint whose drive was not found."""
-    ordered = sorted(own, key=lambda one: _SIDES[one.hint.side])
+    ordered = sorted(own, key=lambda one: SIDES[one.hint.side])
     names = [name, f"{name}.arm", *(f"{name}.{_short(one.column.name)}" for one in ordered[2:])]
     return [_plain_entry(one, name) for one, name in zip(ordered, names, strict=False)]
 

@@ -196,6 +196,8 @@ def _entries(key: str, entries: tuple[Entry, ...], inside: str, none: str, path:
     if not entries:
         # An empty list would only be refused.
         return [f"{inside}# {key}: [{_PLACEHOLDERS[key]}] # check: {_NOTHING} {none}"]
+    if any(one.is_open for one in entries):
+        inside += "# "
     common = tuple(one for one in entries[0].checks if len(entries) > 1 and all(one in e.checks for e in entries))
     rest = [replace(one, checks=tuple(check for check in one.checks if check not in common)) for one in entries]
     head = f"{inside}{key}:{_comment(common)}"
