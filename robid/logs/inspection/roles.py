@@ -297,8 +297,12 @@ def _find_drives(signals: dict[str, Signal], comparison: Comparison) -> None:
     for name, one in list(signals.items()):
         if one.is_sure or one.by == "relation" or one.twin or one.role in ("angle", "position"):
             continue
-        rated = [(comparison.like(m, one, derivatives(m.role)).correlation, m.name) for m in motions if m.name != name]
-        best, motion = max(rated, default=(0.0, ""))
+        rated = [
+            (same_joint(m, one), comparison.like(m, one, derivatives(m.role)).correlation, m.name)
+            for m in motions
+            if m.name != name
+        ]
+        _, best, motion = max((one for one in rated if one[1] > _DRIVES), default=(False, 0.0, ""))
         if best > _DRIVES:
             told = f"goes with the acceleration of `{motion}` (correlation {best:.2f})"
             role: Role = one.role if one.role in DRIVING else "torque"

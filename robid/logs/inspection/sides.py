@@ -1,4 +1,4 @@
-"""Which motion of an axis is the motor's and which are behind it: by the response, then by names; else a person says."""
+"""Which motion of an axis is the motor's and which are behind it: by the response, then names, else a person says."""
 
 from __future__ import annotations
 
