@@ -12,7 +12,9 @@ from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import read_name, unit_of_name
 from robid.logs.inspection.units import PER_SECOND
 from robid.logs.inspection.vocabulary import tokens
+from robid.logs.pace import GAP, Pace, measure_pace
 from robid.logs.pieces import limits_of
+from robid.logs.timing import UNSURE
 
 _TIME = {
     "time": 3,
@@ -29,7 +31,6 @@ _TIME = {
     "clock": 2,
     "ms": 1,
 }
-_GAP = 1.5
 _REGULAR = 0.5
 """Share of usual steps from which a variable can be a time."""
 _AGREES = 0.01
@@ -39,8 +40,6 @@ _SURELY = 3
 """Score from which a variable is a time, whatever else is."""
 _REPEATED = 0.02
 """Share of samples with the stamp of the one before from which stamps are no times of single samples."""
-_ROUNDED = 1.1
-"""Steps of rounded stamps by which they may be off a straight line."""
 _LEAST = 100
 _USUAL_HZ = (10.0, 40e3)
 """Rates at which robots are recorded."""
@@ -68,6 +67,7 @@ class Sampling:
         backward: Steps at which time stands still or goes back.
         told_by: What else says so, as a number of the log.
         others: Further times, as of the moment of writing.
+        doubt: Why a time that there is does not tell the time step.
         likely: Units that its time may have, where several are as likely and nothing tells which.
     """
 
@@ -84,6 +84,7 @@ class Sampling:
     backward: int = 0
     told_by: str = ""
     others: tuple[str, ...] = ()
+    doubt: str = ""
     likely: tuple[str, ...] = ()
 
 
@@ -96,18 +97,19 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
         stated_s: The sampling period as the user knows it [s].
     """
     known, told_by = (stated_s, "the command line") if stated_s else _from_scalars(scalars)
-    if known is None:
-        known, told_by = _from_rounded(columns)
+    coarse, doubt = _from_coarse(columns, known)
+    if known is None and coarse is not None:
+        known, told_by = coarse.step_s, coarse.told_by
     rated = [(_rate(column, known), -index) for index, column in enumerate(columns)]
     best, index = max(rated, default=(0, 0))
     if best <= 0:
-        return Sampling("", "s", bool(stated_s), known, told_by=told_by)
+        return coarse or Sampling("", "s", bool(stated_s), known, told_by=told_by, doubt=doubt)
     column = columns[-index]
-    steps = np.diff(column.values)
-    usual = float(np.median(steps))
+    pace = measure_pace(column.values)
+    usual = float(np.median(np.diff(column.values))) if pace is None else pace.step
     likely, is_stated = _units(column, usual, known)
     unit = likely[0]
-    found = _measure(column.name, steps, usual, PER_SECOND[unit])
+    found = _measure(column.name, column.values if pace is None else pace.times, pace, PER_SECOND[unit])
     others = tuple(
         columns[-place].key
         for score, place in rated
@@ -120,24 +122,32 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     return found if len(likely) == 1 else replace(found, step_s=None, likely=likely)
 
 
-def _from_rounded(columns: Sequence[Column]) -> tuple[float | None, str]:
-    """A sampling period by the first and last stamp of a time that is rounded to more than a step, and its name [s].
+def _from_coarse(columns: Sequence[Column], known_s: float | None) -> tuple[Sampling | None, str]:
+    """The sampling by a time whose stamps several samples share, or why that does not tell it.
 
-    Several samples have one stamp, so that it is no time of theirs.
+    A sampling period that is known otherwise has to agree with it.
     """
+    doubt = ""
     for column in columns:
         unit, values = unit_of_name(column), column.values
         if unit not in PER_SECOND or len(values) < _LEAST or not np.all(np.isfinite(values)):
             continue
-        steps = np.diff(values)
-        # What stays the same all along is no clock, whatever its unit: a delay, a stamp that nobody sets.
-        if np.mean(steps == 0) <= _REPEATED or steps.min() < 0 or steps.max() == 0:
+        to_s, pace = PER_SECOND[unit], None
+        if np.mean(np.diff(values) == 0) > _REPEATED:
+            pace = measure_pace(values, None if known_s is None else known_s / to_s)
+        if pace is None or not pace.rounding:
             continue
-        line = np.linspace(values[0], values[-1], len(values))
-        if np.abs(values - line).max() <= _ROUNDED * steps.max():
-            step = (values[-1] - values[0]) / (len(values) - 1) * PER_SECOND[unit]
-            return float(f"{step:.3g}"), f"`{column.key}`, whose stamps are rounded,"
-    return None, ""
+        told = f"rounded to {pace.rounding * to_s:.4g} s, it tells the rate"
+        if pace.unsure > UNSURE:
+            doubt = (
+                f"`{column.key}` does not tell the sampling period: {told} to {100 * min(pace.unsure, 1.0):.2g} % only"
+            )
+        elif known_s is None or abs(pace.step * to_s / known_s - 1) <= pace.unsure:
+            found = _measure(column.name, pace.times, pace, to_s)
+            return replace(
+                found, unit=unit, is_stated=True, told_by=f"`{column.key}` ({told} to {100 * pace.unsure:.1g} %)"
+            ), ""
+    return None, doubt
 
 
 def _rate(column: Column, known_s: float | None) -> int:
@@ -197,12 +207,13 @@ def _likely(column: Column, usual: float) -> tuple[str, ...]:
     return ("s", *within) if slow else tuple(within)
 
 
-def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sampling:
-    """Measures the steps of a time."""
-    gaps = np.flatnonzero(steps > _GAP * usual)
+def _measure(variable: str, times: FloatArray, pace: Pace | None, to_s: float) -> Sampling:
+    """Measures the steps of a time; its gaps and step as its pace has them, where it has one."""
+    steps = np.diff(times)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps)) if pace is None else pace.gaps
     inside = np.delete(steps, gaps)
     inside = inside[inside > 0]
-    mean = float(inside.mean())
+    mean = float(inside.mean()) if pace is None else pace.step
     edges = np.concatenate([[0], gaps + 1, [len(steps) + 1]])
     longest = int(np.argmax(np.diff(edges)))
     begin, end = int(edges[longest]), int(edges[longest + 1])
@@ -216,7 +227,7 @@ def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sam
         missing=round(float(np.sum(steps[gaps] / mean - 1))),
         first_gap=int(gaps[0]) if len(gaps) else 0,
         longest=(begin, end),
-        longest_s=limits_of(to_s * np.concatenate([[0.0], np.cumsum(steps)]), begin, max(end - 1, begin + 1)),
+        longest_s=limits_of(to_s * (times - times[0]), begin, max(end - 1, begin + 1)),
         backward=int(np.count_nonzero(steps <= 0)),
     )
 

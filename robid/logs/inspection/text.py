@@ -159,7 +159,8 @@ def _sampling(found: Findings) -> list[str]:
         # A number that nobody stated stays out, so that the import stops and asks for it.
         units = " or ".join(sampling.likely)
         which = f"whether `{sampling.variable}` is in {units}" if units else "it"
-        return [f"# sampling_period_s: SECONDS # check: nothing in the log tells {which}; {_CYCLE}"]
+        why = sampling.doubt or f"nothing in the log tells {which}"
+        return [f"# sampling_period_s: SECONDS # check: {why}; {_CYCLE}"]
     lines = [f"sampling_period_s: {_value(step_s)}"]
     if sampling.variable and sampling.unit in _UNITS:
         told: tuple[str, ...] = (
