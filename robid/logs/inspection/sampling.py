@@ -62,6 +62,7 @@ class Sampling:
         gaps: Places where samples are missing.
         missing: Samples that are missing there, about.
         first_gap: Sample before the first of them.
+        longest_step: Longest step, in usual ones.
         longest: First sample of the longest part without one, and the sample after its last.
         longest_s: From where to where it lasts, since the first sample [s].
         backward: Steps at which time stands still or goes back.
@@ -79,6 +80,7 @@ class Sampling:
     gaps: int = 0
     missing: int = 0
     first_gap: int = 0
+    longest_step: float = 1.0
     longest: tuple[int, int] = (0, 0)
     longest_s: tuple[float, float] = (0.0, 0.0)
     backward: int = 0
@@ -226,6 +228,7 @@ def _measure(variable: str, times: FloatArray, pace: Pace | None, to_s: float) -
         gaps=len(gaps),
         missing=round(float(np.sum(steps[gaps] / mean - 1))),
         first_gap=int(gaps[0]) if len(gaps) else 0,
+        longest_step=float(steps.max() / mean),
         longest=(begin, end),
         longest_s=limits_of(to_s * (times - times[0]), begin, max(end - 1, begin + 1)),
         backward=int(np.count_nonzero(steps <= 0)),

@@ -69,7 +69,7 @@ def write_experiment(
     lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
-        gaps = found.sampling.gaps and made.part_s is None
+        gaps = found.has_gaps and made.part_s is None
         reason = "the longest part without a gap is at its end" if gaps else _held(found)
         lines += [f"{inside}take: last # {reason}"]
     lines += _entries("inputs", made.inputs, inside, "a torque, a current or a command", path)
@@ -166,7 +166,7 @@ def _sampling(found: Findings) -> list[str]:
         told: tuple[str, ...] = (
             () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
         )
-        if sampling.gaps:
+        if found.has_gaps:
             count = "one place" if sampling.gaps == 1 else f"{sampling.gaps} places"
             places = f"samples are missing at {count}, first after {sampling.first_gap}"
             told += (f"{places}: the longest part without is used",)
@@ -178,7 +178,8 @@ def _sampling(found: Findings) -> list[str]:
 
 def _resampled(found: Findings) -> tuple[str, ...]:
     if found.proposal.resample == "time":
-        return (f"time steps deviate by up to {100 * found.sampling.jitter:.0f} %",)
+        longest = f", the longest is {found.sampling.longest_step:.2g} usual ones" if found.sampling.gaps else ""
+        return (f"time steps deviate by up to {100 * found.sampling.jitter:.0f} %{longest}",)
     return ("the period is no whole number of samples",)
 
 
