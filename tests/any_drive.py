@@ -87,9 +87,14 @@ class Drive:
             path = folder / "log.csv"
             self.text.write(path, table, {})
             return path
-        if self.layout.startswith(("mat", "hdf5")):
+        writer, file = WRITERS[self.layout]
+        if self.layout.startswith("mat"):
             table = {name.translate(str.maketrans(" [", "__", "]()°")): values for name, values in table.items()}
-        return Path(WRITERS[self.layout][0](folder / WRITERS[self.layout][1], table)[0])
+        if self.layout in ("hdf5", "tdms", "csv LabVIEW"):
+            stated = {self._name(names[key], unit): unit for key, unit in units.items()}
+            stated[self._name("time", self.time)] = self.time
+            return Path(writer(folder / file, table, stated)[0])
+        return Path(writer(folder / file, table)[0])
 
     def _name(self, name: str, unit: str) -> str:
         return (

@@ -1,4 +1,4 @@
-"""What is proposed of any log of a drive gives the response that it was made of, as it stands or by its own remedies."""
+"""What is proposed of any log of a drive gives the response that it was made of, at once or by its own remedies."""
 
 import re
 
@@ -51,7 +51,7 @@ def drives(draw):
         layout=layout,
         text=draw(texts()) if is_text else Text(),
         words=draw(st.sampled_from(sorted(NAMES))),
-        named="underscore" if layout.startswith(("mat", "hdf5")) else draw(st.sampled_from(sorted(NAMED))),
+        named="underscore" if layout.startswith("mat") else draw(st.sampled_from(sorted(NAMED))),
         torque=draw(st.sampled_from(sorted(TORQUE))),
         angle=draw(st.sampled_from(sorted(ANGLE))),
         time=time,
