@@ -150,7 +150,8 @@ def extract_chain(
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]
     moved = carried_by(model, joints, apart)
     chain: list[ForeignJoint] = []
-    position, rotation = np.zeros(3), np.eye(3)
+    position: FloatArray = np.zeros(3)
+    rotation: FloatArray = np.eye(3)
     for name, body in zip(joints, bodies, strict=True):
         joint = compiled.joint(name)
         origin, oriented = _axis_frame(compiled, data, name)
