@@ -174,7 +174,7 @@ def extract_chain(
 
 
 def frame_on_last(
-    model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], frame: str
+    model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], frame: str, apart: Collection[str] = ()
 ) -> tuple[FloatArray, FloatArray] | None:
     """Returns where a body or site sits on the last link.
 
@@ -183,6 +183,7 @@ def frame_on_last(
         joints: Names of the chain's joints.
         locked: Positions of other joints [rad, or m].
         frame: Name of the body or site.
+        apart: Names of joints whose bodies are no part of the last link.
 
     Returns:
         Position (3,) [m] and orientation (3, 3) in the last joint's own body frame; None if it is not there.
@@ -194,7 +195,8 @@ def frame_on_last(
     if site < 0 and body < 0:
         return None
     owner = int(compiled.site_bodyid[site]) if site >= 0 else body
-    if _carrier(compiled, owner, bodies) != bodies[-1]:
+    others = [int(compiled.joint(name).bodyid[0]) for name in apart]
+    if _carrier(compiled, owner, [*bodies, *others]) != bodies[-1]:
         return None
     position, matrix = (data.site_xpos[site], data.site_xmat[site]) if site >= 0 else (data.xpos[body], data.xmat[body])
     last = data.xmat[bodies[-1]].reshape(3, 3)
