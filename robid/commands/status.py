@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from robid.commands.output import print_json
 from robid.commands.shared import doubts, graded
+from robid.errors import SettingsError
 from robid.pipeline import Run, asked_for, examine, grade_of
+from robid.settings.base import DATA_VARIABLE, data_path
+from robid.settings.robot import MODEL_NOT_THERE, SET_DATA_FOLDER
 from robid.stages.terminal import make_console, status_table
 
 
 def show_status(run: Run, *, as_json: bool) -> int:
-    """Prints the state of every output; returns the exit code."""
-    states = examine(run, asked_for(run.loaded))
+    """Prints the state of every output; returns the exit code.
+
+    Raises:
+        SettingsError: If the robot's model could not be read, so that nothing is known of what is fresh.
+    """
+    loaded = run.loaded
+    if loaded.robot.lacks_model:
+        where = f"{loaded.robot_path}: model: {loaded.robot.model}"
+        what = f"{MODEL_NOT_THERE}, as there is no folder {data_path(DATA_VARIABLE, Path())}"
+        raise SettingsError(what, where=where, remedy=SET_DATA_FOLDER)
+    states = examine(run, asked_for(loaded))
     if as_json:
         nodes = [
             {"stage": node.stage.name, "for": node.owner, "output": node.output}

@@ -53,7 +53,8 @@ def with_values(file: RobotFile, robot: Robot) -> RobotFile:
         payload = _known(payload, body_section(_into_link(robot.payload, file.joints[-1])))
     update: dict[str, Any] = {"joints": joints, "springs": springs, "loop_links": loops, "payload": payload}
     # Frames and links stand in the file itself, and their sum is no longer what a source stated.
-    still: dict[str, Any] = {"model": None, "locked_deg": {}, "locked_m": {}, "flange": None, "total_mass_kg": None}
+    still: dict[str, Any] = {"model": None, "locked": None, "locked_deg": {}, "locked_m": {}}
+    still |= {"flange": None, "total_mass_kg": None}
     return file.model_copy(update={**update, **still})
 
 

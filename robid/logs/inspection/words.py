@@ -32,7 +32,7 @@ def describe_sampling(found: Findings) -> str:
     """Says how a log was sampled."""
     sampling, count = found.sampling, f"{found.n_sample} samples"
     if sampling.step_s is None:
-        return f"{count}; nothing tells the sampling period: state it by `--sampling-period`"
+        return f"{count}; {sampling.doubt or 'nothing tells the sampling period'}: state it by `--sampling-period`"
     told = [f"{count}, {found.duration_s:.6g} s at {1 / sampling.step_s:.6g} Hz"]
     if sampling.variable:
         unit = f"in {sampling.unit}" if sampling.is_stated else f"taken for {sampling.unit}: not stated"

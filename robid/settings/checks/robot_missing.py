@@ -60,24 +60,19 @@ def _lacking_values(spring: Mapping[str, object], *, linear: bool) -> Iterator[s
 
 
 def missing(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
-    """What a file must say itself: all without a model, and what a model that was read does not say."""
-    was_read = robot.model is None or robot.joints[0].frame is not None
+    """What a file must say itself; frames, links and limits that a model lacks are told where it is read."""
     for index, joint in enumerate(robot.joints):
         field = ("joints", index)
         if robot.model is None:
             yield from _missing_geometry(field, joint)
         if joint.motor is None and joint.has_motor:
             yield (*field, "motor"), NO_MOTOR
-        if was_read and joint.stated_limits is None:
-            yield (*field, joint.limits_key), _is_missing(robot)
+        if robot.model is None and joint.stated_limits is None:
+            yield (*field, joint.limits_key), "is missing"
     if robot.model is None:
-        for key in ("locked_deg", "locked_m", "flange"):
+        for key in ("locked_deg", "locked_m", "locked", "flange"):
             if getattr(robot, key):
                 yield (key,), "belongs to a `model`, and there is none"
-
-
-def _is_missing(robot: RobotFile) -> str:
-    return "is missing" if robot.model is None else "is missing: the model does not say it either"
 
 
 def _missing_geometry(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
