@@ -137,7 +137,7 @@ def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> It
 
 
 def _link(field: FieldPath, joint: JointSection, link: Body) -> Iterator[tuple[FieldPath, str]]:
-    if link.inertial().inertia_kgm2.any() or joint.motor.ratio is None:
+    if link.inertial().inertia_kgm2.any() or joint.motor is None or joint.motor.ratio is None:
         yield from _body((*field, "link"), link)
         return
     half = joint.motor.inertia_kgm2 * joint.motor.ratio**2 / 2
