@@ -97,11 +97,9 @@ class Drive:
         return Path(writer(folder / file, table)[0])
 
     def _name(self, name: str, unit: str) -> str:
-        return (
-            NAMED[self.named].format(name, unit.replace(" ", "") if self.named == "underscore" else unit)
-            if unit
-            else name
-        )
+        if self.named == "underscore":
+            unit = unit.replace(" ", "").replace("°", "deg")
+        return NAMED[self.named].format(name, unit) if unit else name
 
     def _signals(self) -> dict[str, np.ndarray]:
         """Torque and angles in their units."""
