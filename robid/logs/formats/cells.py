@@ -38,7 +38,16 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def split_all(lines: Sequence[str], separator: str) -> list[list[str]]:
-    """Splits lines into their cells."""
+    """Splits lines into their cells, which may still have spaces around them."""
+    if separator != " ":
+        if not any('"' in line for line in lines):
+            return [line.rstrip("\r\n").split(separator) for line in lines]
+        try:
+            rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+        except csv.Error:
+            rows = []
+        if len(rows) == len(lines):
+            return rows
     return [split(line, separator) for line in lines]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from robid.arrays import FloatArray
@@ -60,6 +60,25 @@ class Body:
 
 
 @dataclass(frozen=True)
+class Join:
+    """Joins what the separator cuts out of a moment."""
+
+    cut: re.Pattern[str]
+    mark: str
+
+    def __call__(self, line: str) -> str:
+        """Returns a line with one cell for each moment."""
+        return self.cut.sub(self.mark, line)
+
+
+_JOINS = {
+    " ": Join(re.compile(r"(?<=\d[-/.]\d\d)\s+(?=\d{1,2}:\d\d)|(?<=[-/.]\d{4})\s+(?=\d{1,2}:\d\d)"), "T"),
+    ",": Join(re.compile(r"(?<=\d:\d\d:\d\d),(?=\d{3,6}(,|\s*$))"), "."),
+}
+"""By the separator: between a date and a time, and before the fraction of a second."""
+
+
+@dataclass(frozen=True)
 class Layout:
     """How a table is written.
 
@@ -73,6 +92,7 @@ class Layout:
         width: Number of cells of a row; one more than there are columns where rows end with a separator.
         fewest: Cells of the shortest row, whose last ones are missing.
         headers: Lines above the numbers, which are passed over where they stand among them again.
+        join: What joins date and time in a line, where the separator stands between them.
         body: What else is to be known of its rows.
     """
 
@@ -85,6 +105,7 @@ class Layout:
     width: int
     fewest: int = 0
     headers: frozenset[str] = frozenset()
+    join: Join | None = None
     body: Body = field(default_factory=Body)
 
     def cells(self, line: str) -> list[str]:
@@ -111,7 +132,7 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     rows = [(i, line) for i, line in enumerate(lines) if is_row(line, dialect.comments)]
     if dialect.header_line:
         rows = [(i, line) for i, line in rows if i + 1 >= dialect.header_line]
-    separator, comma = _tell_marks([line for _, line in rows[-_TAIL:]], dialect)
+    separator, comma = tell_marks([line for _, line in rows[-_TAIL:]], dialect)
     cells = [(i, split(line, separator)) for i, line in rows]
     numeric = [c for _, c in cells[-_TAIL:] if any(is_number(cell, decimal_comma=comma) for cell in c)]
     if not numeric:
@@ -129,6 +150,11 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     names, units, header = _names(before, (fewest, width), lines, dialect, separator, start)
     if kinds[-1] == "" and len(names) == width - 1:
         kinds = kinds[:-1]
+    join = _JOINS.get(separator)
+    if len(names) == len(kinds) - 1 and join is not None and "moment" in kinds:
+        joined = [join(line) for line in lines]
+        if joined != list(lines):
+            return replace(tell_layout(joined, dialect), join=join)
     if len(names) != len(kinds):
         raise _no_fit(start, width, len(names), header)
     headers = frozenset(line for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma))
@@ -141,7 +167,7 @@ def _no_fit(line: int, width: int, count: int, header: int) -> UnreadableLogErro
     return UnreadableLogError(what, remedy)
 
 
-def _tell_marks(lines: Sequence[str], dialect: Dialect) -> tuple[str, bool]:
+def tell_marks(lines: Sequence[str], dialect: Dialect) -> tuple[str, bool]:
     """What separates cells, and whether decimal marks are commas.
 
     Those that make the most numbers in rows of one length; white space for a single column.
@@ -228,7 +254,7 @@ def _names(
     if not before:
         commented = None if dialect.header_line == 0 else _commented(lines[:first], widths, dialect, separator)
         names = commented or [str(i) for i in range(1, width + 1)]
-        return names, _units(names), first
+        return names, units_of(names), first
     if dialect.header_line:
         at = 0
     else:
@@ -240,7 +266,7 @@ def _names(
     if separator == " " and len(names) != width:
         names = split(lines[line], "\t") if "\t" in lines[line] else names
     below = before[at + 1][1] if at + 1 < len(before) else []
-    units = _units(names)
+    units = units_of(names)
     if len(below) == len(names) and _are_units(below):
         units = [stated.strip("[]() ") or unit for stated, unit in zip(below, units, strict=True)]
     if names and not names[-1] and len(names) == width:
@@ -259,7 +285,7 @@ def _commented(lines: Sequence[str], widths: tuple[int, int], dialect: Dialect, 
     return names if widths[0] <= len(names) <= widths[1] and all(names) else None
 
 
-def _units(names: Sequence[str]) -> list[str]:
+def units_of(names: Sequence[str]) -> list[str]:
     """Units in brackets at the end of names."""
     return [found[1].strip() if (found := _BRACKETS.search(name)) else "" for name in names]
 

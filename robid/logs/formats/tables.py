@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.logs.formats.cells import is_missing, is_number, is_row
+from robid.logs.formats.across import read_across
+from robid.logs.formats.cells import is_missing, is_number, is_row, split_all
 from robid.logs.formats.known import UNPACKING_ERRORS, open_bytes
 from robid.logs.formats.layout import REMEDY, Layout, tell_layout
 from robid.logs.formats.moments import Moments
@@ -37,6 +38,10 @@ def read_table(file: Path, wanted: Wanted, dialect: Dialect) -> Found:
     try:
         with _open_text(file, dialect) as text:
             sample = text.readlines(_SAMPLE)
+        with _open_text(file, dialect) as text:
+            across = read_across(text, sample, wanted, dialect)
+        if across is not None:
+            return across
         layout = (dialect.header_line is None and tell_recorder(sample)) or tell_layout(sample, dialect)
         with _open_text(file, dialect) as text:
             return _Table(layout, wanted, dialect).read(text)
@@ -102,6 +107,7 @@ class _Table:
         for _ in islice(text, layout.lines):
             pass
         while lines := text.readlines(CHUNK):
+            lines = lines if layout.join is None else list(map(layout.join, lines))
             rows = [(i, line) for i, line in enumerate(lines, start=number) if self._is_row(line)]
             rows = self._check_width(layout.body.keep(rows))
             self._read_rows(rows)
@@ -118,11 +124,14 @@ class _Table:
 
     def _check_width(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
         """Returns the rows without those at the end of the table that hold no number, as `EOF`."""
-        layout, quoted = self._layout, any('"' in line for _, line in rows)
+        layout = self._layout
         allowed = range(layout.fewest or layout.width, layout.width + 1)
+        if layout.separator == " " or any('"' in line for _, line in rows):
+            widths = [len(row) for row in split_all([line for _, line in rows], layout.separator)]
+        else:
+            widths = [1 + line.count(layout.separator) for _, line in rows]
         kept = []
-        for number, line in rows:
-            width = len(layout.cells(line)) if quoted or layout.separator == " " else 1 + line.count(layout.separator)
+        for (number, line), width in zip(rows, widths, strict=True):
             if width in allowed and self._foot is None:
                 kept.append((number, line))
             elif self._foot is None and not self._has_number(line):
@@ -178,22 +187,25 @@ class _Table:
 
     def _cells(self, rows: Sequence[tuple[int, str]], columns: Sequence[int]) -> dict[int, list[str]]:
         """The cells of some columns, empty where a row is too short."""
-        separator, last = self._layout.separator, max(columns, default=0)
-        if separator != " " and not any('"' in line for _, line in rows):
-            split_ = [line.rstrip("\r\n").split(separator, last + 1) for _, line in rows]
-        else:
-            split_ = [self._layout.cells(line) for _, line in rows]
-        return {column: [row[column].strip() if column < len(row) else "" for row in split_] for column in columns}
+        if not columns:
+            return {}
+        table = split_all([line for _, line in rows], self._layout.separator)
+        return {column: [row[column].strip() if column < len(row) else "" for row in table] for column in columns}
 
     def _add_numbers(self, column: int, cells: Sequence[str], rows: Sequence[tuple[int, str]]) -> None:
         """Adds numbers cell by cell; gives the column up where one is none."""
-        values = np.empty(len(cells))
-        for index, cell in enumerate(cells):
+        values, layout = np.empty(len(cells)), self._layout
+        plain = (cell.replace(",", ".") for cell in cells) if layout.decimal_comma else cells
+        for index, cell in enumerate(plain):
             try:
-                values[index] = self._layout.number(cell)
+                # Python takes `1_000` for a number; whatever is none, or odd, is looked at more closely.
+                values[index] = float(cell) if "_" not in cell else layout.number(cell)
             except ValueError:
-                self._refuse(column, rows[index][0], cell)
-                return
+                try:
+                    values[index] = layout.number(cells[index])
+                except ValueError:
+                    self._refuse(column, rows[index][0], cells[index])
+                    return
         self._parts[column].append(values)
 
     def _finish(self, count: int) -> None:
