@@ -126,14 +126,11 @@ def _interpolated(
     """The columns at other moments (in samples), and the largest error of a channel."""
     made: dict[str, NDArray[Any]] = {}
     error = 0.0
-    turning = {one.column: one.factor for one in mapping.channels if one.unwraps}
     for name, column in columns.items():
         values = column[: len(have)].astype(float)
         if mapping.time is not None and name == mapping.time.variable:
             made[name] = np.interp(wanted, have, values)
             continue
-        if name in turning:
-            values = np.unwrap(turning[name] * values) / turning[name]
         if np.ptp(values) > 0:
             error = max(error, interpolation_error(values))
         made[name] = np.asarray(make_interp_spline(have, values, k=_DEGREE)(wanted))
