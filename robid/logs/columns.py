@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from robid.errors import DataError
 from robid.logs.formats.known import tell_format
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import Variables, find_variable
+from robid.logs.formats.variables import Variables, find_variable, series_of
 from robid.logs.mapping import LogMapping
 from robid.logs.streams import (
     Stream,
@@ -193,8 +193,8 @@ def read_column(
         remedy = "Save it as a real numeric column."
         return None, [DataError(f"It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
     if raw.size != max(raw.shape, default=0) or raw.size < 2:
-        remedy = "Save one column per channel."
-        return None, [DataError(f"It has shape {raw.shape}, not one column.", where=where, remedy=remedy)]
+        what = f"It has shape {raw.shape}, not one column."
+        return None, [DataError(what, where=where, remedy=_which_series(variable, raw))]
     return raw.ravel(), []
 
 
@@ -204,6 +204,14 @@ def _which_name(name: str, sizes: Mapping[str, int]) -> str:
     columns = [key for key, size in sizes.items() if size > _SHOWN]
     guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
     return f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
+
+
+def _which_series(variable: str, matrix: NDArray[Any]) -> str:
+    """Says how to name one column or row of a matrix."""
+    series = series_of(matrix.shape) if matrix.size else []
+    if matrix.ndim < 2 or len(series) < 2 or max(matrix.shape) <= _SHOWN:
+        return "Save one column per channel."
+    return f"Name one of them, `{variable}{series[0]}` to `{variable}{series[-1]}`."
 
 
 def check_values(

@@ -57,7 +57,7 @@ def describe_period(found: Findings) -> str:
     lines = f"; lines with energy: {format_lines(found.lines)}" if len(found.lines) else ""
     transient = f"; the first period of {', '.join(shared.transient)} differs" if shared.transient else ""
     period_s = shared.samples * found.step_s
-    return f"repeats every {shared.samples:.7g} samples ({period_s:.6g} s), {shared.held:.4g} periods{lines}{transient}"
+    return f"repeats every {shared.samples:.7g} samples ({period_s:.9g} s), {shared.held:.4g} periods{lines}{transient}"
 
 
 def remarks(found: Findings, signal: Signal) -> list[str]:
