@@ -231,7 +231,7 @@ def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> J
         "frame": frame,
         section.limits_key: limits,
         "link": body_section(found.link),
-        "motor": _motor(section, model),
+        "motor": None if section.motor is None else _motor(section.name, section.motor, model),
     }
     return section.model_copy(update=update | {"counterbalance": _balance(section, found)})
 
@@ -261,9 +261,8 @@ def _balance(section: JointSection, found: ForeignJoint) -> CounterbalanceSectio
     return None if balance is None else balance.model_copy(update=update)
 
 
-def _motor(section: JointSection, model: ForeignModel) -> MotorSection:
+def _motor(name: str, motor: MotorSection, model: ForeignModel) -> MotorSection:
     """Takes arm-side limits of the model to the motor side where the file states none."""
-    motor, name = section.motor, section.name
     update: dict[str, float] = {}
     ratio = abs(motor.ratio or 0.0)
     if ratio == 0:

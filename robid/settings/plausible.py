@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.robot.inertia import stretched_inertia
 from robid.settings.robot import RobotFile
-from robid.settings.robot_sections import JointSection
+from robid.settings.robot_sections import JointSection, MotorSection
 from robid.settings.yaml import FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
@@ -35,7 +35,11 @@ def implausible(robot: RobotFile) -> _Found:
         moved = stretched_inertia(places, robot.links(), robot.slides, travels)
     for index, joint in enumerate(robot.joints):
         alike = [other.slides == joint.slides for other in robot.joints]
-        reason = _inertia(joint, None if moved is None else (float(moved[index]), float(moved[alike].max())))
+        if joint.motor is None:
+            continue
+        reason = _inertia(
+            joint, joint.motor, None if moved is None else (float(moved[index]), float(moved[alike].max()))
+        )
         if reason:
             value = f"{joint.motor.inertia_kgm2:g} kg m^2"
             yield ("joints", index, "motor", "inertia_kgm2"), f"{value} is implausible: {reason}"
@@ -57,8 +61,10 @@ def absurd(data: object, field: FieldPath = ()) -> _Found:
 
 def _ratios(robot: RobotFile) -> _Found:
     for index, joint in enumerate(robot.joints):
+        if joint.motor is None:
+            continue
         if joint.slides:
-            yield from _leads(index, joint)
+            yield from _leads(index, joint.motor)
             continue
         stated = joint.motor.gear_ratio
         if stated is None:
@@ -75,8 +81,8 @@ def _ratios(robot: RobotFile) -> _Found:
         yield ("joints", index, "motor", "gear_ratio"), reason
 
 
-def _leads(index: int, joint: JointSection) -> _Found:
-    stated = joint.motor.gear_ratio_rad_m
+def _leads(index: int, motor: MotorSection) -> _Found:
+    stated = motor.gear_ratio_rad_m
     # 1 stands for drives whose angles are metres: linear motors, or signals that are those of the carriage.
     if stated is None or abs(stated) == 1 or _SMALLEST_RATIO_RAD_M <= abs(stated) <= _LARGEST_RATIO_RAD_M:
         return
@@ -87,15 +93,15 @@ def _leads(index: int, joint: JointSection) -> _Found:
     yield ("joints", index, "motor", "gear_ratio_rad_m"), reason
 
 
-def _inertia(joint: JointSection, moved: tuple[float, float] | None) -> str:
+def _inertia(joint: JointSection, motor: MotorSection, moved: tuple[float, float] | None) -> str:
     """Says why a rotor's inertia cannot be meant.
 
     Args:
         joint: The joint.
+        motor: Its motor.
         moved: Largest inertia that the joint meets, and the whole arm's [kg m^2; kg where it slides]; None where they
             are unknown.
     """
-    motor = joint.motor
     speed, torque = motor.max_speed_rad_s, motor.max_torque_nm
     run_up = None if speed is None or torque is None else motor.inertia_kgm2 * speed / torque
     if run_up is not None and run_up > _LONGEST_RUN_UP_S:

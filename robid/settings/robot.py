@@ -113,6 +113,11 @@ class RobotFile(Assumed):
         return tuple(METRES if joint.slides else RADIANS for joint in self.joints) if any(self.slides) else None
 
     @property
+    def without_motor(self) -> tuple[str, ...]:
+        """Names of the joints whose torque is measured at the joint."""
+        return tuple(joint.name for joint in self.joints if not joint.has_motor)
+
+    @property
     def slides(self) -> list[bool]:
         """Which joints are prismatic."""
         return [joint.slides for joint in self.joints]
@@ -199,11 +204,12 @@ class RobotFile(Assumed):
                 lower=float(lower),
                 upper=float(upper),
                 type=section.type,
-                motor=section.motor.motor(),
+                motor=section.plain_motor,
                 couplings=dict(section.couplings),
                 counterbalance=None if balance is None else balance.counterbalance(*section.geometry.link_frame()),
                 arm_viscous=section.arm_viscous,
                 doubts=section.doubts.over(self.doubts),
+                torque_at=section.torque_measured_at,
             )
             joints.append(joint)
         return tuple(joints)

@@ -70,7 +70,9 @@ def robot_text(file: RobotFile, header: str) -> str:
 
 
 def _joint(section: JointSection, joint: Joint) -> JointSection:
-    update: dict[str, Any] = {"motor": _motor(section.motor, joint), section.arm_viscous_key: joint.arm_viscous}
+    update: dict[str, Any] = {section.arm_viscous_key: joint.arm_viscous}
+    if section.motor is not None:
+        update["motor"] = _motor(section.motor, joint)
     if section.link is not None:
         update["link"] = _known(section.link, body_section(_into_link(joint.link, section)))
     balance = section.counterbalance
