@@ -68,7 +68,7 @@ def complete(document: Document, robot: RobotFile) -> Completed:
         return Completed(typed, [problem_at(document, field, message) for field, message in found], immobile)
     flange: tuple[FloatArray, FloatArray] = (np.zeros(3), np.eye(3))
     if robot.flange is not None:
-        there = frame_on_last(model, names, motion.held, robot.flange)
+        there = frame_on_last(model, names, motion.held, robot.flange, motion.apart)
         if there is None:
             hint = suggest(robot.flange, model.frames())
             message = f"there is no body or site `{robot.flange}` on the last link; {hint}"

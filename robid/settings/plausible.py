@@ -20,6 +20,7 @@ _SMALLEST_SHARE = 2e-3
 _QUICK_SHARE = 2e-2
 _LARGEST_SHARE = 30.0
 _MASS_TOLERANCE = 0.01
+HALVED = "where it holds all that turns, halve it and write the other half, times the gear ratio squared, as the link's"
 
 
 def implausible(robot: RobotFile) -> _Found:
@@ -105,8 +106,9 @@ def _inertia(joint: JointSection, motor: MotorSection, moved: tuple[float, float
     if reflected < (_QUICK_SHARE if is_quick else _SMALLEST_SHARE) * own:
         text = f"{text}, {_rounded(own / reflected)} times less than what `{joint.name}` moves, stretched out"
         return f"{text}; the rotor alone would take {run_up:.2g} s to full speed" if is_quick else text
-    if reflected > _LARGEST_SHARE * arm:
-        return f"{text}, {_rounded(reflected / arm)} times that of the whole arm, stretched out"
+    if reflected > _LARGEST_SHARE * arm > 0:  # an arm that weighs nothing is told where its links are
+        told = f"{text}, {_rounded(reflected / arm)} times that of the whole arm, stretched out"
+        return f"{told}; {HALVED}"
     return ""
 
 
