@@ -74,7 +74,7 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
     """
     names = tuple(joint.name for joint in robot.joints)
     drives, drive_side = _chosen(record.input_channels, names, _DRIVES, "inputs")
-    moves, move_side = _chosen(record.output_channels, names, _POSITIONS, "outputs")
+    moves, move_side = positions_of(record, robot)
     torque, offset = record.inputs[..., drives], record.output_offset[:, None, None, None, None, moves]
     position = record.outputs[..., moves] + offset
     if drive_side == "arm":
@@ -91,6 +91,15 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
         Shot(each[late_samples:], drive[:end], period_s, held, told, late_samples, loaded, unit)
         for each, drive, told in zip(positions, torques, commands, strict=True)
     )
+
+
+def positions_of(record: Record, robot: Robot) -> tuple[list[int], Side]:
+    """Returns which outputs are the joints' positions (n_joint), and their side.
+
+    Raises:
+        DataError: If a joint has none, or they are of both sides.
+    """
+    return _chosen(record.output_channels, tuple(joint.name for joint in robot.joints), _POSITIONS, "outputs")
 
 
 def refuse_unusable(robot: Robot, shots: Sequence[Shot]) -> None:
