@@ -65,7 +65,7 @@ def motions_of(record: Record, robot: Robot) -> Motions:
     pairs = [
         replace(pair, first=own.index(pair.first), second=own.index(pair.second)) for pair in pairs_of(record, robot)
     ]
-    used = [own.index(index) for index in positions_of(record, robot)[0]]
+    used = [own.index(index) for index in positions_of(record, robot)]
     return Motions(tuple(record.output_channels[index] for index in own), np.array(used, int), tuple(pairs))
 
 
