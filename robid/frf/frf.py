@@ -185,8 +185,8 @@ class Frf:
 
     @property
     def output_rates(self) -> tuple[Rate, ...]:
-        """How many times each output was differentiated before it was sampled, see `Channel.rate`."""
-        return tuple(channel.rate for channel in self.measured_channels or self.output_channels)
+        """How many times each output was differentiated before it was sampled, see `Channel.rate`; empty if unknown."""
+        return tuple(channel.rate for channel in self.measured_channels)
 
     @property
     def hold_period_s(self) -> float | None:
