@@ -9,7 +9,17 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from robid.arrays import FloatArray
-from robid.logs.formats.cells import has_decimal_commas, is_missing, is_number, is_row, number, split
+from robid.logs.formats.cells import (
+    has_decimal_commas,
+    is_grouped,
+    is_missing,
+    is_number,
+    is_row,
+    number,
+    split,
+    tell_groups,
+    without_groups,
+)
 from robid.logs.formats.moments import is_moment
 from robid.logs.formats.variables import UnreadableLogError
 from robid.signals.log_dialect import Dialect
@@ -31,10 +41,12 @@ class Body:
     Attributes:
         clocks: The column of the time of each column that has one of its own; both are read together.
         made: Times that stand in no column, by the names that they get: the column whose time each is.
+        shared: Names of the time of each further channel that has the same column of it as another, by that column.
     """
 
     clocks: Mapping[int, int] = MappingProxyType({})
     made: Mapping[str, int] = MappingProxyType({})
+    shared: Mapping[str, int] = MappingProxyType({})
 
     def keep(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
         """Returns the rows of numbers among numbered lines, which come in order, a part of the table at a time."""
@@ -92,6 +104,7 @@ class Layout:
         width: Number of cells of a row; one more than there are columns where rows end with a separator.
         fewest: Cells of the shortest row, whose last ones are missing.
         headers: Lines above the numbers, which are passed over where they stand among them again.
+        groups: For each column the mark of thousands, nothing where it has none, `?` where a comma may be one.
         join: What joins date and time in a line, where the separator stands between them.
         body: What else is to be known of its rows.
     """
@@ -105,6 +118,7 @@ class Layout:
     width: int
     fewest: int = 0
     headers: frozenset[str] = frozenset()
+    groups: tuple[str, ...] = ()
     join: Join | None = None
     body: Body = field(default_factory=Body)
 
@@ -112,13 +126,23 @@ class Layout:
         """Returns the cells of a line."""
         return split(line, self.separator)
 
-    def number(self, cell: str) -> float:
+    def number(self, cell: str, column: int) -> float:
         """Returns the number of a cell, NaN where it is missing.
 
         Raises:
             ValueError: If it holds something else.
         """
+        if self.marks_groups(column) and self.groups[column] in cell:
+            cell = without_groups(cell)
         return number(cell, decimal_comma=self.decimal_comma)
+
+    def marks_groups(self, column: int) -> bool:
+        """Whether a column may have marks of thousands that are known."""
+        return bool(self.groups) and self.groups[column] in (",", ".")
+
+    def is_open(self, cell: str, column: int) -> bool:
+        """Whether a number may be two, as nothing tells what its comma marks."""
+        return bool(self.groups) and self.groups[column] == "?" and "," in cell and is_grouped(cell)
 
 
 def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
@@ -158,7 +182,15 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     if len(names) != len(kinds):
         raise _no_fit(start, width, len(names), header)
     headers = frozenset(line for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma))
-    return Layout(separator, comma, tuple(names), tuple(units), start, kinds, width, headers=headers)
+    groups = _groups([c for _, c in cells[first:] if len(c) == width], len(kinds), comma=comma, dialect=dialect)
+    return Layout(separator, comma, tuple(names), tuple(units), start, kinds, width, headers=headers, groups=groups)
+
+
+def _groups(rows: Sequence[Sequence[str]], count: int, *, comma: bool, dialect: Dialect) -> tuple[str, ...]:
+    """The mark of thousands of each column: what is stated not to be that of decimals, else what the numbers tell."""
+    if dialect.decimal is not None:
+        return ("." if dialect.decimal == "," else ",",) * count
+    return tell_groups([[row[column] for row in rows] for column in range(count)]) if comma else ("",) * count
 
 
 def _no_fit(line: int, width: int, count: int, header: int) -> UnreadableLogError:

@@ -141,6 +141,31 @@ def test_groups_of_thousands_are_not_taken_for_decimals(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("cells", "numbers"),
+    [
+        ("0,5;999 1,5;1.000 2,5;-12.345", [999, 1000, -12345]),
+        ("0.5;999 1.5;1,000 2.5;-12,345", [999, 1000, -12345]),
+        ("0,5;999,5 1,5;1.000 2,5;1.234,25", [999.5, 1000, 1234.25]),
+        ("0.5;999.5 1.5;1,000 2.5;1,234.25", [999.5, 1000, 1234.25]),
+        ("0,001;0.999 0,5;1.000 1,5;1.234", [0.999, 1, 1.234]),
+        ("0;1.234.567 1;1.234.568,5 2;3,5", [1234567, 1234568.5, 3.5]),
+    ],
+)
+def test_marks_of_thousands_are_told_by_what_marks_decimals(tmp_path, cells, numbers):
+    found = load(tmp_path, "t;q\n" + cells.replace(" ", "\n") + "\n")
+    np.testing.assert_allclose(find_variable(found, "q"), numbers)
+
+
+def test_a_comma_that_may_be_either_is_asked_for(tmp_path):
+    text = "t;q\n0;999\n1;1,000\n"
+    with pytest.raises(DataError, match=r"1000 or 1\.000") as caught:
+        find_variable(load(tmp_path, text), "q")
+    for decimal, value in ((".", 1000), (",", 1)):
+        assert f'decimal: "{decimal}"' in caught.value.remedy
+        assert find_variable(load(tmp_path, text, decimal=decimal), "q")[1] == value
+
+
+@pytest.mark.parametrize(
     "gap",
     [
         *("#N/A", "-1.#IND", "1.#QNAN", "-1.#IND00", "1,#QNAN", "n/a", "NULL", "-nan(ind)", "nan(snan)", "NaN"),
