@@ -71,7 +71,7 @@ def add_clocks(found: Found, wanted: Wanted) -> None:
         index = found.arrays.get(f"{name.removesuffix('.Data')}.XIndex")
         place = int(index.ravel()[0]) - 1 if index is not None and index.size == 1 else -1
         if f"{name}.time" in wanted and 0 <= place < len(times) and times[place] in found.arrays:
-            found.add(f"{name}.time", found.arrays[times[place]], "s")
+            found.add(f"{name}.time", found.arrays[times[place]].ravel(), "s")
         else:
             found.mention(f"{name}.time", found.sizes[name], "s")
 
