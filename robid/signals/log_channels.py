@@ -165,7 +165,10 @@ class LogChannel:
         found = [] if self.sign in (-1, 1) else [f"sign {self.sign} is neither 1 nor -1"]
         sizes = [name for name in ("counts_per_turn", "resolution_m") if getattr(self, name) is not None]
         if self.unit in _COUNTS and len(sizes) != 1:
-            found.append("counts need either `counts_per_turn` or `resolution_m`")
+            found.append(
+                "counts need either `counts_per_turn` or `resolution_m`: the encoder's data sheet or the drive's"
+                " parameters tell it"
+            )
         elif self.unit not in _COUNTS and sizes:
             found.append(f"`{sizes[0]}` belongs to `unit: counts`, not to {self.unit}")
         if self.quantity is not None and self.si_unit not in QUANTITIES[self.quantity].units:
