@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.signals.quantities import Channel, channel_names, response_unit, units_text
+from robid.signals.quantities import Channel, Rate, channel_names, response_unit, units_text
 
 Level = Literal["odd", "even", "noise"]
 LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
@@ -184,6 +184,11 @@ class Frf:
         return replace(self, **part)
 
     @property
+    def output_rates(self) -> tuple[Rate, ...]:
+        """How many times each output was differentiated before it was sampled, see `Channel.rate`; empty if unknown."""
+        return tuple(channel.rate for channel in self.measured_channels)
+
+    @property
     def hold_period_s(self) -> float | None:
         """Period for which the inputs are held [s]; None where they are not."""
         return self.sampling_period_s if self.input_hold == "zoh" else None
@@ -244,7 +249,9 @@ class Frf:
         if self.noise_covariance is None:
             return None
         variance = self.element_variance(noise_only=True)
-        return np.asarray(np.abs(self.response) ** 2 / np.maximum(variance, np.finfo(float).tiny))
+        square = np.abs(self.response) ** 2
+        # Periods without any noise, as of a simulation, have a variance of nothing.
+        return np.asarray(square / np.maximum(variance, 1e-300 * square + np.finfo(float).tiny))
 
     def residual_level(self, kind: Level) -> FloatArray | None:
         """Level of the silent lines, brought to the excited lines: mean power of the nearest ones.

@@ -185,14 +185,11 @@ def _interpolated(
     step = float(np.diff(have).max()) if degree < _DEGREE else 1.0
     made: dict[str, NDArray[Any]] = {}
     error = 0.0
-    turning = {one.column: one.factor for one in mapping.channels if one.unwraps}
     for name, column in columns.items():
         values = column[: len(have)].astype(float)
         if mapping.time is not None and name == mapping.time.variable:
             made[name] = np.interp(wanted, have, values)
             continue
-        if name in turning:
-            values = np.unwrap(turning[name] * values) / turning[name]
         if np.ptp(values) > 0:
             error = max(error, interpolation_error(values, degree, step))
         made[name] = np.asarray(make_interp_spline(have, values, k=degree)(wanted))

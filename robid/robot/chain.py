@@ -150,7 +150,8 @@ def extract_chain(
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]
     moved = carried_by(model, joints, apart)
     chain: list[ForeignJoint] = []
-    position, rotation = np.zeros(3), np.eye(3)
+    position: FloatArray = np.zeros(3)
+    rotation: FloatArray = np.eye(3)
     for name, body in zip(joints, bodies, strict=True):
         joint = compiled.joint(name)
         origin, oriented = _axis_frame(compiled, data, name)
@@ -173,7 +174,7 @@ def extract_chain(
 
 
 def frame_on_last(
-    model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], frame: str
+    model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], frame: str, apart: Collection[str] = ()
 ) -> tuple[FloatArray, FloatArray] | None:
     """Returns where a body or site sits on the last link.
 
@@ -182,6 +183,7 @@ def frame_on_last(
         joints: Names of the chain's joints.
         locked: Positions of other joints [rad, or m].
         frame: Name of the body or site.
+        apart: Names of joints whose bodies are no part of the last link.
 
     Returns:
         Position (3,) [m] and orientation (3, 3) in the last joint's own body frame; None if it is not there.
@@ -193,7 +195,8 @@ def frame_on_last(
     if site < 0 and body < 0:
         return None
     owner = int(compiled.site_bodyid[site]) if site >= 0 else body
-    if _carrier(compiled, owner, bodies) != bodies[-1]:
+    others = [int(compiled.joint(name).bodyid[0]) for name in apart]
+    if _carrier(compiled, owner, [*bodies, *others]) != bodies[-1]:
         return None
     position, matrix = (data.site_xpos[site], data.site_xmat[site]) if site >= 0 else (data.xpos[body], data.xmat[body])
     last = data.xmat[bodies[-1]].reshape(3, 3)

@@ -14,7 +14,7 @@ from robid.errors import DataError
 from robid.robot.masses import Weights, changed_by_compiler, replace_unsound, weights
 from robid.robot.quiet import quiet_warnings
 from robid.robot.ties import Bond, Tie, constraints_of, split
-from robid.robot.urdf import Urdf, read_urdf, unusable
+from robid.robot.urdf import Urdf, read_urdf, unusable, wrong_limits
 
 _REMOVED = (
     ("keys", "keyframe"),
@@ -119,6 +119,7 @@ def _read(path: Path, root: ET.Element) -> ForeignModel:
         told = f"is neither MJCF nor URDF: its outermost element is `{root.tag}`, not `mujoco` or `robot`"
         raise DataError(told, where=str(path), remedy="convert the file")
     name_everything(spec)
+    limit_faults = urdf.limits | _limit_faults(spec)
     torques, constraints, notes = _torque_limits(spec), constraints_of(spec), [*_strip(spec), *urdf.notes]
     replaced = replace_unsound(spec)
     spec.compiler.fusestatic = False
@@ -130,7 +131,7 @@ def _read(path: Path, root: ET.Element) -> ForeignModel:
     ties, bonds = split(constraints, compiled)
     return ForeignModel(
         name=path.name, compiled=compiled, hinges=hinges, slides=slides, fixed=urdf.fixed, others=_joined(names),
-        weights=weights(compiled, replaced), faults={**replaced.faults, **urdf.links}, limit_faults=urdf.limits,
+        weights=weights(compiled, replaced), faults={**replaced.faults, **urdf.links}, limit_faults=limit_faults,
         rest=_rest(compiled, (*hinges, *slides)), gravity=urdf.gravity or _gravity(spec), ties=tuple(ties),
         bonds=tuple(bonds), speed=urdf.speed, torque=torques,
         notes=tuple(f"{path.name}: {note}" for note in (*notes, *changed_by_compiler(spec, replaced))),
@@ -153,6 +154,20 @@ def _free(name: str, taken: set[str]) -> str:
         name += "_"
     taken.add(name)
     return name
+
+
+def _limit_faults(spec: mujoco.MjSpec) -> dict[str, str]:
+    """Takes away limits that MuJoCo would refuse; returns what is wrong with them, by joint."""
+    faults = {}
+    for joint in spec.joints:
+        lower, upper = (float(limit) for limit in joint.range)
+        is_on = joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE or lower != 0 or upper != 0
+        if joint.type not in _DRIVEN or joint.limited == mujoco.mjtLimited.mjLIMITED_FALSE or not is_on:
+            continue
+        if lower >= upper:
+            faults[joint.name] = wrong_limits(lower, upper)
+            joint.range, joint.limited = np.zeros(2), mujoco.mjtLimited.mjLIMITED_FALSE
+    return faults
 
 
 def _joined(names: Mapping[int, list[str]]) -> tuple[str, ...]:

@@ -95,7 +95,9 @@ def _stated(body: mujoco.MjsBody, compiler: mujoco.MjsCompiler) -> tuple[float, 
         return 0.0, np.zeros((3, 3))
     xx, yy, zz, xy, xz, yz = np.array(body.fullinertia, float)
     if np.isnan(xx):
-        return max(float(body.mass), compiler.boundmass), np.diag(np.maximum(body.inertia, compiler.boundinertia))
+        mass, moments = float(body.mass), np.array(body.inertia)
+        mass = max(mass, compiler.boundmass) if compiler.boundmass > 0 else mass
+        return mass, np.diag(np.maximum(moments, compiler.boundinertia) if compiler.boundinertia > 0 else moments)
     return float(body.mass), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 

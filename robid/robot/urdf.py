@@ -84,7 +84,7 @@ def _joint_faults(joint: ET.Element, links: set[str], joints: set[str]) -> Itera
         if link not in links:
             yield f"joint `{name}`: there is no link `{link}`, its {end}"
     mimic = joint.find("mimic")
-    if mimic is not None and mimic.get("joint", "") not in joints:
+    if mimic is not None and mimic.get("joint", "") not in joints - {name}:
         yield f"joint `{name}` mimics `{mimic.get('joint', '')}`, and there is no such joint"
 
 
@@ -182,11 +182,14 @@ def _limit_fault(limit: ET.Element, kind: str) -> str:
     if wrong:
         return "; ".join(wrong)
     lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
-    if lower == upper == 0:
-        return "both limits are 0, as where nobody stated them"
+    return wrong_limits(lower, upper) if lower >= upper else ""
+
+
+def wrong_limits(lower: float, upper: float) -> str:
+    """Says what is wrong with a lower limit that is not below the upper one."""
     if lower == upper:
-        return f"both limits are {lower:g}"
-    return f"its limits are exchanged: lower {lower:g}, upper {upper:g}" if lower > upper else ""
+        return f"both limits are {lower:g}" + (", as where nobody stated them" if lower == 0 else "")
+    return f"its limits are exchanged: lower {lower:g}, upper {upper:g}"
 
 
 def _clean_limit(limit: ET.Element, name: str, urdf: Urdf) -> None:

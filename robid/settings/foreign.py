@@ -68,7 +68,7 @@ def complete(document: Document, robot: RobotFile) -> Completed:
         return Completed(typed, [problem_at(document, field, message) for field, message in found], immobile)
     flange: tuple[FloatArray, FloatArray] = (np.zeros(3), np.eye(3))
     if robot.flange is not None:
-        there = frame_on_last(model, names, motion.held, robot.flange)
+        there = frame_on_last(model, names, motion.held, robot.flange, motion.apart)
         if there is None:
             hint = suggest(robot.flange, model.frames())
             message = f"there is no body or site `{robot.flange}` on the last link; {hint}"
@@ -80,7 +80,8 @@ def complete(document: Document, robot: RobotFile) -> Completed:
 
 def _as_written(joint: JointSection) -> JointSection:
     """Takes a joint for prismatic where its units say so: of a model that cannot be read, nothing else tells."""
-    slides = joint.motor.gear_ratio_rad_m is not None or joint.limits_m is not None
+    ratio = None if joint.motor is None else joint.motor.gear_ratio_rad_m
+    slides = ratio is not None or joint.limits_m is not None
     is_stated = "type" in joint.model_fields_set
     return joint if is_stated or not slides else joint.model_copy(update={"type": "prismatic"})
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from robid.signals.quantities import DRIVES, QUANTITIES, UNITS, Channel, QuantityName, Side, units_of
+from robid.signals.quantities import DRIVES, QUANTITIES, UNITS, Channel, QuantityName, SampledName, Side, units_of
 
 UnitName: TypeAlias = Literal[
     "N m",
@@ -69,7 +69,12 @@ class LogChannel:
             "pattern": r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}(\.[A-Za-z0-9_-]+)?$",
         }
     )
-    variable: str = field(metadata={"description": "Name of the variable in the log."})
+    variable: str = field(
+        metadata={
+            "description": "Name of the variable in the log, or a weighted sum of some, as `q2 + q3` or `0.5*a - 2*b`:"
+            " unit, scale and sign are those of the sum, `unwrap` and `time` of each variable."
+        }
+    )
     unit: UnitName = field(default="rad", metadata=_UNIT)
     sign: Literal[1, -1] = field(
         default=1, metadata={"description": "Sign that turns the log's direction into the joint's."}
@@ -91,15 +96,23 @@ class LogChannel:
     resolution_m: float | None = field(
         default=None, metadata={"description": "Length of one count, of a translation in counts [m].", "gt": 0}
     )
-    unwrap: bool | None = field(
+    unwrap: bool | float | None = field(
         default=None,
         metadata={
             "description": "Whether jumps by a turn are taken out, as from 180 to -180 degrees; of a tool's angles when"
-            " not given."
+            " not given. A number is the range after which the log's numbers begin again, as 65536 of a counter of 16"
+            " bits.",
         },
     )
     file: str | None = field(
         default=None, metadata={"description": "Its log, written as `file` above, where a recording has several."}
+    )
+    time: str | None = field(
+        default=None,
+        metadata={
+            "description": "Variable of its own time stamps, in the unit of `time`, where channels have clocks of their"
+            " own."
+        },
     )
 
     @property
@@ -131,8 +144,14 @@ class LogChannel:
 
     @property
     def unwraps(self) -> bool:
-        """Whether jumps by a turn are taken out."""
-        return (self.si_unit == "rad" and self.side == "tool") if self.unwrap is None else self.unwrap
+        """Whether jumps are taken out."""
+        return (self.si_unit == "rad" and self.side == "tool") if self.unwrap is None else bool(self.unwrap)
+
+    @property
+    def wrap(self) -> float:
+        """By how much the log's numbers jump where they begin again: a turn, or their range."""
+        turns = self.unwrap is None or isinstance(self.unwrap, bool)
+        return 2 * np.pi / abs(self.factor) if turns else float(self.unwrap or 0)
 
     @property
     def _usual(self) -> dict[str, QuantityName]:
@@ -155,8 +174,13 @@ class LogChannel:
         if self.quantity is not None and self.si_unit not in QUANTITIES[self.quantity].units:
             known = " or ".join(units_of(self.quantity))
             found.append(f"{self.unit} is no unit of a {self.quantity.replace('_', ' ')}: use {known}")
-        if self.unwrap and self.si_unit != "rad":
-            found.append(f"only angles jump by a turn: `unwrap` does not belong to {self.unit}")
+        if self.unwrap is True and self.si_unit != "rad":
+            told = f"only angles jump by a turn: `unwrap: true` does not belong to {self.unit}"
+            found.append(f"{told}; where its numbers begin again after a range, state that, as `unwrap: 65536`")
+        elif not isinstance(self.unwrap, bool) and self.unwrap is not None and not 0 < self.unwrap < np.inf:
+            found.append(f"the range {self.unwrap:g} of `unwrap` is not above 0")
+        elif self.unwrap and self.si_unit not in ("rad", "m"):
+            found.append(f"only angles and positions begin again: `unwrap` does not belong to {self.unit}")
         return found
 
 
@@ -237,6 +261,10 @@ def input_problems(inputs: tuple[InputChannel, ...]) -> list[str]:
     return found
 
 
+def _article(title: str) -> str:
+    return f"{'an' if title[0] in 'aeiou' else 'a'} {title}"
+
+
 @dataclass(frozen=True)
 class OutputChannel(LogChannel):
     """What was measured: an angle, a position, a speed or an acceleration."""
@@ -245,6 +273,28 @@ class OutputChannel(LogChannel):
         default=0.0,
         metadata={"description": "The log's number where all joints are in their zero positions, in its own unit."},
     )
+    sampled: SampledName = field(
+        default="instants",
+        metadata={
+            "description": "What its samples are: values at their `instants`; of a speed, the `difference` of a"
+            " position from the sample before, or the `central_difference` across both neighbours; or values"
+            " `filtered` against aliasing, so that nothing above half the sampling rate is in them."
+        },
+    )
+
+    @property
+    def channel(self) -> Channel:
+        """What the record holds of it."""
+        return replace(super().channel, sampled=self.sampled)
+
+    def problems(self) -> list[str]:
+        """Finds what contradicts itself, of its samples too."""
+        found = super().problems()
+        if not found and "difference" in self.sampled and self.channel.quantity != "speed":
+            found.append(
+                f"`sampled: {self.sampled}` belongs to a speed; this is {_article(self.channel.title)}: leave it out"
+            )
+        return found
 
 
 @dataclass(frozen=True)

@@ -234,6 +234,8 @@ def _of_axis(
     name: str, drive: Signal, own: tuple[Signal, ...], comparison: Comparison, band: tuple[float, float]
 ) -> list[Entry]:
     """Outputs of an axis: the motor's, its sign by its acceleration, then those behind it, their signs by the motor."""
+    if not own:
+        return []
     low, high = 2 * np.pi * band[0], 2 * np.pi * min(band[1], max(_SLOW / comparison.step_s, 2 * band[0]))
     middle = float(np.sqrt(low * high))
     torque = comparison.spectrum(drive)

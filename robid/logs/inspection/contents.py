@@ -15,7 +15,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.formats.known import open_bytes, tell_format
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import Variables
+from robid.logs.formats.variables import Variables, series_of, series_place
 from robid.signals.log_dialect import Dialect
 
 _TABLE_BYTES = 1 << 27
@@ -31,7 +31,7 @@ _FEWEST = 8
 """Samples from which a variable is a signal."""
 
 _COLUMNS = 64
-"""Columns of a matrix that are looked at."""
+"""Columns or rows of a matrix that are looked at."""
 
 _TOLD = 20
 """Variables of which it is told why they are no signals."""
@@ -40,6 +40,12 @@ _REMEDIES = 3
 """Remedies that are told with them."""
 
 _TEXT = "It holds text, not numbers."
+_TITLES = {
+    **dict.fromkeys(("Data", "Signal", "Value"), ("Name",)),
+    "values": ("label", "title", "blockName"),
+}
+"""Fields of a structure that say what the numbers in another one are."""
+
 _STREAMS = ("mcap", "rosbag")
 
 
@@ -208,18 +214,21 @@ def _sort_out(variables: Variables) -> tuple[list[Column], dict[str, float], dic
                 columns.append(_column(variables, name, array.ravel()))
             else:
                 odd[name] = f"It has {array.size} values, and a signal has {_FEWEST} at least."
-        elif array.ndim == 2 and array.shape[0] >= _FEWEST and array.shape[1] <= _COLUMNS:
-            names = (f"{name}(:,{index + 1})" for index in range(array.shape[1]))
-            columns += [_column(variables, one, part, name) for one, part in zip(names, array.T, strict=True)]
+        elif (length := max(array.shape, default=0)) >= _FEWEST and array.size <= _COLUMNS * length:
+            for index in series_of(array.shape):
+                place = series_place(index, array.shape)
+                columns.append(_column(variables, f"{name}{index}", array[place], name))
         else:
-            odd[name] = f"It has shape {array.shape}: a mapping takes single columns, or columns of a matrix."
+            told = f"more than {_COLUMNS} series of {length}" if length >= _FEWEST else f"fewer than {_FEWEST}"
+            odd[name] = f"It has shape {array.shape}, {told} samples."
     return columns, scalars, odd
 
 
 def _column(variables: Variables, name: str, values: NDArray[Any], matrix: str = "") -> Column:
-    parent, _, last = name.rpartition(".")
-    title = variables.texts.get(f"{parent}.Name", "") if last in ("Data", "Signal", "Value") else ""
-    unit = variables.units.get(matrix or name, "")
+    parent, _, last = (matrix or name).rpartition(".")
+    fields = _TITLES.get(last, ())
+    title = next((text for field in fields if (text := variables.texts.get(f"{parent}.{field}", ""))), "")
+    unit = variables.units.get(name, "") or variables.units.get(matrix, "")
     return Column(name, np.asarray(values, float), unit, title)
 
 

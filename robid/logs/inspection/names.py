@@ -23,6 +23,7 @@ _LABEL = re.compile(r"\[([A-Za-z][\w-]*)\]")
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
 _COLUMN = re.compile(r"\((?::,\s*(\d+)|(\d+)\s*,:)\)$")
 _AXES = re.compile(r"(^|\.)[XY]([({]\d+[)}])?\.Data$")
+_SIGNALS = re.compile(r"(^|\.)signals([({]\d+[)}])?\.values$")
 _LETTERED = re.compile(r"^(.*[A-Za-z]\d+)[\s_.]?[A-Z]$")
 """A name that ends in the letter of a joint or a phase, as `J1_A`."""
 _SHORT = re.compile("[qi][a-z]")
@@ -61,7 +62,14 @@ def unit_of_name(column: Column) -> str:
 
 
 def _stated(column: Column) -> Stated:
-    return read_unit(column.name, column.unit, is_message=column.name.startswith("/"))
+    return read_unit(_called(column), column.unit, is_message=column.name.startswith("/"))
+
+
+def _called(column: Column) -> str:
+    """The title in place of a name that says nothing but where it lies, as Simulink's `out.signals(2).values`."""
+    index = _COLUMN.search(column.name)
+    lies = column.title and _SIGNALS.search(_COLUMN.sub("", column.name))
+    return f"{column.title}{index[0] if index else ''}" if lies else column.name
 
 
 def read_names(columns: Sequence[Column]) -> list[Hint]:
