@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from robid.arrays import LARGEST
+
 _MOVES = {"revolute", "continuous", "prismatic"}
 _TYPES = {*_MOVES, "fixed", "floating", "planar"}
 _KEPT = {"link": ("inertial",), "joint": ("origin", "parent", "child", "axis", "limit", "mimic", "dynamics")}
@@ -212,7 +214,7 @@ def _wrong_numbers(element: ET.Element, counts: dict[str, int], *, required: boo
                 wrong.append(f"its `{element.tag}` has no `{key}`")
             continue
         numbers = [_number(part) for part in text.split()]
-        if len(numbers) != count or not all(number is not None and math.isfinite(number) for number in numbers):
+        if len(numbers) != count or not all(number is not None and abs(number) < LARGEST for number in numbers):
             wanted = "a number" if count == 1 else f"{count} numbers"
             wrong.append(f"`{key}` of its `{element.tag}` is {wanted}, not `{text}`")
     return wrong
