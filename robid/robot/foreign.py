@@ -15,7 +15,7 @@ from robid.errors import DataError
 from robid.robot.masses import Weights, changed_by_compiler, replace_unsound, weights
 from robid.robot.quiet import quiet_warnings
 from robid.robot.ties import Bond, Constraint, Tie, constraints_of, split
-from robid.robot.urdf import Urdf, read_urdf, unusable, wrong_limits
+from robid.robot.urdf import NOT_EXPANDED, Urdf, read_urdf, unusable, wrong_limits
 
 _REMOVED = (
     ("keys", "keyframe"),
@@ -50,6 +50,7 @@ class ForeignModel:
         faults: What is wrong with a body, by its name; it matters where the body moves.
         limit_faults: What is wrong with the limits of a joint, by its name.
         rest: Where hinges and slides rest: at the file's reference, else in the middle of their limits [rad, or m].
+        in_degrees: Whether its angles are stated in degrees.
         gravity: Gravity in the world frame, zeros where it is switched off [m/s^2].
         ties: Joints that follow others.
         bonds: What else is tied.
@@ -68,6 +69,7 @@ class ForeignModel:
     faults: Mapping[str, str]
     limit_faults: Mapping[str, str]
     rest: Mapping[str, float]
+    in_degrees: bool
     gravity: tuple[float, float, float]
     ties: tuple[Tie, ...]
     bonds: tuple[Bond, ...]
@@ -94,7 +96,7 @@ def read_model(path: Path) -> ForeignModel:
         DataError: If it cannot be read as either.
     """
     try:
-        root = ET.fromstring(path.read_bytes())
+        root = _parsed(path.read_bytes())
         with quiet_warnings():
             return _read(path, root)
     except OSError as error:
@@ -103,6 +105,15 @@ def read_model(path: Path) -> ForeignModel:
     except (ET.ParseError, ValueError, LookupError, mujoco.FatalError) as error:
         what = f"is not a robot that MuJoCo can read: {' '.join(str(error).split())}"
         raise DataError(what, where=str(path), remedy="correct the file") from error
+
+
+def _parsed(text: bytes) -> ET.Element:
+    try:
+        return ET.fromstring(text)
+    except ET.ParseError as error:
+        if b"<xacro:" in text:  # without its namespace, a xacro file is not even XML
+            raise ValueError(NOT_EXPANDED) from error
+        raise
 
 
 def _read(path: Path, root: ET.Element) -> ForeignModel:
@@ -135,8 +146,8 @@ def _read(path: Path, root: ET.Element) -> ForeignModel:
     return ForeignModel(
         name=path.name, compiled=compiled, hinges=hinges, slides=slides, fixed=urdf.fixed, others=_joined(names),
         weights=masses, faults={**replaced.faults, **urdf.links}, limit_faults=limit_faults,
-        rest=_rest(compiled, (*hinges, *slides)), gravity=urdf.gravity or _gravity(spec), ties=tuple(ties),
-        bonds=tuple(bonds), speed=urdf.speed, torque=torques,
+        rest=_rest(compiled, (*hinges, *slides)), in_degrees=root.tag == "mujoco" and bool(spec.compiler.degree),
+        gravity=urdf.gravity or _gravity(spec), ties=tuple(ties), bonds=tuple(bonds), speed=urdf.speed, torque=torques,
         notes=tuple(f"{path.name}: {note}" for note in (*notes, *changed_by_compiler(spec, replaced))),
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ _TYPES = {*_MOVES, "fixed", "floating", "planar"}
 _KEPT = {"link": ("inertial",), "joint": ("origin", "parent", "child", "axis", "limit", "mimic", "dynamics")}
 _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _SPEED_OF_LIGHT = 3e8
+NOT_EXPANDED = "is a xacro file that was not expanded: `xacro robot.urdf.xacro > robot.urdf` writes the URDF"
 _ALTERS_MASSES = ("balanceinertia", "boundmass", "boundinertia", "settotalmass", "inertiafromgeom")
 
 
@@ -47,7 +48,7 @@ class Urdf:
 def unusable(root: ET.Element) -> list[str]:
     """Says why a file cannot be read as a URDF at all, a sentence each; empty if it can."""
     if _is_xacro(root):
-        return ["is a xacro file that was not expanded: `xacro robot.urdf.xacro > robot.urdf` writes the URDF"]
+        return [NOT_EXPANDED]
     links = [link.get("name", "") for link in root.findall("link")]
     joints = root.findall("joint")
     found = [f"has more than one link `{name}`" for name, count in Counter(links).items() if count > 1]
