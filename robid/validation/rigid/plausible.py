@@ -20,6 +20,7 @@ _FAR, _TOO_FAR = 2.0, 5.0  # times the robot file's
 _ALIKE, _UNLIKE = 0.8, 0.5  # correlation with the robot file's
 _TO_BLAME = 100.0
 _VISIBLE = 0.1  # of a motor's torque
+_TOLD, _UNFELT = 0.1, 0.3  # of a rotor's inertia: its deviation where it is told, and what is none
 _MISTAKES = {
     1e3: "torques in mN m were read as N m",
     1e-3: "torques in N m were read as mN m",
@@ -39,6 +40,7 @@ def parameter_doubts(solution: RigidSolution) -> tuple[Doubt, ...]:
         *_estimators(solution),
         *_places(solution.travel),
         *_sizes(solution),
+        *_unfelt_rotors(solution),
         *_unexplained(solution),
         *_negative(solution.estimate),
         *_excitation(solution),
@@ -104,6 +106,22 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
             f"(correlation {likeness:.2g})"
         )
         yield Doubt("units", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)
+
+
+def _unfelt_rotors(solution: RigidSolution) -> Iterator[Doubt]:
+    """Torques that hold no rotor's inertia where the links are those of the robot file: a sensor behind the gear."""
+    estimate, ratio = solution.estimate, solution.against_nominal.ratio
+    usual = float(np.exp(np.nanmedian(np.log(ratio)))) if np.isfinite(ratio).any() else float("nan")
+    if solution.torque_unit == "A" or not 1 / _FAR < usual < _FAR:
+        return  # all is off alike
+    std = np.sqrt(np.diag(estimate.covariance))
+    told = (np.array(estimate.kinds) == "motor_inertia") & (estimate.nominal > 0) & (std < _TOLD * estimate.nominal)
+    size = (np.abs(estimate.value) + _MOVED * std) / np.where(told, estimate.nominal, np.inf)
+    if told.any() and size[told].max() < _UNFELT:
+        names = [name for name, is_told in zip(estimate.names, told.tolist(), strict=True) if is_told]
+        worst = two_digits(100 * float(size[told].max()))
+        message = f"the torques hold at most {worst} % of the rotors' inertias ({', '.join(names)})"
+        yield Doubt("torque_sensor", message, decisive=True, strength=_TO_BLAME)
 
 
 def _as_if(ratio: FloatArray) -> str:
