@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robid.validation.scale import Scale
+
 CAUSES = {
     "torque_sign": "a torque with the wrong sign",
     "angle_sign": "an angle with the wrong sign",
     "torque_constant": "a torque constant that is off",
     "gear_ratio": "a gear ratio that is off",
+    "zero": "a zero of the angles that is off",
     "configurations": "configurations that are swapped or mislabelled",
     "delay": "a delay that is not declared",
     "filters": "filters that let the noise of the positions pass",
@@ -50,12 +53,14 @@ class Doubt:
         message: What was seen and where, a clause without a full stop.
         decisive: Whether nothing that follows from the data may be used while it stands.
         strength: How far beyond what is normal, a ratio above 1; the strongest of a kind comes first.
+        scales: Which wrong scales explain it, the likeliest first, those that give the same data beside each other.
     """
 
     cause: str
     message: str
     decisive: bool
     strength: float
+    scales: tuple[Scale, ...] = ()
 
     @property
     def sentence(self) -> str:
