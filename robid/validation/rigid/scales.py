@@ -110,7 +110,7 @@ class _Scene:
         self._columns = self._model.only(base.columns.tolist())
         self._nominal = base.values(self._model.nominal)
         self._bodies = np.isin(np.array(self._columns.kinds), _BODIES)
-        self._rows = _thinned(shots, options)
+        self._rows = thinned(shots, options)
         self._pairs = self._paired()
         self._seen: dict[bytes, Seen] = {}
 
@@ -183,7 +183,7 @@ class _Scene:
         path = position / motion, velocity / motion * time, acceleration / motion * time**2
         whole, still = (self._columns.columns(*one) for one in (path, (path[0], 0 * path[1], 0 * path[2])))
         scale = np.maximum(torque.std(axis=0), 1e-300)
-        values = _solved(whole / scale[:, None], torque / scale)
+        values = solved(whole / scale[:, None], torque / scale)
         error = whole @ values - torque
         share = float(np.linalg.norm(error / scale) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
         rows, seen, parts = [self._row({})], [share / _ERROR_STD], [False]
@@ -217,7 +217,7 @@ class _Scene:
         return Seen(np.array(rows), np.array(seen), covariance)
 
 
-def _thinned(shots: Sequence[Shot], options: RigidFitOptions) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def thinned(shots: Sequence[Shot], options: RigidFitOptions) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Some hundred rows of filtered positions, speeds, accelerations and torques (n_row, n_joint)."""
     each = max(1, _ROWS // len(shots))
     parts: list[list[FloatArray]] = [[], [], [], []]
@@ -250,7 +250,7 @@ def _filtered(shot: Shot, options: PreprocessingOptions) -> tuple[FloatArray, Fl
     raise ValueError(message)
 
 
-def _solved(columns: FloatArray, torque: FloatArray) -> FloatArray:
+def solved(columns: FloatArray, torque: FloatArray) -> FloatArray:
     """Least squares over columns of size 1; what the motion hardly shows stays out."""
     matrix = columns.reshape(-1, columns.shape[-1])
     size = np.linalg.norm(matrix, axis=0)

@@ -17,6 +17,7 @@ from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 from robid.validation.rigid.grading import assess_rigid
 from robid.validation.rigid.scales import motions_of, rigid_scale_doubts
+from robid.validation.rigid.sums import sum_doubts
 from robid.validation.rigid.validating import validate_rigid
 from robid.validation.scale import Scale
 
@@ -265,3 +266,31 @@ def test_rows_that_are_all_dropped_are_refused_with_what_drops_them(robot, shot)
 def test_instruments_that_cannot_be_had_are_no_other_estimator(robot, shot):
     with pytest.raises(DataError, match="need the robot's loop"):
         fit_rigid(robot, [shot], replace(OPTIONS, estimator="instruments"))
+
+
+@pytest.mark.parametrize(("joint", "other", "sign"), [(2, 1, 1), (1, 2, -1)])
+def test_an_angle_that_counts_another_joints_too_is_named(robot, shot, joint, other, sign):
+    ratio = robot.gear_ratio
+    position = shot.position.copy()
+    position[:, joint] += sign * ratio[joint] / ratio[other] * position[:, other]
+    doubt, *more = sum_doubts(robot, [replace(shot, position=position)], OPTIONS)
+    assert (doubt.cause, doubt.decisive, more) == ("gear_coupling", True, [])
+    assert f"<joint_{joint}> " in doubt.message
+    assert f"{abs(ratio[joint] / ratio[other]):.6g}*<joint_{other}>" in doubt.message
+
+
+def test_a_coupling_that_only_the_logged_angle_has_is_named(robot, shot):
+    turns = 0.01
+    joints = list(robot.joints)
+    joints[2] = replace(joints[2], couplings={"joint_1": turns})
+    position = shot.position.copy()
+    position[:, 2] -= turns * robot.gear_ratio[2] * position[:, 1]
+    coupled = replace(robot, joints=tuple(joints))
+    doubt, *_ = sum_doubts(coupled, [replace(shot, position=position)], OPTIONS)
+    assert doubt.cause == "gear_coupling"
+    assert "leave `couplings` out" in doubt.message
+
+
+@pytest.mark.parametrize("factors", [(1, 1, 1), (2, 0.5, 2)])
+def test_a_sound_log_has_no_sums(robot, shot, factors):
+    assert sum_doubts(with_masses(robot, factors), [shot], OPTIONS) == ()
