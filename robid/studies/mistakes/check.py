@@ -35,7 +35,7 @@ def check_mistakes(experiment: Experiment, robot: RobotFile | None) -> Iterator[
             yield from (((*field, *place), message) for place, message in found)
     judge, choose = study.seeds.judge, study.seeds.choose
     first, last = sorted((judge, choose), key=lambda seeds: seeds.first)
-    if first.first + max(first.mistakes, first.heavy, first.light) > last.first:
+    if first.end(units=study.units is not None) > last.first:
         yield ("study", "seeds"), "the seeds of `judge` and `choose` overlap"
 
 
