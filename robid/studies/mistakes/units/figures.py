@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robid.artifacts.artifact import Artifact
@@ -42,7 +42,7 @@ class UnitRow:
     first: str
 
 
-def unit_rows(run: Run, results: Sequence[Artifact]) -> list[UnitRow]:
+def unit_rows(run: Run, results: Iterable[Artifact]) -> list[UnitRow]:
     """Reads the cases."""
     study, subjects = study_of(run.loaded), unit_subjects(run)
     mistakes = {} if study.units is None else study.units.mistakes
@@ -50,7 +50,8 @@ def unit_rows(run: Run, results: Sequence[Artifact]) -> list[UnitRow]:
 
 
 def _rows(held: Artifact, subjects: dict[str, UnitSubject], mistakes: dict[str, UnitMistake]) -> Iterator[UnitRow]:
-    robot, seed, rough = str(held.attributes["robot"]), int(held.attributes["seed"]), bool(held.attributes["rough"])
+    robot, rough = str(held.attributes["robot"]), bool(held.attributes["rough"])
+    seed = int(str(held.attributes["seed"]))
     joints = [joint.name for joint in subjects[robot].run.loaded.robot.joints]
     columns = (held.datasets[key].values.tolist() for key in ("case", "causes", "scales", "refusal"))
     for name, *texts in zip(*columns, strict=True):
@@ -113,9 +114,9 @@ def unit_sections(rows: Sequence[UnitRow]) -> tuple[Section, ...]:
         sections.append(Section("Wrong units", "", (Table(heads, cells, caption=caption),)))
     if sound:
         robots = dict.fromkeys(row.robot for row in sound)
-        cells = tuple(_sound_cells(robot, [row for row in sound if row.robot == robot]) for robot in robots)
-        heads = ("Robot", "Sound records", "Units accused", "Said first")
-        sections.append(Section("Rough robot files", "Nothing but the robot file is off.", (Table(heads, cells),)))
+        found = tuple(_sound_cells(robot, [row for row in sound if row.robot == robot]) for robot in robots)
+        table = Table(("Robot", "Sound records", "Units accused", "Said first"), found)
+        sections.append(Section("Rough robot files", "Nothing but the robot file is off.", (table,)))
     return tuple(sections)
 
 

@@ -13,7 +13,7 @@ from scipy.io import savemat
 from robid.arrays import FloatArray
 from robid.settings.acquire import Acquire
 from robid.settings.unit_mistakes import LogSignal
-from robid.signals.log_channels import InputChannel, OutputChannel
+from robid.signals.log_channels import InputChannel, OutputChannel, UnitName
 from robid.signals.log_options import TimeChannel
 from robid.signals.record import Record
 from robid.validation.scale import OWN_SCALES, SCALES, Scale
@@ -96,7 +96,7 @@ def mistaken_log(log: Log, scale: Scale, factors: FloatArray) -> Log:
     def read(name: str, values: FloatArray) -> FloatArray:
         scaled = values * changed.get(name, 1.0)
         # What counts is a whole number.
-        return np.rint(scaled) if scale.factor == "counts" and changed.get(name, 1.0) != 1 else scaled
+        return np.asarray(np.rint(scaled) if scale.factor == "counts" and changed.get(name, 1.0) != 1 else scaled)
 
     return {experiment: {name: read(name, values) for name, values in one.items()} for experiment, one in log.items()}
 
@@ -123,7 +123,7 @@ def mapping_of(
 
     def outputs(signal: LogSignal) -> list[OutputChannel]:
         suffix = {"angle": "", "arm": ".arm", "speed": ".speed" if "angle" in signals else ""}[signal]
-        unit = "rad/s" if signal == "speed" else "rad"
+        unit: UnitName = "rad/s" if signal == "speed" else "rad"
         return [
             OutputChannel(name=f"{joint}{suffix}", variable=f"{place}.{signal}_{number}", unit=unit)
             for number, joint in enumerate(joints, start=1)
