@@ -22,7 +22,7 @@ _COLUMNS = {
 
 def grade_content(grade: Grade) -> tuple[dict[str, Dataset], dict[str, Attribute]]:
     """Takes a grade apart."""
-    return to_datasets(grade, _COLUMNS, "grade/")
+    return to_datasets(grade, _COLUMNS, "grade/", without=("scales",))
 
 
 def grade_from_artifact(artifact: Artifact) -> Grade:
