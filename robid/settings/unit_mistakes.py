@@ -35,7 +35,9 @@ class UnitRobot(Section):
         default=("angle",), description="What its logs hold beside time and motor torques.", min_length=1
     )
     counts_per_turn: float = Field(default=65536, description="Counts of one turn of a motor's encoder.", gt=0)
-    torque_constant_nm_a: float = Field(description="Torque constant of the motors [N m/A].", gt=0)
+    torque_constant_nm_a: float = Field(
+        description="Torque constant of the motors, which the robot file states too [N m/A].", gt=0
+    )
     variants: tuple[Physics, ...] = Field(
         default=(Physics(),),
         description="How true robots differ beside their seed, in what the model lacks too; seeds take turns.",

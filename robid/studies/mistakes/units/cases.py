@@ -25,6 +25,7 @@ from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign, Source
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
+from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import require_controller
 from robid.settings.unit_mistakes import Rough, UnitMistake, UnitRobot
 from robid.simulate.experiment import simulate
@@ -97,6 +98,7 @@ def read_individual(reading: Reading) -> Content:
     """Simulates an individual and reads its logs with each mistake, or soundly with a rough robot file."""
     loaded = load_experiment(reading.experiment)
     logs = dict(_logs(reading, loaded))
+    loaded = replace(loaded, robot=_with_torque_constant(loaded.robot, reading.settings.torque_constant_nm_a))
     if reading.of.rough:
         factors = rough_torque_constants(len(loaded.robot.joints), reading.rough, reading.of.seed)
         torque = read_scale("torque x 1000")
@@ -109,6 +111,13 @@ def read_individual(reading: Reading) -> Content:
     columns = {key: np.array([row[key] for row in rows], dtype=str) for key in rows[0]}
     datasets = {key: Dataset(values, "1", ("case",)) for key, values in columns.items()}
     return Content(datasets, {"robot": reading.of.robot, "seed": reading.of.seed, "rough": reading.of.rough})
+
+
+def _with_torque_constant(robot: RobotFile, constant_nm_a: float) -> RobotFile:
+    """The robot file that states it of all motors."""
+    motors = [joint.motor.model_copy(update={"torque_constant_nm_a": constant_nm_a}) for joint in robot.joints]
+    joints = [joint.model_copy(update={"motor": motor}) for joint, motor in zip(robot.joints, motors, strict=True)]
+    return robot.model_copy(update={"joints": tuple(joints)})
 
 
 def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log]]:
