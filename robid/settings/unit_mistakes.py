@@ -83,5 +83,13 @@ class UnitMistakes(Section):
     """Logs in wrong units, and sound ones of robots whose files are rough."""
 
     robots: dict[Name, UnitRobot] = Field(description="The robots, by name.", min_length=1)
+    only: tuple[Name, ...] | None = Field(
+        default=None, description="The robots that are read; all when not given.", min_length=1
+    )
     mistakes: dict[Name, UnitMistake] = Field(description="The mistakes, by name; each with every robot.", min_length=1)
     rough: Rough = Field(default_factory=Rough, description="How rough the robot files of the sound records are.")
+
+    @property
+    def chosen(self) -> dict[str, UnitRobot]:
+        """The robots that are read."""
+        return {name: robot for name, robot in self.robots.items() if self.only is None or name in self.only}

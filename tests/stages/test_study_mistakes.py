@@ -158,6 +158,7 @@ def test_logs_in_wrong_units_are_read_through_the_whole_chain(units):
         ("{friction: tanh}", "{frickion: tanh}", "study.units.robots.arm.variants[0].imperfections.frickion"),
         ("180/pi, same", "180/pi, log: {arm: [angle, arm]}, same", "the campaigns' `outputs` lack"),
         ("same: {arm: ", "same: {arn: ", "there is no robot `arn`"),
+        ("  units:\n    robots", "  units:\n    only: [arn]\n    robots", "study.units.only: there is no robot `arn`"),
         ("choose: {first: 111", "choose: {first: 3", "the seeds of `judge` and `choose` overlap"),
     ],
 )

@@ -47,6 +47,7 @@ def _check_units(study: MistakesStudy) -> Iterator[tuple[FieldPath, str]]:
             yield ("study", "only"), "the study has no `units`"
         return
     robots = study.units.robots
+    yield from _unknown(("study", "units", "only"), study.units.only or (), "robot", list(robots))
     for name, mistake in study.units.mistakes.items():
         for key in ("log", "same"):
             field = ("study", "units", "mistakes", name, key)

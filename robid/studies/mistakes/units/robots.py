@@ -70,7 +70,7 @@ def unit_subjects(run: Run) -> dict[str, UnitSubject]:
     study = study_of(run.loaded)
     if study.units is None or not study.reads_units:
         return {}
-    return {name: _subject(run, study, name, settings) for name, settings in study.units.robots.items()}
+    return {name: _subject(run, study, name, settings) for name, settings in study.units.chosen.items()}
 
 
 def individuals(study: MistakesStudy) -> list[Individual]:
@@ -81,7 +81,7 @@ def individuals(study: MistakesStudy) -> list[Individual]:
     counts = {False: seeds.units, True: seeds.rough}
     return [
         Individual(robot, seeds.first + number, number, rough)
-        for robot in study.units.robots
+        for robot in study.units.chosen
         for rough, count in counts.items()
         for number in range(count)
     ]
