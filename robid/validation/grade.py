@@ -31,7 +31,7 @@ class Grade:
         decisive (n_doubt,): Whether nothing that follows from the data may be used while a doubt stands.
         strength (n_doubt,): How far each is beyond what is normal.
         sentence: The grade, why it is no better, and the likeliest cause.
-        scales: Which wrong scales explain each doubt; empty where it was read from a file, which does not keep them.
+        scales: Which wrong scales explain each doubt; empty where none do so for any.
     """
 
     value: int

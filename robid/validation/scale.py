@@ -52,6 +52,11 @@ class Scale:
     inverse: bool = False
     joints: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        """Writes it as `motor_angle x 180/pi of axis_3`, or with `/` where values are too small."""
+        joints = f" of {','.join(self.joints)}" if self.joints else ""
+        return f"{self.channel} {'/' if self.inverse else 'x'} {self.factor}{joints}"
+
     @property
     def what(self) -> str:
         """The channels, in words: `motor angle of axis_3`."""
@@ -85,6 +90,12 @@ class Scale:
             )
         more = "less" if self.inverse else "more"
         return f"turns have {size:.4g} times {more} counts than was said: correct `counts_per_turn` of the {self.what}"
+
+
+def read_scale(text: str) -> Scale:
+    """Reads what `str` made of a scale."""
+    channel, sign, factor, *joints = text.split(" ", 4)
+    return Scale(channel, factor, sign == "/", tuple(joints[1].split(",")) if joints else ())
 
 
 _WHOLE = 1e-6

@@ -21,6 +21,8 @@ _LEAST_LINES = 3
 _COMMON_STD, _CHANNEL_STD, _ELEMENT_STD, _COUPLING_STD = 0.4, 0.3, 0.4, 0.7
 """How far responses of robots with rough files are off, as logarithms: all alike, a motor's, an element's."""
 
+_USUAL_SCATTER, _LEAST_SCATTER = 0.3, 0.4
+
 _SLOPE_STD, _PAIR_STD, _GRAVITY_STD = 0.01, 0.03, 0.5
 _LEAST_SPREAD = {"rad": float(np.deg2rad(5.0)), "m": 0.025}
 _SCATTER = 0.1
@@ -168,7 +170,13 @@ class _Scene:
                 rows.append(self._row({self._n_motor + row: 1.0, column: -1.0, -1: -self._derivatives[row]}))
                 values.append(float(np.median(seen)))
                 places.append((row, column, own))
-        return _seen(rows, values, _level_covariance(places), self._n_state)
+        own = [value for value, (row, _, own) in zip(values, places, strict=True) if own and self._is_motor(row)]
+        # A file is rough in each of its values: those that are off alike are off for another reason.
+        alike = float(np.clip(np.std(own) / _USUAL_SCATTER, _LEAST_SCATTER, 1.0)) if len(own) > 1 else 1.0
+        return _seen(rows, values, alike * _level_covariance(places), self._n_state)
+
+    def _is_motor(self, row: int) -> bool:
+        return self._evidence.moved[row].name in self._evidence.names
 
     def _away(self, time: float) -> tuple[FloatArray, BoolArray]:
         """Logarithm of measured over nominal responses (n_conf, n_line, n_moved, n_motor), and which of it is seen.
