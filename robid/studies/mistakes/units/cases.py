@@ -35,9 +35,10 @@ from robid.studies.mistakes.study import campaigns_of, study_of
 from robid.studies.mistakes.units.logs import Log, Sizes, log_of, mapping_of, mistaken_log, stamps, write_log
 from robid.studies.mistakes.units.robots import Individual, individuals, unit_subjects
 from robid.studies.mistakes.units.rough import rough_robot, rough_torque_constants
-from robid.studies.mistakes.units.scales import Said, read_scale
+from robid.studies.mistakes.units.scales import Said
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
+from robid.validation.scale import read_scale
 
 ROUGH = "rough"
 """Name of the case in which nothing is wrong but the robot file."""

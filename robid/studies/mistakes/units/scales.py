@@ -1,15 +1,14 @@
-"""Wrong scales as the settings write them, and whether a verdict names one."""
+"""What the tool said of a case, and whether that names the scale that is wrong."""
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
-from robid.settings.unit_mistakes import SCALE_PATTERN, UnitMistake
+from robid.settings.unit_mistakes import UnitMistake
 from robid.validation.doubt import CAUSES
-from robid.validation.scale import Scale
+from robid.validation.scale import Scale, read_scale
 
 UNITS = "units"
 """The cause that must be blamed."""
@@ -39,34 +38,22 @@ class Said:
         """What is said first, in words."""
         if self.refusal:
             return "refused"
-        named = ": ".join([*self.causes[:1], *(write_scale(scale) for scale in self.scales[:1])])
+        named = ": ".join([*self.causes[:1], *map(str, self.scales[:1])])
         return named.replace("_", " ") or "nothing"
 
     def texts(self) -> dict[str, str]:
         """Returns it as texts, which `said_of` reads."""
-        scales = json.dumps([asdict(scale) for scale in self.scales])
-        return {"causes": json.dumps(self.causes), "scales": scales, "refusal": self.refusal}
+        scales = _BETWEEN.join(map(str, self.scales))
+        return {"causes": _BETWEEN.join(self.causes), "scales": scales, "refusal": self.refusal}
+
+
+_BETWEEN = "; "
 
 
 def said_of(causes: str, scales: str, refusal: str) -> Said:
     """Reads what `Said.texts` returns."""
-    read = (Scale(**{**one, "joints": tuple(one["joints"])}) for one in json.loads(scales))
-    return Said(tuple(json.loads(causes)), tuple(read), refusal)
-
-
-def read_scale(text: str) -> Scale:
-    """Reads a scale as the settings write it, `motor_angle x 180/pi`."""
-    found = re.match(SCALE_PATTERN, text)
-    if found is None:
-        message = f"the settings' checks let the scale `{text}` pass"
-        raise RuntimeError(message)
-    return Scale(found[1], found[3], inverse=found[2] == "/")
-
-
-def write_scale(scale: Scale) -> str:
-    """Writes a scale as the settings do, the joints that it concerns behind it."""
-    joints = f" of {', '.join(scale.joints)}" if scale.joints else ""
-    return f"{scale.channel} {'/' if scale.inverse else 'x'} {scale.factor}{joints}"
+    named, scaled = ([one for one in text.split(_BETWEEN) if one] for text in (causes, scales))
+    return Said(tuple(named), tuple(map(read_scale, scaled)), refusal)
 
 
 def group_of(mistake: UnitMistake, robot: str) -> tuple[Scale, ...]:
