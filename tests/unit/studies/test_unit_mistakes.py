@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robid.families.files import load_experiment
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import find_variable
 from robid.settings.load import load_robot
@@ -13,6 +14,7 @@ from robid.settings.unit_mistakes import Rough, UnitMistake
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 from robid.studies.known import load_with_study
+from robid.studies.mistakes.units.cases import reading_campaign
 from robid.studies.mistakes.units.figures import UnitRow, summarise_units, unit_verdicts
 from robid.studies.mistakes.units.logs import Sizes, log_of, mapping_of, mistaken_log, stamps, write_log
 from robid.studies.mistakes.units.rough import rough_robot, rough_torque_constants
@@ -197,3 +199,19 @@ def test_every_mistake_of_the_study_has_a_group_for_robots_of_the_study():
         for robot in units.robots:
             group = group_of(mistake, robot)
             assert len(set(group)) == len(group)
+
+
+@pytest.mark.parametrize("name", ["units_drive", "units_elastic", "units_rigid"])
+def test_a_clock_in_another_unit_stretches_all_that_is_stated_of_time(name, tmp_path):
+    loaded = load_experiment(ROOT / "configs" / f"{name}.yaml")
+    campaign = loaded.experiment.campaigns["estimation"]
+    acquire = mapping_of(tmp_path / "log.mat", [joint.name for joint in loaded.robot.joints], ("angle",), 1.0, {})
+    read = reading_campaign(campaign, acquire, 1000.0)
+    assert read.source.acquire is acquire
+    assert read.realizations == campaign.realizations
+    if not campaign.is_trajectory:
+        before, after = campaign.excitation, read.excitation
+        assert after.period_s == 1000 * before.period_s
+        assert (after.low_hz, after.high_hz) == (before.low_hz / 1000, before.high_hz / 1000)
+        assert (after.count, after.rms, after.seed) == (before.count, before.rms, before.seed)
+        assert reading_campaign(campaign, acquire, 1.0).excitation == before

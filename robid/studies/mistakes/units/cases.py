@@ -179,7 +179,7 @@ def _as_read(
         campaign = loaded.experiment.campaigns[name]
         options = {"time": stamps() if stamped else None, "one_shot": campaign.is_trajectory}
         acquire = mapping_of(path, joints, signals, period_s, options)
-        campaigns[name] = _reading_campaign(campaign, acquire, stretch)
+        campaigns[name] = reading_campaign(campaign, acquire, stretch)
     experiment = loaded.experiment.model_copy(update={"campaigns": campaigns, "designs": {}, "study": None})
     return replace(loaded, experiment=experiment)
 
@@ -194,8 +194,8 @@ def _factors(reading: Reading, loaded: LoadedExperiment, mistake: UnitMistake) -
     return factors
 
 
-def _reading_campaign(campaign: Campaign, acquire: Acquire, stretch: float) -> Campaign:
-    """A campaign that reads logs; with all times that it states stretched, where its clock's unit is wrong."""
+def reading_campaign(campaign: Campaign, acquire: Acquire, stretch: float) -> Campaign:
+    """Returns a campaign that reads logs; with all times that it states stretched, where its clock's unit is wrong."""
     source = Source(acquire=acquire)
     if campaign.is_trajectory:
         return Campaign(source=source, realizations=campaign.realizations, payload_kg=campaign.payload_kg)
