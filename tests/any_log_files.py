@@ -51,7 +51,7 @@ def _acquire(logs: Logs, variables: dict[str, str]) -> dict[str, Any]:
     plan = logs.plan
     acquire: dict[str, Any] = {"file": f"logs/{plan.file()}", "sampling_period_s": plan.step_s}
     if plan.says_format:
-        acquire["format"] = {"mat 7.3": "mat"}.get(plan.kind, plan.kind)
+        acquire["format"] = plan.kind.partition(" ")[0]
     if plan.kind == "csv" and plan.text.dialect:
         acquire["dialect"] = plan.text.dialect
     for group, channels in logs.channels.items():

@@ -17,6 +17,53 @@ def write_csv(path, columns, text="{:.17g}"):
     return path, dict(zip(columns, columns, strict=True))
 
 
+def write_twincat(path, columns):
+    """An export of TwinCAT 3 Scope: a time in ms before each channel, decimal commas."""
+    step_ms, names = 1.0, list(columns)
+    head = [
+        ["Name", "Scope"],
+        ["File", "C:\\scope.csv"],
+        ["Starttime of export", "132959733843760000", "Montag, 2. Mai 2022"],
+    ]
+    told = {
+        "Name": names,
+        "SymbolComment": [""] * 9,
+        "SampleTime[ms]": ["1"] * 9,
+        "Offset": ["0"] * 9,
+        "Unit": ["(None)"] * 9,
+    }
+    rows = [[cell for one, _ in zip(cells, names, strict=False) for cell in (key, one)] for key, cells in told.items()]
+    lines = [*head, [], [], *rows, []]
+    for index, values in enumerate(zip(*columns.values(), strict=True)):
+        lines.append([cell for x in values for cell in (f"{index * step_ms:g}", f"{x:.17g}".replace(".", ","))])
+    path.write_text("\n".join("\t".join(line) for line in [*lines, ["EOF"]]) + "\n")
+    return path, dict(zip(columns, columns, strict=True))
+
+
+def write_lvm(path, columns):
+    """A LabVIEW measurement file of two segments, each with a head, without columns of time."""
+    names, length = list(columns), len(next(iter(columns.values())))
+    lines = ["LabVIEW Measurement\t", "Separator\tTab", "Decimal_Separator\t,", "Multi_Headings\tYes", "X_Columns\tNo"]
+    lines += ["Date\t2022/05/02", "Time\t15:56:24,376", "***End_of_Header***\t", "\t"]
+    for first, stop in ((0, length // 2), (length // 2, length)):
+        told = {
+            "Samples": stop - first,
+            "Date": "2022/05/02",
+            "Time": f"15:56:{24.376 + first * 1e-3:.9f}".replace(".", ","),
+        }
+        told |= {"Y_Unit_Label": "V", "X_Dimension": "Time", "X0": "0,0000E+0", "Delta_X": "0,001000"}
+        lines += [
+            f"Channels\t{len(names)}\t",
+            *("\t".join([key, *[str(one)] * len(names), ""]) for key, one in told.items()),
+        ]
+        lines += ["***End_of_Header***" + "\t" * len(names), "\t".join(["X_Value", *names, "Comment"])]
+        rows = zip(*(x[first:stop] for x in columns.values()), strict=True)
+        lines += ["\t".join(["", *(f"{x:.17g}".replace(".", ",") for x in row)]) for row in rows]
+        lines.append("")
+    path.write_text("\r\n".join(lines))
+    return path, dict(zip(columns, columns, strict=True))
+
+
 def write_mat(path, columns):
     savemat(path, {"log": {name: x[:, None] for name, x in columns.items()}}, do_compression=True)
     return path, {name: f"log.{name}" for name in columns}
@@ -118,6 +165,8 @@ def write_rosbag(path, columns):
 
 WRITERS = {
     "csv": (write_csv, "log.csv"),
+    "csv TwinCAT": (write_twincat, "log.csv"),
+    "csv LabVIEW": (write_lvm, "log.lvm"),
     "mat": (write_mat, "log.mat"),
     "mat 7.3": (write_mat_hdf5, "log.mat"),
     "hdf5": (write_hdf5, "log.h5"),

@@ -10,6 +10,9 @@ IDENTITY = 1e-10
 # Analytic truth against finite differences: relative.
 FINITE_DIFFERENCE = 1e-6
 
+# Sampled responses against exact discretisation, up to 0.45 of the sampling rate: relative to a line's largest element.
+DISCRETISATION = 1e-5
+
 # Known truth back without noise: relative.
 RECOVERY = 1e-4
 

@@ -12,6 +12,7 @@ Schema history:
         are prismatic.
     2.1: `dropped`.
     2.2: `saturated_inputs`, `saturated_outputs`.
+    2.3: each channel has `sampled`: what its samples are.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from robid.signals.quantities import units_text
 if TYPE_CHECKING:
     from robid.frf.frf import Frf
 
-FRF = Kind("frf", "2.2", "robid estimate-frf")
+FRF = Kind("frf", "2.3", "robid estimate-frf")
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:

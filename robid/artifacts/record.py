@@ -9,6 +9,7 @@ Schema history:
         `position_offset_rad`, `torque_hold` and `torque_relative_std`. A record may be one shot: without excited
         lines, and without configurations. `joint_units`, where joints are prismatic.
     2.1: `segments`: an arbitrary signal, one shot with lines.
+    2.2: each channel has `sampled`: what its samples are.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from robid.signals.quantities import units_text
 if TYPE_CHECKING:
     from robid.signals.record import Record
 
-RECORD = Kind("record", "2.1", "robid simulate-or-acquire")
+RECORD = Kind("record", "2.2", "robid simulate-or-acquire")
 
 
 def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:

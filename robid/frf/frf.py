@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.signals.quantities import Channel, channel_names, response_unit, units_text
+from robid.signals.quantities import Channel, Rate, channel_names, response_unit, units_text
 
 Level = Literal["odd", "even", "noise"]
 LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
@@ -182,6 +182,11 @@ class Frf:
         held: dict[str, Any] = {name: getattr(self, name) for name in CONFIGURATION_WISE}
         part: dict[str, Any] = {name: None if value is None else value[chosen] for name, value in held.items()}
         return replace(self, **part)
+
+    @property
+    def output_rates(self) -> tuple[Rate, ...]:
+        """How many times each output was differentiated before it was sampled, see `Channel.rate`."""
+        return tuple(channel.rate for channel in self.measured_channels or self.output_channels)
 
     @property
     def hold_period_s(self) -> float | None:

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.fft import rfft
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.signals.quantities import QUANTITIES
 from robid.signals.record import Record
 
 _FEW_LINES = 16
@@ -111,12 +110,12 @@ def output_factor(record: Record, lines: IntArray, *, accelerations: bool = True
         lines (n_lines,): DFT lines of one period.
         accelerations: Whether motions are brought to accelerations.
     """
-    order = np.array([QUANTITIES[channel.quantity].derivatives or 0 for channel in record.output_channels])
+    omega, channels = 2 * np.pi * lines / record.period_s, record.output_channels
     if not accelerations:
-        order = np.zeros_like(order)
-    omega = (2 * np.pi * lines / record.period_s)[:, None]
-    real = np.where(order == 2, -(omega**2), 1.0)
-    return np.asarray(np.where(order == 1, 1j * omega, real) if np.any(order == 1) else real)
+        return np.ones((len(lines), len(channels)))
+    columns = [channel.to_acceleration(omega, record.sampling_period_s) for channel in channels]
+    factor = np.stack(columns, axis=-1)
+    return np.asarray(factor if factor.imag.any() else factor.real)
 
 
 def mean_without_drift(angle: FloatArray) -> FloatArray:

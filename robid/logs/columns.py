@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robid.errors import DataError
 from robid.logs.formats.known import tell_format
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import Variables, find_variable
+from robid.logs.formats.variables import Variables, find_variable, series_of
 from robid.logs.mapping import LogMapping
 from robid.signals.log_channels import LogChannel
 from robid.signals.record import Record
@@ -63,9 +63,17 @@ def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[N
         remedy = "Save it as a real numeric column."
         return None, [DataError(f"It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
     if raw.size != max(raw.shape, default=0) or raw.size < 2:
-        remedy = "Save one column per channel."
-        return None, [DataError(f"It has shape {raw.shape}, not one column.", where=where, remedy=remedy)]
+        what = f"It has shape {raw.shape}, not one column."
+        return None, [DataError(what, where=where, remedy=_which_series(variable, raw))]
     return raw.ravel(), []
+
+
+def _which_series(variable: str, matrix: NDArray[Any]) -> str:
+    """Says how to name one column or row of a matrix."""
+    series = series_of(matrix.shape) if matrix.size else []
+    if matrix.ndim < 2 or len(series) < 2 or max(matrix.shape) <= _SHOWN:
+        return "Save one column per channel."
+    return f"Name one of them, `{variable}{series[0]}` to `{variable}{series[-1]}`."
 
 
 def check_values(

@@ -22,7 +22,7 @@ from robid.logs.placing import Log, match_periods, place_periods, strongest_chan
 from robid.logs.resample import resample_to_period, resample_to_time
 from robid.logs.samples import channel_values, sample_channels
 from robid.logs.stated import Stated
-from robid.logs.timing import check_segment, check_steps, clock_problems, read_clock
+from robid.logs.timing import check_segment, check_steps, clock_problems, even_stamps, read_clock
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
 
@@ -166,6 +166,7 @@ def _read(mapping: LogMapping) -> tuple[Log, list[DataError], list[str]]:
     """Reads the used part of a log, checks its columns and its time, and resamples it to that if asked to."""
     columns, problems = read_columns(mapping)
     problems += check_lengths(mapping, columns)
+    columns, notes = even_stamps(mapping, columns)
     part = chosen_part(mapping, columns)
     whole = whole_piece(mapping, columns, part)
     columns = {name: column[part] for name, column in columns.items()}
@@ -180,7 +181,7 @@ def _read(mapping: LogMapping) -> tuple[Log, list[DataError], list[str]]:
             clock, found = read_clock(mapping, stamps)
             clock = None if clock is None else replace(clock, first=part.start or 0, whole=whole)
             problems += found
-    notes = [] if part == slice(None) else [_cut_note(mapping, part)]
+    notes += [] if part == slice(None) else [_cut_note(mapping, part)]
     if mapping.resample == "time" and clock is not None and not problems:
         columns, clock, told = resample_to_time(mapping, columns, clock)
         notes += told

@@ -6,7 +6,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.lines import check_lines
+from robid.logs.lines import band_of, check_lines
 from robid.logs.loss_checks import Part, lost_samples, part_losses
 from robid.logs.period import Repetition, measure_repetition, measure_share
 from robid.logs.stated import Stated
@@ -151,8 +151,8 @@ def _period_settings(steady: FloatArray, stated: Stated, real: int, step_s: floa
         pass
     elif _fit_of(blocks, lines) > kept:
         if not stated.listed:
-            found["excitation.low_hz"] = _number(round((float(lines[0]) - 0.5) / lasts, 6))
-            found["excitation.high_hz"] = _number(round((float(lines[-1]) + 0.5) / lasts, 6))
+            low, high = band_of(float(lines[0]) - 0.5, float(lines[-1]) + 0.5, lasts)
+            found |= {"excitation.low_hz": _number(low), "excitation.high_hz": _number(high)}
     elif kept > 0:
         inside = np.intersect1d(measure_share(blocks, grid)[1], grid)
         if stated.listed:

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.mapping import LogMapping
+from robid.logs.pace import GAP
 from robid.logs.timing import since_first
-
-_GAP = 1.5
-"""Time step, in usual ones, from which samples are missing."""
 
 _ROUNDING = 1e-3
 """Time steps by which a limit may miss a sample and still holds it."""
@@ -68,7 +66,7 @@ def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: 
     steps = np.diff(time)
     told = [np.isfinite(column[: len(time)]) for column in columns.values() if column.dtype.kind == "f"]
     sound = np.logical_and.reduce([np.isfinite(time), *told])
-    whole = np.concatenate([sound[1:] & sound[:-1] & ~(steps > _GAP * np.nanmedian(steps)), [False]])
+    whole = np.concatenate([sound[1:] & sound[:-1] & ~(steps > GAP * np.nanmedian(steps)), [False]])
     whole[:first], whole[max(stop - 1, 0) :] = False, False
     edges = np.diff(np.concatenate([[0], whole.astype(np.int8), [0]]))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.logs.mapping import LogMapping
+from robid.logs.pace import measure_pace
 
 RESAMPLED_RATE = 0.05
 """Largest relative difference of two clocks that resampling bridges: it has no filter against aliases."""
@@ -21,8 +23,8 @@ _JITTER = 0.05
 _SAME_CLOCK = 1e-4
 """Relative difference of the mean time step from the sampling period that is passed over."""
 
-_GAP = 1.5
-"""Time step, in usual ones, from which samples are missing."""
+UNSURE = 0.01
+"""Relative error of a rate from which stamps cannot tell it."""
 
 _FACTOR_OF_1000 = 0.2
 """Relative error of a time step within which it is that of another unit."""
@@ -88,19 +90,46 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     if np.ptp(time) == 0:
         remedy = "Correct time.variable, or leave out `time`."
         return None, [DataError(f"Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)]
-    steps = np.diff(time)
-    backward = np.flatnonzero(steps <= 0)
-    if len(backward):
+    pace = measure_pace(time)
+    if pace is None:
+        backward = np.flatnonzero(np.diff(time) <= 0)
         what = f"Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
         remedy = "Where stamps are only rounded, leave out `time`; else sort the log by time and drop repeated samples."
         return None, [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
-    usual = float(np.median(steps))
+    usual = pace.step
     exponent = round(np.log10(usual / stated))
     if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < _FACTOR_OF_1000:
         what = f"The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
         return None, [DataError(what, where=where, remedy=_unit_remedy(mapping, exponent))]
-    gaps = np.flatnonzero(steps > _GAP * usual)
-    return Clock(where, time, stated, float(np.delete(steps, gaps).mean()), gaps), []
+    return Clock(where, time, stated, pace.step, pace.gaps), []
+
+
+def even_stamps(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """Puts the times of evenly spaced samples in the place of their stamps where these are only rounded.
+
+    Where they are so coarse that they cannot tell the rate, the stated sampling period stands.
+
+    Args:
+        mapping: The log mapping.
+        columns: Columns of the log, as they were read.
+
+    Returns:
+        The columns, and what to say about it.
+    """
+    name = None if mapping.time is None else mapping.time.variable
+    if mapping.time is None or name not in columns or not np.all(np.isfinite(columns[name])):
+        return dict(columns), []
+    unit_s, stated = mapping.time.to_seconds, mapping.sampling_period_s
+    time = since_first(columns[name])
+    pace = measure_pace(time, stated / unit_s) if len(time) else None
+    if pace is None or not pace.rounding:
+        return dict(columns), []
+    told = f"{mapping.file.name}: the stamps of `{name}` are rounded to {pace.rounding * unit_s:.4g} s:"
+    if pace.unsure > UNSURE:
+        times = np.arange(len(time)) * stated / unit_s
+        return {**columns, name: times}, [f"{told} they cannot tell the sampling period, which was taken as stated."]
+    sure = f"its samples were taken to be evenly spaced, their rate is known to {100 * pace.unsure:.1g} %."
+    return {**columns, name: pace.times}, [f"{told} {sure}"]
 
 
 def since_first(stamps: NDArray[Any]) -> FloatArray:

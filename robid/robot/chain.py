@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -43,6 +43,13 @@ def order_of(model: ForeignModel, joints: Sequence[str]) -> list[str]:
     """Says why joints are not one serial chain in the order given, a sentence each; empty if they are."""
     compiled = model.compiled
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]
+    below = {body: set(_ancestors(compiled, body)) for body in bodies}
+    for name, body in zip(joints, bodies, strict=True):
+        apart = [n for n, b in zip(joints, bodies, strict=True) if b not in below[body] and body not in below[b]]
+        if apart:
+            rest = ", ".join(f"`{other}`" for other in apart)
+            told = f"`{name}` and {rest} of `{model.name}` lie on different branches, and a robot here is one chain:"
+            return [f"{told} leave those of one branch out; `locked: rest` holds them where they rest"]
     found = []
     for index, (name, body) in enumerate(zip(joints, bodies, strict=True)):
         before = joints[index - 1] if index else "the base"
@@ -53,42 +60,113 @@ def order_of(model: ForeignModel, joints: Sequence[str]) -> list[str]:
         if parent != (bodies[index - 1] if index else None):
             actual = "the base" if parent is None else f"`{joints[bodies.index(parent)]}`"
             found.append(f"`{name}` is listed after {before}, but in the file it follows {actual}")
+    if found and len(set(bodies)) == len(bodies):
+        ordered = sorted(joints, key=lambda name: len(below[int(compiled.joint(name).bodyid[0])]))
+        found[0] += f"; base to flange they are {', '.join(ordered)}"
     return found
 
 
-def extract_chain(model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float]) -> list[ForeignJoint]:
+def carried_by(
+    model: ForeignModel, joints: Sequence[str], apart: Collection[str] = ()
+) -> dict[str | None, tuple[str, ...]]:
+    """Returns the names of the bodies that each joint moves up to the next one; those of None do not move.
+
+    Args:
+        model: The model.
+        joints: Names of joints that move.
+        apart: Names of joints whose bodies move otherwise: they and what they carry are left out.
+    """
+    compiled = model.compiled
+    movers = {int(compiled.joint(name).bodyid[0]): name for name in joints}
+    others = [int(compiled.joint(name).bodyid[0]) for name in apart]
+    found: dict[str | None, tuple[str, ...]] = {}
+    for body in range(1, compiled.nbody):
+        carrier = _carrier(compiled, body, [*movers, *others])
+        if carrier not in others:
+            mover = movers.get(carrier)
+            found[mover] = (*found.get(mover, ()), compiled.body(body).name)
+    return found
+
+
+def frame_of_link(
+    model: ForeignModel, joint: str, carrier: str | None, held: Mapping[str, float], apart: Collection[str]
+) -> tuple[FloatArray, FloatArray, Inertial]:
+    """Returns the frame of a joint that is no part of the chain, its axis along z, and what it moves.
+
+    Args:
+        model: The model.
+        joint: Name of the joint, at its zero position.
+        carrier: Name of the joint that carries it; None for the base.
+        held: Positions of joints that do not move [rad, or m].
+        apart: Names of all such joints.
+
+    Returns:
+        Position (3,) [m] and orientation (3, 3) of the frame, and the mass properties in it. They are given in the
+        carrier's own body frame, in such a frame where the carrier is another such joint, in the world for the base.
+    """
+    compiled, data = model.compiled, _at_zero(model.compiled, held)
+    origin, oriented = _axis_frame(compiled, data, joint)
+    names = carried_by(model, [joint], [each for each in apart if each != joint]).get(joint, ())
+    link = _merged(model, data, [compiled.body(name).id for name in names], origin, oriented)
+    if carrier is None:
+        return origin, oriented, link
+    body = int(compiled.joint(carrier).bodyid[0])
+    position, rotation = data.xpos[body], data.xmat[body].reshape(3, 3)
+    if carrier in apart:
+        position, rotation = _axis_frame(compiled, data, carrier)
+    return rotation.T @ (origin - position), rotation.T @ oriented, link
+
+
+def carrier_of(model: ForeignModel, joint: str, movers: Collection[str]) -> str | None:
+    """Returns which of these joints carries a joint; None for the base."""
+    compiled = model.compiled
+    bodies = {int(compiled.joint(name).bodyid[0]): name for name in movers if name != joint}
+    above = int(compiled.body_parentid[int(compiled.joint(joint).bodyid[0])])
+    return bodies.get(_carrier(compiled, above, list(bodies)))
+
+
+def _axis_frame(compiled: mujoco.MjModel, data: mujoco.MjData, joint: str) -> tuple[FloatArray, FloatArray]:
+    """Returns origin (3,) [m] and orientation (3, 3) in the world of a joint's frame, its axis along z."""
+    own = compiled.joint(joint)
+    frame = data.xmat[int(own.bodyid[0])].reshape(3, 3)
+    return data.xanchor[own.id].copy(), frame @ _turn_z_to(frame.T @ data.xaxis[own.id])
+
+
+def extract_chain(
+    model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], apart: Collection[str] = ()
+) -> list[ForeignJoint]:
     """Extracts a serial chain of hinges and slides; everything else moves with the link that carries it.
 
     Args:
         model: The model; `order_of` finds nothing wrong with `joints`.
         joints: Names of the joints, base to flange.
         locked: Positions of other joints, which do not move [rad, or m].
+        apart: Names of joints whose bodies are left out, with what they carry.
 
     Returns:
         The joints at zero positions of the file's own.
     """
     compiled, data = model.compiled, _at_zero(model.compiled, locked)
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]
+    moved = carried_by(model, joints, apart)
     chain: list[ForeignJoint] = []
-    position, rotation = np.zeros(3), np.eye(3)
+    position: FloatArray = np.zeros(3)
+    rotation: FloatArray = np.eye(3)
     for name, body in zip(joints, bodies, strict=True):
         joint = compiled.joint(name)
-        origin = data.xanchor[joint.id].copy()
-        frame = data.xmat[body].reshape(3, 3)
-        turned = _turn_z_to(frame.T @ data.xaxis[joint.id])
-        oriented = frame @ turned
-        carried = [b for b in range(1, compiled.nbody) if _carrier(compiled, b, bodies) == body]
+        origin, oriented = _axis_frame(compiled, data, name)
+        carried = [compiled.body(each).id for each in moved[name]]
         limits = (float(joint.range[0]), float(joint.range[1])) if compiled.jnt_limited[joint.id] else None
         chain.append(
             ForeignJoint(
                 name=name,
                 position_m=rotation.T @ (origin - position),
                 rotation=rotation.T @ oriented,
-                link=_merged(compiled, data, carried, origin, oriented),
+                link=_merged(model, data, carried, origin, oriented),
                 range=limits,
                 slides=compiled.jnt_type[joint.id] == mujoco.mjtJoint.mjJNT_SLIDE,
                 body_position_m=oriented.T @ (data.xpos[body] - origin),
-                body_rotation=turned.T,
+                body_rotation=oriented.T @ data.xmat[body].reshape(3, 3),
             )
         )
         position, rotation = origin, oriented
@@ -96,7 +174,7 @@ def extract_chain(model: ForeignModel, joints: Sequence[str], locked: Mapping[st
 
 
 def frame_on_last(
-    model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], frame: str
+    model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], frame: str, apart: Collection[str] = ()
 ) -> tuple[FloatArray, FloatArray] | None:
     """Returns where a body or site sits on the last link.
 
@@ -105,6 +183,7 @@ def frame_on_last(
         joints: Names of the chain's joints.
         locked: Positions of other joints [rad, or m].
         frame: Name of the body or site.
+        apart: Names of joints whose bodies are no part of the last link.
 
     Returns:
         Position (3,) [m] and orientation (3, 3) in the last joint's own body frame; None if it is not there.
@@ -116,7 +195,8 @@ def frame_on_last(
     if site < 0 and body < 0:
         return None
     owner = int(compiled.site_bodyid[site]) if site >= 0 else body
-    if _carrier(compiled, owner, bodies) != bodies[-1]:
+    others = [int(compiled.joint(name).bodyid[0]) for name in apart]
+    if _carrier(compiled, owner, [*bodies, *others]) != bodies[-1]:
         return None
     position, matrix = (data.site_xpos[site], data.site_xmat[site]) if site >= 0 else (data.xpos[body], data.xmat[body])
     last = data.xmat[bodies[-1]].reshape(3, 3)
@@ -124,8 +204,9 @@ def frame_on_last(
 
 
 def _at_zero(compiled: mujoco.MjModel, locked: Mapping[str, float]) -> mujoco.MjData:
-    data = mujoco.MjData(compiled)
-    data.qpos[:] = 0.0
+    data = mujoco.MjData(compiled)  # free and ball joints stay where the file has them
+    driven = np.isin(compiled.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
+    data.qpos[compiled.jnt_qposadr[driven]] = 0.0
     for name, angle in locked.items():
         data.qpos[compiled.joint(name).qposadr[0]] = angle
     mujoco.mj_kinematics(compiled, data)
@@ -144,17 +225,15 @@ def _carrier(compiled: mujoco.MjModel, body: int, bodies: Sequence[int]) -> int:
 
 
 def _merged(
-    compiled: mujoco.MjModel, data: mujoco.MjData, bodies: Sequence[int], origin: FloatArray, oriented: FloatArray
+    model: ForeignModel, data: mujoco.MjData, bodies: Sequence[int], origin: FloatArray, oriented: FloatArray
 ) -> Inertial:
-    parts = []
+    """Joins bodies rigidly, in a frame of this origin (3,) [m] and orientation (3, 3) in the world."""
+    merged = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     for body in bodies:
-        if compiled.body_mass[body] > 0:
-            axes = oriented.T @ data.ximat[body].reshape(3, 3)
-            com = oriented.T @ (data.xipos[body] - origin)
-            parts.append(Inertial(float(compiled.body_mass[body]), com, axes * compiled.body_inertia[body] @ axes.T))
-    merged = parts[0]
-    for part in parts[1:]:
-        merged = combine(merged, part)
+        mass, tensor = float(model.weights.mass_kg[body]), model.weights.inertia_kgm2[body]
+        axes = oriented.T @ data.ximat[body].reshape(3, 3)
+        part = Inertial(mass, oriented.T @ (data.xipos[body] - origin), axes @ tensor @ axes.T)
+        merged = part if merged.mass_kg == 0 and not merged.inertia_kgm2.any() else combine(merged, part)
     return merged
 
 

@@ -8,21 +8,17 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.robot.linearize import LinearModel
-from robid.robot.response import (
-    ElasticParameters,
-    alias_factor,
-    arm_dampers,
-    fast_limit,
-    hold_factor,
-    mass_matrix,
-)
+from robid.robot.response import ElasticParameters, arm_dampers, fast_limit, mass_matrix
+from robid.robot.sampling import Folding, hold_factor, make_folding
 
 _ROUNDING = 1e-12
 
 
 def is_collocated(model: LinearModel) -> bool:
-    """Whether the outputs are the motors themselves, so that the response is symmetric."""
+    """Whether the outputs are the motors themselves, all sampled alike, so that the response is symmetric."""
     n_motor = model.n_motor
+    if len(set(model.rates)) > 1:
+        return False
     same = model.output.shape[1] == n_motor and (model.output == np.eye(n_motor, model.mass.shape[-1])).all()
     return bool(same) and not model.tilt.any()
 
@@ -44,22 +40,26 @@ def motor_rows(model: LinearModel) -> dict[int, int]:
 
 @dataclass
 class _Solved:
-    """One factorisation: pivot rows of the springs, response of the motors, sampled response."""
+    """One factorisation: response of the motors, at all frequencies (lines with their hold) and sampled; what folds."""
 
     parameters: ElasticParameters
     motors: ComplexArray | None
     fast: FloatArray
+    seen: ComplexArray
     sampled: ComplexArray
+    folding: Folding | None
+    by_delay: Folding | None
     whole: ComplexArray | None = None
 
 
 class Collocated:
     """Evaluates the sampled response of one linearised robot again and again.
 
-    Lines of all configurations stand last, configuration by configuration. Springs come first and are eliminated
-    without pivoting, which their dampers make safe. What is left is of the motors' size: with rotors and viscous
-    friction on its diagonal it is the inverse of the response; where those are known, the motors are swept once
-    beforehand and it is the response itself, negative (METHODS sec. 1).
+    Lines of all configurations stand last, configuration by configuration; where the motors' speeds or accelerations
+    were sampled, the lines' images follow, and the folding's last frequency in every configuration. Springs come first
+    and are eliminated without pivoting, which their dampers make safe. What is left is of the motors' size: with rotors
+    and viscous friction on its diagonal it is the inverse of the response; where those are known, the motors are swept
+    once beforehand and it is the response itself, negative (METHODS sec. 1).
 
     Args:
         model: Linearised robot whose outputs are its motors.
@@ -83,18 +83,42 @@ class Collocated:
         self._period = sampling_period_s
         self._swept = set(kinds) <= {"stiffness", "damping", "delay"}
         self._configuration, line = np.nonzero(used)
-        self._omega = (2 * np.pi * frequency_hz)[line]
+        self._omega: FloatArray | ComplexArray = (2 * np.pi * frequency_hz)[line]
+        self._lines, self._rate = slice(line.size), model.rates[:1] or (0,)
+        self._line_omega = self._omega[self._lines].real
+        if sampling_period_s is not None:
+            self._add_images(make_folding(self._line_omega, 0.0, sampling_period_s, self._rate)[0])
         self._factor = np.ascontiguousarray(model.rest.factor[self._configuration].T)
         self._varies = bool((self._factor != 1).any())
         self._order = np.r_[model.n_motor : n, : model.n_motor]
         self._rows, self._columns = np.triu_indices(model.n_motor)
-        self._work = np.empty((n, n, line.size), complex)
-        self._products = np.empty((n, max(1, model.n_motor), line.size), complex)
+        self._work = np.empty((n, n, self._omega.size), complex)
+        self._products = np.empty((n, max(1, model.n_motor), self._omega.size), complex)
         self._held: tuple[FloatArray, ...] = ()
         self._constant = np.empty(0, complex)
         self._fast = np.empty(0)
         self._solved: _Solved | None = None
         self._buffer = np.empty((0, 0, 0), complex)
+
+    def _add_images(self, folding: Folding) -> None:
+        """Sets up the frequencies beside the lines, which those of the folding are."""
+        if not folding.omega.size:
+            return
+        lines, n_conf = self._configuration, len(self._model.mass)
+        repeats = folding.weight.shape[0]
+        self._omega = np.concatenate([self._line_omega, folding.omega[:-1], np.repeat(folding.omega[-1], n_conf)])
+        self._configuration = np.concatenate([lines, np.tile(lines, repeats), np.arange(n_conf)])
+
+    def _folded(self, folding: Folding, values: ComplexArray) -> ComplexArray | float:
+        """What values (..., n_line) at all frequencies fold down onto the lines, without the limit."""
+        if not folding.omega.size:
+            return 0.0
+        n_line, shape = self._line_omega.size, folding.weight.shape[:2]
+        images = values[..., n_line : n_line + folding.omega.size - 1]
+        signed = np.where(folding.mirrored[:-1], images.conj(), images).reshape(*values.shape[:-1], *shape)
+        last = values[..., -len(self._model.mass) :][..., self._configuration[self._lines]]
+        tail = folding.tail[..., 0]
+        return np.asarray((folding.weight[..., 0] * signed).sum(axis=-2) + tail[0] * last.real + tail[1] * last.imag)
 
     def response(self, parameters: ElasticParameters) -> ComplexArray:
         """Sampled response (n_pair, n_line), the upper triangle row by row."""
@@ -111,12 +135,17 @@ class Collocated:
         rest = work[n_spring:, n_spring:]
         torque = None if self._swept else _invert(rest)
         seen = -rest[self._rows, self._columns] if torque is None else torque[self._rows, self._columns]
-        held = hold_factor(self._omega, parameters.delay[0], self._period)
-        seen *= -(self._omega**2) * held
+        delay_s = float(parameters.delay[0])
+        folding = by_delay = None
+        factor = np.asarray(-(self._omega**2), complex)
+        factor[self._lines] *= hold_factor(self._line_omega, delay_s, self._period)
+        seen *= factor
+        sampled = seen[:, self._lines]
         if self._period is not None:
-            seen += alias_factor(self._omega, parameters.delay[0], self._period)[0] * self._fast
-        self._solved = _Solved(parameters, torque, self._fast, seen)
-        return seen
+            folding, by_delay = make_folding(self._line_omega, delay_s, self._period, self._rate)
+            sampled = sampled + folding.fast[:, 0] * self._fast + self._folded(folding, seen)
+        self._solved = _Solved(parameters, torque, self._fast, seen, sampled, folding, by_delay)
+        return sampled
 
     def derivatives(self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], scale: ComplexArray) -> ComplexArray:
         """Derivatives at the point of the last response with respect to plain values.
@@ -135,20 +164,32 @@ class Collocated:
         solved = self._last()
         if solved.whole is None:
             solved.whole = self._whole()
-        count = sum(int(mask.sum()) for mask in masks)
-        if self._buffer.shape != (count, *scale.shape):
-            self._buffer = np.empty((count, *scale.shape), complex)
+        shape = sum(int(mask.sum()) for mask in masks), len(scale), self._omega.size
+        if self._buffer.shape != shape:
+            self._buffer = np.empty(shape, complex)
+        held = np.asarray(self._omega**2, complex)
+        held[self._lines] *= hold_factor(self._line_omega, float(solved.parameters.delay[0]), self._period)
+        if solved.folding is None or not solved.folding.omega.size:
+            self._fill_all(kinds, masks, scale * held, scale)
+            return self._buffer
+        plain = np.ones_like(scale)
+        self._fill_all(kinds, masks, np.broadcast_to(held, (len(scale), held.size)), plain)
+        return np.asarray((self._buffer[..., self._lines] + self._folded(solved.folding, self._buffer)) * scale)
+
+    def _fill_all(
+        self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], own: ComplexArray, scale: ComplexArray
+    ) -> None:
+        """Derivatives of all kinds, each at its place."""
         begin = 0
-        own = scale * (self._omega**2 * hold_factor(self._omega, solved.parameters.delay[0], self._period))
         outer: dict[bytes, slice] = {}
         for kind, mask in zip(kinds, masks, strict=True):
             rows = slice(begin, begin + int(mask.sum()))
             if kind == "delay":
-                self._buffer[rows] = scale * self._delay_slope()
+                self._buffer[rows] = 0.0
+                self._buffer[rows, :, self._lines] = scale * self._delay_slope()
             else:
                 self._fill(rows, kind, mask, own, scale, outer)
             begin = rows.stop
-        return self._buffer
 
     def _fill(
         self,
@@ -175,7 +216,7 @@ class Collocated:
         elif kind.endswith("inertia"):
             out *= -(self._omega**2)
             if self._period is not None:
-                out += scale * self._alias_slope(kind, mask)
+                out[..., self._lines] += scale * self._alias_slope(kind, mask)
         else:
             out *= 1j * self._omega
 
@@ -236,15 +277,19 @@ class Collocated:
         else:
             seen = np.swapaxes(inverse[..., : model.n_motor], -1, -2)
         pairs = -(seen[..., self._rows] * seen[..., self._columns])[:, mask]
-        folded = alias_factor(self._omega, parameters.delay[0], self._period or 0.0)[0]
-        return np.asarray(folded * np.moveaxis(pairs[self._configuration], 0, -1))
+        folding = self._last().folding
+        assert folding is not None
+        return np.asarray(folding.fast[:, 0] * np.moveaxis(pairs[self._configuration[self._lines]], 0, -1))
 
     def _delay_slope(self) -> ComplexArray:
-        solved, rate = self._last(), -1j * self._omega
-        if self._period is None:
+        solved, rate = self._last(), -1j * self._line_omega
+        if solved.folding is None or solved.by_delay is None:
             return np.asarray(rate * solved.sampled)
-        folded, slope = alias_factor(self._omega, solved.parameters.delay[0], self._period)
-        return np.asarray(rate * (solved.sampled - folded * solved.fast) + slope * solved.fast)
+        folded = solved.folding.fast[:, 0] * solved.fast
+        slope = solved.by_delay.fast[:, 0] * solved.fast
+        folded = folded + self._folded(solved.folding, solved.seen)
+        slope = slope + self._folded(solved.by_delay, solved.seen)
+        return np.asarray(rate * (solved.sampled - folded) + slope)
 
     def _hold(self, parameters: ElasticParameters) -> None:
         """Sets up everything but what varies; anew only when it did change."""
@@ -263,7 +308,8 @@ class Collocated:
         if self._swept:
             constant = self._sweep(constant, parameters.viscous)
         self._constant = np.ascontiguousarray(constant.transpose(1, 2, 0))
-        self._fast = np.ascontiguousarray(fast_limit(model, parameters)[here][:, self._rows, self._columns].T)
+        fast = fast_limit(model, parameters)[here[self._lines]]
+        self._fast = np.ascontiguousarray(fast[:, self._rows, self._columns].T)
         self._held = held
 
     def _sweep(self, constant: FloatArray | ComplexArray, viscous: FloatArray) -> ComplexArray:

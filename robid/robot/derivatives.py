@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.linearize import LinearModel, Shifts
-from robid.robot.response import ElasticParameters, Response, alias_factor, fast_limit, mass_matrix
+from robid.robot.response import ElasticParameters, Response, fast_limit, mass_matrix
 from robid.robot.rest import Moves, Springs, SpringSlopes, settle_springs, spring_slopes
 
 
 def jacobian(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    kinds: tuple[str, ...],
-    sampling_period_s: float | None,
+    model: LinearModel, parameters: ElasticParameters, result: Response, kinds: tuple[str, ...]
 ) -> ComplexArray:
     """Derivatives of the sampled response, springs and dampers as outer products.
 
@@ -26,7 +23,6 @@ def jacobian(
         parameters: Where `result` was computed.
         result: The response.
         kinds: Field names of `ElasticParameters`, in the order wanted.
-        sampling_period_s: As for `response`.
 
     Returns:
         (n_conf, n_freq, n_out, n_in, n_param), with respect to the plain (not logarithmic) values.
@@ -37,9 +33,25 @@ def jacobian(
     model = result.model
     slopes = loaded_slopes(model, parameters, result.springs, kinds)
     slopes = {kind: each for kind, each in slopes.items() if kind in kinds}
-    through_rest = _rest_columns(parameters, result, slopes, sampling_period_s)
-    columns = [_columns(model, parameters, result, kind, sampling_period_s, through_rest.get(kind)) for kind in kinds]
+    columns = _all_columns(parameters, result, kinds, slopes)
+    if result.images is not None and result.folding is not None:
+        plain = replace(model, effects=None, added=None)
+        above = _all_columns(parameters, replace(result.images, model=plain), kinds, slopes)
+        folded = (
+            None if kind == "delay" else result.folding.images(each) for kind, each in zip(kinds, above, strict=True)
+        )
+        columns = [own if more is None else own + more for own, more in zip(columns, folded, strict=True)]
+    if model.shifts is not None and "doubt" in kinds:
+        columns[kinds.index("doubt")] += (result.sampled / result.gain)[..., None] * model.shifts.torque.T
     return np.concatenate(columns, axis=-1) * result.gain[:, None]
+
+
+def _all_columns(
+    parameters: ElasticParameters, result: Response, kinds: tuple[str, ...], slopes: Mapping[str, SpringSlopes]
+) -> list[ComplexArray]:
+    """Derivatives of each kind, without those of the motors' gains and what images of the response fold down."""
+    through_rest = _rest_columns(parameters, result, slopes)
+    return [_columns(result.model, parameters, result, kind, through_rest.get(kind)) for kind in kinds]
 
 
 def _columns(
@@ -47,12 +59,10 @@ def _columns(
     parameters: ElasticParameters,
     result: Response,
     kind: str,
-    sampling_period_s: float | None,
     through_rest: ComplexArray | None,
 ) -> ComplexArray:
     if kind == "doubt" and model.shifts is not None:
-        scaled = (result.sampled / result.gain)[..., None] * model.shifts.torque.T
-        moved = scaled + _move_columns(parameters, result, model.shifts, sampling_period_s)
+        moved = _move_columns(parameters, result, model.shifts)
         return moved if model.effects is None else moved + _effect_columns(parameters, result)
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
@@ -73,10 +83,10 @@ def _columns(
     if kind == "motor_inertia":
         matrices = np.eye(n_motor, model.mass.shape[-1])
         directions = np.einsum("li,lj->lij", matrices, matrices)
-        return _inertia_columns(model, parameters, result, directions[None], sampling_period_s)
+        return _inertia_columns(model, parameters, result, directions[None])
     if kind == "link_inertia":
-        return _inertia_columns(model, parameters, result, model.link_inertia, sampling_period_s)
-    return _delay_column(model, parameters, result, sampling_period_s)
+        return _inertia_columns(model, parameters, result, model.link_inertia)
+    return _delay_column(model, parameters, result)
 
 
 def loaded_slopes(
@@ -102,7 +112,6 @@ def _rest_columns(
     parameters: ElasticParameters,
     result: Response,
     slopes: Mapping[str, SpringSlopes],
-    sampling_period_s: float | None,
 ) -> dict[str, ComplexArray]:
     """Derivatives that pass through expected slopes and rest positions, by kind."""
     if not slopes:
@@ -114,28 +123,25 @@ def _rest_columns(
         kind: stiffness @ each.stiffness[:, None, None] for kind, each in slopes.items()
     }
     if model.rest.moves is not None:
-        moved = _move_columns(parameters, result, model.rest.moves, sampling_period_s)
+        moved = _move_columns(parameters, result, model.rest.moves)
         for kind, each in slopes.items():
             columns[kind] += moved @ each.displacement[:, None, None]
     return columns
 
 
-def _move_columns(
-    parameters: ElasticParameters, result: Response, moves: Moves | Shifts, sampling_period_s: float | None
-) -> ComplexArray:
+def _move_columns(parameters: ElasticParameters, result: Response, moves: Moves | Shifts) -> ComplexArray:
     """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or amounts of doubts."""
     model, square = result.model, result.omega**2
-    columns = _inertia_columns(model, parameters, result, moves.mass, sampling_period_s)
+    columns = _inertia_columns(model, parameters, result, moves.mass)
     left, right = np.swapaxes(result.outputs, -1, -2), result.inputs
     for index in range(moves.mass.shape[1]):
         change = square[:, None, None] * (left @ (moves.gravity_stiffness[:, index, None] @ right))
         seen = square[:, None, None] * moves.output[:, index, None] + moves.tilt[:, index, None]
         columns[..., index] += result.hold[:, None, None] * (change - seen @ right)
-    if sampling_period_s is not None:
+    if result.folding is not None:
         inverse = np.linalg.inv(mass_matrix(model, parameters))[..., : model.n_motor]
-        aliases = alias_factor(result.omega, parameters.delay[0], sampling_period_s)[0]
         fast = np.einsum("cmoa,cai->coim", moves.output, inverse)
-        columns += aliases[:, None, None, None] * fast[:, None]
+        columns += result.folding.fast[..., None, None] * fast[:, None]
     return columns
 
 
@@ -171,19 +177,17 @@ def _inertia_columns(
     parameters: ElasticParameters,
     result: Response,
     directions: FloatArray,
-    sampling_period_s: float | None,
 ) -> ComplexArray:
     spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
     places = zip(result.outputs, spread, result.inputs, strict=True)
     change = np.stack([_quadratic(outputs, own, inputs) for outputs, own, inputs in places])
     columns = -(result.hold * result.omega**4)[:, None, None, None] * change
-    if sampling_period_s is None:
+    if result.folding is None:
         return np.asarray(columns)
     inverse = np.linalg.inv(mass_matrix(model, parameters))
     left, right = model.output @ inverse, inverse[..., : model.n_motor]
     fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
-    aliases = alias_factor(result.omega, parameters.delay[0], sampling_period_s)[0]
-    return np.asarray(columns + aliases[:, None, None, None] * fast[:, None])
+    return np.asarray(columns + result.folding.fast[..., None, None] * fast[:, None])
 
 
 def _quadratic(outputs: ComplexArray, directions: FloatArray, inputs: ComplexArray) -> ComplexArray:
@@ -195,13 +199,14 @@ def _quadratic(outputs: ComplexArray, directions: FloatArray, inputs: ComplexArr
     return np.asarray((outputs.swapaxes(1, 2) @ right).reshape(n_freq, outputs.shape[2], n_in, -1))
 
 
-def _delay_column(
-    model: LinearModel, parameters: ElasticParameters, result: Response, sampling_period_s: float | None
-) -> ComplexArray:
+def _delay_column(model: LinearModel, parameters: ElasticParameters, result: Response) -> ComplexArray:
     rate = -1j * result.omega[:, None, None]
-    if sampling_period_s is None:
+    if result.folding is None or result.by_delay is None:
         return np.asarray(rate * result.sampled / result.gain)[..., None]
     fast = fast_limit(model, parameters)[:, None]
-    aliases, slope = alias_factor(result.omega, parameters.delay[0], sampling_period_s)
-    own = result.sampled / result.gain - aliases[:, None, None] * fast
-    return np.asarray(rate * own + slope[:, None, None] * fast)[..., None]
+    own = result.sampled / result.gain - result.folding.fast[..., None] * fast
+    column = rate * own + result.by_delay.fast[..., None] * fast
+    if result.images is not None:
+        above = result.images.sampled
+        column = column + result.by_delay.images(above) - rate * result.folding.images(above)
+    return np.asarray(column)[..., None]

@@ -13,6 +13,7 @@ from robid.robot.doubts import Doubts
 from robid.signals.positions import METRES, RADIANS, shown
 
 JointType = Literal["revolute", "prismatic"]
+TorquePlace = Literal["motor", "joint"]
 SpringPlace = Literal["transmission", "shaft", "bearing", "split", "base", "payload"]
 LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")
 """Places of springs whose location matters."""
@@ -84,6 +85,11 @@ class Motor:
     torque_constant_nm_a: float | None = None
 
 
+def no_motor() -> Motor:
+    """Returns what stands for the motor of a joint whose torque is measured at the joint: the arm itself."""
+    return Motor(inertia_kgm2=0.0, gear_ratio=1.0, max_speed_rad_s=np.inf, max_torque_nm=np.inf)
+
+
 @dataclass(frozen=True)
 class HarmonicBalance:
     """A counterbalance whose torque on the arm is `sum_k sine_k sin(k q) + cosine_k cos(k q)` of the joint's angle.
@@ -145,6 +151,8 @@ class Joint:
         arm_viscous: Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load
             motor; arm side, where the motor's acts before the transmission [N m s/rad, or N s/m].
         doubts: How far what is stated of the joint may be off.
+        torque_at: Where its torque is known: at its motor, or behind motor and gear, by a sensor at the joint. In the
+            latter case it has no motor: what stands in its place has no inertia and turns with the arm.
     """
 
     name: str
@@ -159,6 +167,12 @@ class Joint:
     counterbalance: HarmonicBalance | SpringBalance | None = None
     arm_viscous: float = 0.0
     doubts: Doubts = field(default_factory=Doubts)
+    torque_at: TorquePlace = "motor"
+
+    @property
+    def has_motor(self) -> bool:
+        """Whether a motor with its gear is part of it."""
+        return self.torque_at == "motor"
 
     @property
     def reflected_viscous_nms_rad(self) -> float:
@@ -379,6 +393,11 @@ class Robot:
     def prismatic(self) -> BoolArray:
         """Which joints (n_joint,) slide."""
         return np.array([joint.type == "prismatic" for joint in self.joints])
+
+    @property
+    def has_motors(self) -> BoolArray:
+        """Which joints (n_joint,) have a motor, not a sensor behind their gear."""
+        return np.array([joint.has_motor for joint in self.joints])
 
     @property
     def rigid(self) -> BoolArray:

@@ -3,32 +3,35 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.robot.masses import Weights, changed_by_compiler, replace_unsound, weights
+from robid.robot.quiet import quiet_warnings
+from robid.robot.ties import Bond, Tie, constraints_of, split
+from robid.robot.urdf import Urdf, read_urdf, unusable, wrong_limits
 
 _REMOVED = (
     ("keys", "keyframe"),
     ("sensors", "sensor"),
     ("actuators", "actuator"),
-    ("equalities", "equality constraint"),
+    ("equalities", ""),  # told by whoever knows which joints move
     ("tendons", "tendon"),
     ("pairs", "contact pair"),
     ("excludes", "contact exclusion"),
     ("skins", "skin"),
     ("flexes", "flexible body"),
+    ("plugins", "plugin"),
 )
 _ASSETS = ("meshes", "hfields", "materials", "textures")
-_PASSIVE = ("damping", "frictionloss", "armature", "stiffness")
-_STAND_IN_KG = 1e-3
+_PASSIVE = ("damping", "frictionloss", "armature", "stiffness", "springdamper")
+_FLUID = ("density", "viscosity", "wind")
 _DRIVEN = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-_SPEED_OF_LIGHT = 3e8
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,13 @@ class ForeignModel:
         slides: Names of its slide joints.
         fixed: Names of its joints that do not move.
         others: Names of its joints that are none of these.
-        massless: Joints whose link has no inertial, with the link's name.
+        weights: What its bodies weigh; what `compiled` says of it may be a stand-in.
+        faults: What is wrong with a body, by its name; it matters where the body moves.
+        limit_faults: What is wrong with the limits of a joint, by its name.
+        rest: Where hinges and slides rest: at the file's reference, else in the middle of their limits [rad, or m].
+        gravity: Gravity in the world frame, zeros where it is switched off [m/s^2].
+        ties: Joints that follow others.
+        bonds: What else is tied.
         speed: Arm-side speed limits that it states, by joint [rad/s, or m/s].
         torque: Arm-side torque or force limits that it states, by joint [N m, or N].
         notes: What was left out.
@@ -54,7 +63,13 @@ class ForeignModel:
     slides: tuple[str, ...]
     fixed: tuple[str, ...]
     others: tuple[str, ...]
-    massless: Mapping[str, str]
+    weights: Weights
+    faults: Mapping[str, str]
+    limit_faults: Mapping[str, str]
+    rest: Mapping[str, float]
+    gravity: tuple[float, float, float]
+    ties: tuple[Tie, ...]
+    bonds: tuple[Bond, ...]
     speed: Mapping[str, float]
     torque: Mapping[str, float]
     notes: tuple[str, ...]
@@ -79,43 +94,102 @@ def read_model(path: Path) -> ForeignModel:
     """
     try:
         root = ET.fromstring(path.read_bytes())
-        spec = mujoco.MjSpec.from_file(str(path))
-        is_urdf = root.tag == "robot"
-        speeds = _urdf_speeds(root) if is_urdf else {}
-        torques = _torque_limits(spec)
-        notes = tuple(_strip(spec, is_urdf=is_urdf))
-        massless = _fill_massless(spec)
-        spec.compiler.fusestatic = False
-        compiled = spec.compile()
+        with quiet_warnings():
+            return _read(path, root)
     except OSError as error:
         what = f"cannot be read: {error.strerror or error}"
         raise DataError(what, where=str(path), remedy="check the path") from error
     except (ET.ParseError, ValueError) as error:
         what = f"is not a robot that MuJoCo can read: {' '.join(str(error).split())}"
         raise DataError(what, where=str(path), remedy="correct the file") from error
+
+
+def _read(path: Path, root: ET.Element) -> ForeignModel:
+    urdf = Urdf()
+    if root.tag == "robot":
+        faults = unusable(root)
+        if faults:
+            raise DataError("; ".join(faults), where=str(path), remedy="correct the file")
+        urdf = read_urdf(root)
+        spec = mujoco.MjSpec.from_string(urdf.text)
+        spec.compiler.balanceinertia = urdf.balances
+    elif root.tag == "mujoco":
+        spec = mujoco.MjSpec.from_file(str(path))
+    else:
+        told = f"is neither MJCF nor URDF: its outermost element is `{root.tag}`, not `mujoco` or `robot`"
+        raise DataError(told, where=str(path), remedy="convert the file")
+    name_everything(spec)
+    limit_faults = urdf.limits | _limit_faults(spec)
+    torques, constraints, notes = _torque_limits(spec), constraints_of(spec), [*_strip(spec), *urdf.notes]
+    replaced = replace_unsound(spec)
+    spec.compiler.fusestatic = False
+    compiled = spec.compile()
     names: dict[int, list[str]] = {int(kind): [] for kind in mujoco.mjtJoint.__members__.values()}
     for index in range(compiled.njnt):
         names[int(compiled.jnt_type[index])].append(compiled.joint(index).name)
     hinges, slides = (tuple(names.pop(int(kind))) for kind in _DRIVEN)
-    fixed = tuple(joint.get("name", "") for joint in root.findall("joint") if joint.get("type") == "fixed")
+    ties, bonds = split(constraints, compiled)
     return ForeignModel(
-        path.name, compiled, hinges, slides, fixed if is_urdf else (), _joined(names),
-        massless, speeds, torques, tuple(f"{path.name}: {note}" for note in notes),
+        name=path.name, compiled=compiled, hinges=hinges, slides=slides, fixed=urdf.fixed, others=_joined(names),
+        weights=weights(compiled, replaced), faults={**replaced.faults, **urdf.links}, limit_faults=limit_faults,
+        rest=_rest(compiled, (*hinges, *slides)), gravity=urdf.gravity or _gravity(spec), ties=tuple(ties),
+        bonds=tuple(bonds), speed=urdf.speed, torque=torques,
+        notes=tuple(f"{path.name}: {note}" for note in (*notes, *changed_by_compiler(spec, replaced))),
     )  # fmt: skip
+
+
+def name_everything(spec: mujoco.MjSpec) -> None:
+    """Gives bodies and joints without a name one, so that they can be spoken of."""
+    taken = {body.name for body in spec.bodies} | {joint.name for joint in spec.joints}
+    for index, body in enumerate(spec.bodies):
+        named = [joint.name for joint in body.joints if joint.name]
+        body.name = body.name or _free(f"body_of_{named[0]}" if named else f"body_{index}", taken)
+        for joint in body.joints:
+            joint.name = joint.name or _free(f"joint_of_{body.name}", taken)
+
+
+def _free(name: str, taken: set[str]) -> str:
+    """Returns a name that nothing has yet, and notes it."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
+
+
+def _limit_faults(spec: mujoco.MjSpec) -> dict[str, str]:
+    """Takes away limits that MuJoCo would refuse; returns what is wrong with them, by joint."""
+    faults = {}
+    for joint in spec.joints:
+        lower, upper = (float(limit) for limit in joint.range)
+        is_on = joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE or lower != 0 or upper != 0
+        if joint.type not in _DRIVEN or joint.limited == mujoco.mjtLimited.mjLIMITED_FALSE or not is_on:
+            continue
+        if lower >= upper:
+            faults[joint.name] = wrong_limits(lower, upper)
+            joint.range, joint.limited = np.zeros(2), mujoco.mjtLimited.mjLIMITED_FALSE
+    return faults
 
 
 def _joined(names: Mapping[int, list[str]]) -> tuple[str, ...]:
     return tuple(name for each in names.values() for name in each)
 
 
-def _urdf_speeds(root: ET.Element) -> dict[str, float]:
-    speeds = {}
-    for joint in root.findall("joint"):
-        limit = joint.find("limit")
-        speed = float(limit.get("velocity", "0")) if limit is not None else 0.0
-        if 0 < speed < _SPEED_OF_LIGHT:
-            speeds[joint.get("name", "")] = speed
-    return speeds
+def _gravity(spec: mujoco.MjSpec) -> tuple[float, float, float]:
+    if spec.option.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
+        return (0.0, 0.0, 0.0)
+    x, y, z = (float(value) for value in spec.option.gravity)
+    return (x, y, z)
+
+
+def _rest(compiled: mujoco.MjModel, joints: tuple[str, ...]) -> dict[str, float]:
+    rest = {}
+    for name in joints:
+        joint = compiled.joint(name)
+        reference = float(compiled.qpos0[joint.qposadr[0]])
+        lower, upper = joint.range.tolist()
+        is_outside = compiled.jnt_limited[joint.id] and not lower <= reference <= upper
+        rest[name] = (lower + upper) / 2 if is_outside else reference
+    return rest
 
 
 def _torque_limits(spec: mujoco.MjSpec) -> dict[str, float]:
@@ -133,11 +207,11 @@ def _torque_limits(spec: mujoco.MjSpec) -> dict[str, float]:
     return limits | {joint.name: float(joint.actfrcrange[1]) for joint in spec.joints if joint.actfrcrange[1] > 0}
 
 
-def _strip(spec: mujoco.MjSpec, *, is_urdf: bool) -> Iterator[str]:
+def _strip(spec: mujoco.MjSpec) -> Iterator[str]:
     """Removes what an elastic robot cannot keep, and says what it was."""
     for key, word in _REMOVED:
         elements = list(getattr(spec, key))
-        if elements:
+        if elements and word:
             yield _left_out(len(elements), word, [element.name for element in elements])
         for element in elements:
             spec.delete(element)
@@ -147,16 +221,25 @@ def _strip(spec: mujoco.MjSpec, *, is_urdf: bool) -> Iterator[str]:
             yield f"{key} of joints left out ({_listed(names)})"
     for joint in spec.joints:
         joint.damping, joint.stiffness = np.zeros(3), np.zeros(3)
-        joint.frictionloss, joint.armature = 0.0, 0.0
-    yield from _strip_geometry(spec, is_urdf=is_urdf)
+        joint.frictionloss, joint.armature, joint.springdamper = 0.0, 0.0, np.zeros(2)
+    held = [body.name for body in spec.bodies if body.gravcomp]
+    if held:
+        yield f"gravcomp of bodies left out, they have their full weight ({_listed(held)})"
+    flows = [key for key in _FLUID if np.any(np.asarray(getattr(spec.option, key)))]
+    if flows:
+        yield f"{', '.join(flows)} of the surrounding medium left out"
+    yield from _strip_geometry(spec)
 
 
-def _strip_geometry(spec: mujoco.MjSpec, *, is_urdf: bool) -> Iterator[str]:
-    """Keeps only what gives an MJCF body without an inertial its mass; a URDF states no density."""
-    always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+def _strip_geometry(spec: mujoco.MjSpec) -> Iterator[str]:
+    """Keeps only what gives an MJCF body without an inertial its mass; of a URDF there are no shapes by now."""
+    choice = mujoco.mjtInertiaFromGeom
+    always = spec.compiler.inertiafromgeom == choice.mjINERTIAFROMGEOM_TRUE
+    never = spec.compiler.inertiafromgeom == choice.mjINERTIAFROMGEOM_FALSE
     weighing, dropped = [], 0
     for body in spec.bodies:
-        if not is_urdf and body.name != "world" and body.geoms and (always or not body.explicitinertial):
+        by_shape = always or not (never or body.explicitinertial)
+        if body.name != "world" and body.geoms and by_shape:
             weighing.append(body.name)
             continue
         for geom in list(body.geoms):
@@ -172,63 +255,11 @@ def _strip_geometry(spec: mujoco.MjSpec, *, is_urdf: bool) -> Iterator[str]:
                 spec.delete(asset)
 
 
-def _fill_massless(spec: mujoco.MjSpec) -> dict[str, str]:
-    """Finds moving links without mass; a stand-in lets MuJoCo compile them, so that all faults are found at once."""
-    massless: dict[str, str] = {}
-    for body in spec.bodies[1:]:
-        if body.joints and not _weighs(body):
-            massless |= {joint.name: body.name for joint in body.joints}
-            body.explicitinertial, body.mass, body.inertia = True, _STAND_IN_KG, np.full(3, _STAND_IN_KG)
-            body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    return massless
-
-
-def _weighs(body: mujoco.MjsBody) -> bool:
-    """Whether a body or one welded to it has mass."""
-    own = (body.explicitinertial and body.mass > 0) or bool(body.geoms)
-    return own or any(_weighs(child) for child in body.bodies if not child.joints)
-
-
 def _left_out(count: int, word: str, names: list[str]) -> str:
-    plural = {"equality constraint": "equality constraints", "flexible body": "flexible bodies"}.get(word, f"{word}s")
+    plural = "flexible bodies" if word == "flexible body" else f"{word}s"
     return f"{count} {word if count == 1 else plural} left out ({_listed(names)})"
 
 
 def _listed(names: list[str]) -> str:
     shown = [name or "unnamed" for name in names]
     return ", ".join(shown) if len(shown) <= 8 else f"{', '.join(shown[:7])} and {len(shown) - 7} more"
-
-
-class Shapes:
-    """Shapes of a robot's own file without meshes, to tell where it touches itself."""
-
-    def __init__(self, path: Path, joints: Sequence[str], locked: Mapping[str, float]) -> None:
-        """Reads them.
-
-        Args:
-            path: The MJCF or URDF file.
-            joints: Names of the driven joints, base to flange.
-            locked: Positions of other joints [rad, or m].
-        """
-        spec = mujoco.MjSpec.from_file(str(path))
-        for geom in list(spec.geoms):
-            if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
-                spec.delete(geom)
-        for mesh in list(spec.meshes):
-            spec.delete(mesh)
-        self._model = spec.compile()
-        self._data = mujoco.MjData(self._model)
-        for name, angle in locked.items():
-            self._data.joint(name).qpos = angle
-        self._hinges = [int(self._model.joint(name).qposadr[0]) for name in joints]
-
-    def touching(self, angles: FloatArray) -> str:
-        """Names two bodies that are in contact at joint positions (n_joint,) [rad, or m]; empty if there are none."""
-        self._data.qpos[self._hinges] = angles
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_collision(self._model, self._data)
-        for contact in self._data.contact:
-            bodies = [self._model.body(int(self._model.geom_bodyid[geom])).name for geom in contact.geom]
-            if contact.dist < 0:
-                return f"`{bodies[0]}` and `{bodies[1]}` touch"
-        return ""

@@ -13,6 +13,7 @@ from robid.robot.description import HarmonicBalance, Sensor
 from robid.robot.gear_effects import GearEffects
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import Rest
+from robid.signals.quantities import Rate
 
 _AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]  # of x, y and z
 _NEWTON_STEPS = 20
@@ -83,6 +84,8 @@ class LinearModel:
             it; None for nothing.
         clinging (n_conf, n_motor): Torques that follow the motors' angles, as complex stiffnesses [N m/rad]; None for
             none.
+        rates (n_out,): How many times each output is differentiated before it is sampled; empty where all outputs are
+            positions when they are sampled.
     """
 
     mass: FloatArray
@@ -98,6 +101,7 @@ class LinearModel:
     effects: GearEffects | None = None
     added: ComplexArray | None = None
     clinging: ComplexArray | None = None
+    rates: tuple[Rate, ...] = ()
 
     @property
     def n_motor(self) -> int:

@@ -11,8 +11,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
-from robid.robot.foreign import Shapes
 from robid.robot.model import ElasticModel, build_model
+from robid.robot.shapes import Shapes
 
 TOUCH_M = 1e-3
 """How far a point may be below the floor."""

@@ -10,8 +10,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel, Shifts
 from robid.robot.rest import Moves, Springs, SpringValues, settle_springs
-
-_ALIASES = (-2, -1, 1, 2)
+from robid.robot.sampling import Folding, hold_factor, make_folding
 
 
 @dataclass(frozen=True)
@@ -61,6 +60,9 @@ class Response:
         model: The linearised robot where these parameters let it rest.
         springs: Its springs there.
         gain (n_in,): Torque that each motor gives per torque recorded, where that is doubted; in `sampled` only.
+        folding: What sampling folds down from above; None in continuous time.
+        by_delay: Its derivative by the delay.
+        images: The continuous response at the folding's own frequencies; None where it needs none.
     """
 
     sampled: ComplexArray
@@ -71,6 +73,9 @@ class Response:
     model: LinearModel
     springs: Springs
     gain: FloatArray
+    folding: Folding | None = None
+    by_delay: Folding | None = None
+    images: Response | None = None
 
 
 def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> ElasticParameters:
@@ -101,13 +106,35 @@ def response(
         sampling_period_s: Period of the held torque and the sampled position; None for continuous time.
 
     Returns:
-        `-w^2 C Z^-1 B`, with hold, delay and aliases of the held position response.
+        `-w^2 C Z^-1 B`, with hold, delay and what folds down onto outputs that are sampled as positions or as rates.
 
     Source:
         METHODS sec. 1 (FRF, Sampling).
     """
     omega = 2 * np.pi * np.asarray(frequency_hz, float)
     model, springs = at_rest(model, parameters)
+    gain = np.ones(model.n_motor) if model.shifts is None else np.exp(parameters.doubt @ model.shifts.torque)
+    whole = _continuous(model, parameters, springs, omega, gain)
+    hold = hold_factor(omega, parameters.delay[0], sampling_period_s)
+    sampled = hold[:, None, None] * whole.sampled
+    if sampling_period_s is None:
+        return replace(whole, sampled=sampled * gain, hold=hold)
+    rates = model.rates or (0,) * model.output.shape[1]
+    folding, by_delay = make_folding(omega, float(parameters.delay[0]), sampling_period_s, rates)
+    sampled = sampled + folding.fast[:, :, None] * fast_limit(model, parameters)[:, None]
+    images = None
+    if folding.omega.size:
+        # What gears do beside springs and dampers is known at the lines alone, and small above them.
+        plain = replace(model, effects=None, added=None)
+        images = _continuous(plain, parameters, springs, folding.omega, gain)
+        sampled = sampled + folding.images(images.sampled)
+    return replace(whole, sampled=sampled * gain, hold=hold, folding=folding, by_delay=by_delay, images=images)
+
+
+def _continuous(
+    model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray, gain: FloatArray
+) -> Response:
+    """The response at rest without hold, delay and gain."""
     stiffness = _dynamic_stiffness(model, parameters, springs, omega)
     n_motor, n = model.n_motor, model.mass.shape[-1]
     collocated = model.output.shape[1] == n_motor and bool((model.output == np.eye(n_motor, n)).all())
@@ -119,15 +146,7 @@ def response(
     inputs = solved[..., :n_motor]
     outputs = inputs if collocated else solved[..., n_motor:]
     continuous = -(omega**2)[:, None, None] * (seen @ inputs)
-    hold = hold_factor(omega, parameters.delay[0], sampling_period_s)
-    sampled = hold[:, None, None] * continuous
-    if sampling_period_s is not None:
-        fast = fast_limit(model, parameters)
-        sampled = (
-            sampled + alias_factor(omega, parameters.delay[0], sampling_period_s)[0][:, None, None] * fast[:, None]
-        )
-    gain = np.ones(n_motor) if model.shifts is None else np.exp(parameters.doubt @ model.shifts.torque)
-    return Response(sampled * gain, inputs, outputs, hold, omega, model, springs, gain)
+    return Response(continuous, inputs, outputs, np.ones(omega.size, complex), omega, model, springs, gain)
 
 
 def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:
@@ -254,27 +273,6 @@ def fast_limit(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
     """Returns the acceleration per torque (n_conf, n_out, n_in) at infinite frequency."""
     inverse = np.linalg.inv(mass_matrix(model, parameters))
     return np.asarray(model.output @ inverse[..., : model.n_motor])
-
-
-def hold_factor(omega: FloatArray, delay_s: float, sampling_period_s: float | None) -> ComplexArray:
-    """Returns what hold and delay multiply the continuous response by (n_freq,)."""
-    lag = np.exp(-1j * omega * delay_s)
-    if sampling_period_s is None:
-        return np.asarray(lag)
-    half = 0.5 * omega * sampling_period_s
-    return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half) * lag)
-
-
-def alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
-    """Returns what the fast limit is multiplied by as it folds down (n_freq,), and its derivative by the delay."""
-    total = np.zeros(omega.size, complex)
-    slope = np.zeros(omega.size, complex)
-    for shift in _ALIASES:
-        alias = omega + shift * 2 * np.pi / sampling_period_s
-        term = (omega / alias) ** 2 * hold_factor(alias, delay_s, sampling_period_s)
-        total += term
-        slope += -1j * alias * term
-    return total, slope
 
 
 def with_values(parameters: ElasticParameters, kind: str, values: FloatArray) -> ElasticParameters:

@@ -123,11 +123,26 @@ def _spring(spring: Spring, before: Joint, after: Joint) -> Spring:
 
 def _joint(joint: Joint, values: Mapping[str, float], shaft: float) -> Joint:
     """Puts a joint's values in place; what its shafts turn is not its rotor's."""
+    if not joint.has_motor:
+        return _without_motor(joint, values)
     inertia = values.get(f"{joint.name}.motor_inertia", joint.motor.inertia_kgm2 + shaft) - shaft
     inertia = max(inertia, _LEAST_INERTIA)
     motor = replace(joint.motor, inertia_kgm2=inertia, friction=_friction(joint, values))
     return replace(
         joint, link=_body(joint.name, joint.link, values), motor=motor, counterbalance=_counterbalance(joint, values)
+    )
+
+
+def _without_motor(joint: Joint, values: Mapping[str, float]) -> Joint:
+    """The same of a joint without a motor, whose viscous friction is the arm's."""
+    coulomb = _mean(joint.name, "coulomb", values, joint.motor.friction.coulomb_nm)
+    law = replace(joint.motor.friction, coulomb_nm=coulomb, static_nm=coulomb)
+    return replace(
+        joint,
+        link=_body(joint.name, joint.link, values),
+        motor=replace(joint.motor, friction=law),
+        arm_viscous=_mean(joint.name, "viscous", values, joint.arm_viscous),
+        counterbalance=_counterbalance(joint, values),
     )
 
 

@@ -32,7 +32,7 @@ def data_path(name: str, folder: Path) -> Path:
         folder: Folder of the settings file, for other paths.
     """
     if name.startswith(DATA_VARIABLE):
-        return Path(os.environ.get("ROBID_DATA", DATA_DEFAULT)) / name.removeprefix(DATA_VARIABLE).lstrip("/")
+        return Path(os.environ.get("ROBID_DATA") or DATA_DEFAULT) / name.removeprefix(DATA_VARIABLE).lstrip("/")
     return folder / name
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.robot.chain import ForeignJoint, extract_chain, frame_on_last, order_of
+from robid.robot.chain import ForeignJoint, carried_by, extract_chain, frame_on_last, order_of
 from robid.robot.foreign import ForeignModel, read_model
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.counterbalance import CounterbalanceSection
+from robid.settings.foreign_motion import Motion, motion_faults, motion_notes, motion_of
 from robid.settings.loop_links import LoopLinkSection
 from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
@@ -23,7 +24,7 @@ from robid.settings.robot_values import body_section
 from robid.settings.yaml import Document, FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
-_LOCKED = {"hinge": "locked_deg", "slide": "locked_m"}
+_LEAST_GRAVITY, _MOST_GRAVITY = 9.7, 9.9
 
 
 @dataclass(frozen=True)
@@ -51,67 +52,130 @@ def complete(document: Document, robot: RobotFile) -> Completed:
     try:
         model = read_model(path)
     except DataError as error:
-        return Completed(robot, [problem_at(document, ("model",), f"{error.where} {error.what}")], {})
-    immobile = dict.fromkeys(model.fixed, "is fixed in the model")
+        unread = robot.model_copy(update={"joints": tuple(map(_as_written, robot.joints))})
+        return Completed(unread, [problem_at(document, ("model",), f"{error.where} {error.what}")], {})
+    motion = motion_of(robot, model)
+    immobile = dict.fromkeys(model.fixed, "is fixed in the model") | dict.fromkeys(motion.held, "is held at rest")
     immobile |= dict.fromkeys(robot.locked_deg, "is locked by `locked_deg`")
     immobile |= dict.fromkeys(robot.locked_m, "is locked by `locked_m`")
-    found = [*_joints(robot, model, immobile), *_links(robot, model)]
+    found = [*_joints(robot, model, immobile), *motion_faults(robot, model, motion), *_links(robot, model, motion)]
+    found += [*_limits(robot, model), *_gravity(robot, model)]
     names = [joint.name for joint in robot.joints]
-    if not found:
-        found = [(("joints",), message) for message in order_of(model, names)]
+    if set(names) <= set(model.driven):
+        found += [(("joints",), message) for message in order_of(model, names)]
     if found:
-        return Completed(robot, [problem_at(document, field, message) for field, message in found], immobile)
-    locked = robot.locked
+        typed = robot.model_copy(update={"joints": tuple(_typed(joint, model) for joint in robot.joints)})
+        return Completed(typed, [problem_at(document, field, message) for field, message in found], immobile)
     flange: tuple[FloatArray, FloatArray] = (np.zeros(3), np.eye(3))
     if robot.flange is not None:
-        there = frame_on_last(model, names, locked, robot.flange)
+        there = frame_on_last(model, names, motion.held, robot.flange, motion.apart)
         if there is None:
             hint = suggest(robot.flange, model.frames())
             message = f"there is no body or site `{robot.flange}` on the last link; {hint}"
             return Completed(robot, [problem_at(document, ("flange",), message)], immobile)
         flange = there
-    return Completed(_merge(robot, model, extract_chain(model, names, locked), flange), [], immobile)
+    chain = extract_chain(model, names, motion.held, motion.apart)
+    return Completed(_with_motion(_merge(robot, model, chain, flange), model, motion), [], immobile)
+
+
+def _as_written(joint: JointSection) -> JointSection:
+    """Takes a joint for prismatic where its units say so: of a model that cannot be read, nothing else tells."""
+    slides = joint.motor.gear_ratio_rad_m is not None or joint.limits_m is not None
+    is_stated = "type" in joint.model_fields_set
+    return joint if is_stated or not slides else joint.model_copy(update={"type": "prismatic"})
+
+
+def _typed(joint: JointSection, model: ForeignModel) -> JointSection:
+    """Gives a joint the type that it has in the model, so that its units are judged by that."""
+    if joint.name not in model.driven:
+        return _as_written(joint)
+    return joint.model_copy(update={"type": "prismatic" if joint.name in model.slides else "revolute"})
 
 
 def _joints(robot: RobotFile, model: ForeignModel, immobile: dict[str, str]) -> _Found:
-    listed = [joint.name for joint in robot.joints]
-    for key, names in (("locked_deg", model.hinges), ("locked_m", model.slides)):
-        for name in getattr(robot, key):
-            if name in model.driven and name not in names:
-                kind = "hinge" if name in model.hinges else "slide"
-                yield (key, name), f"joint `{name}` of `{model.name}` is a {kind}: write it under `{_LOCKED[kind]}`"
-            elif name not in names:
-                yield (key, name), f"`{model.name}` has no joint `{name}`; {suggest(name, names)}"
-    for index, name in enumerate(listed):
-        field = ("joints", index, "name")
+    for index, joint in enumerate(robot.joints):
+        name, field = joint.name, ("joints", index, "name")
         if name in immobile:
             yield field, f"joint `{name}` {immobile[name]}, so no motor moves it: leave it out"
         elif name in model.others:
             yield field, f"joint `{name}` of `{model.name}` is neither hinge nor slide: only these can be driven"
         elif name not in model.driven:
             yield field, f"`{model.name}` has no joint `{name}`; {suggest(name, model.driven)}"
-        elif robot.joints[index].slides != (name in model.slides):
+        elif joint.slides != (name in model.slides):
             told = "slides: it needs `type: prismatic`" if name in model.slides else "turns: leave `type` out"
             yield ("joints", index, "type"), f"joint `{name}` of `{model.name}` {told}"
-    for kind, names in (("hinge", model.hinges), ("slide", model.slides)):
-        for name in names:
-            if name not in listed and name not in robot.locked:
-                message = f"joint `{name}` of `{model.name}` is neither here nor in `{_LOCKED[kind]}`"
-                yield ("joints",), message
-    for name in model.others:
-        if name not in listed:
-            yield ("model",), f"joint `{name}` of `{model.name}` is neither hinge nor slide: remove it from the model"
-
-
-def _links(robot: RobotFile, model: ForeignModel) -> _Found:
-    massless = [link for joint, link in model.massless.items() if joint not in robot.locked]
-    if massless:
-        named = ", ".join(f"`{link}`" for link in massless)
-        yield ("model",), f"links without an `inertial` in `{model.name}`: {named}; an elastic model needs their masses"
-    for index, joint in enumerate(robot.joints):
         for key in ("dh", "frame", "link"):
             if getattr(joint, key) is not None:
                 yield ("joints", index, key), "is what `model` brings: leave one of them out"
+
+
+def _limits(robot: RobotFile, model: ForeignModel) -> _Found:
+    for index, joint in enumerate(robot.joints):
+        if joint.name not in model.driven:
+            continue
+        key = "limits_m" if joint.name in model.slides else "limits_deg"
+        stated, fault = getattr(joint, key), model.limit_faults.get(joint.name)
+        if stated is None and fault:
+            told = f"joint `{joint.name}` of `{model.name}`: {fault}; correct the model, or write `{key}` here"
+            yield ("joints", index, key), told
+        elif stated is None and not model.compiled.jnt_limited[model.compiled.joint(joint.name).id]:
+            yield ("joints", index, key), "is missing: the model does not say it either"
+
+
+def _links(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Found:
+    """Finds links that move and have no masses that a body can have; those of joints that are unknown count, too."""
+    listed = {joint.name for joint in robot.joints}
+    moving = motion.listed if listed <= {*model.driven} else [n for n in model.driven if n not in motion.held]
+    carried = {joint: names for joint, names in carried_by(model, moving, motion.apart).items() if joint is not None}
+    massless = []
+    for names in carried.values():
+        indices = [model.compiled.body(name).id for name in names]
+        mass, inertia = model.weights.mass_kg[indices].sum(), model.weights.inertia_kgm2[indices]
+        faults = {name: model.faults[name] for name in names if name in model.faults}
+        yield from ((("model",), f"link `{name}` of `{model.name}`: {told}") for name, told in faults.items())
+        if faults:
+            continue
+        if mass == 0:
+            massless.append(names[0])
+        elif len(np.flatnonzero(model.weights.mass_kg[indices])) == 1 and not inertia.any():
+            yield ("model",), f"link `{names[0]}` of `{model.name}`: it has a mass but no inertia"
+    if massless:
+        named = ", ".join(f"`{link}`" for link in massless)
+        yield ("model",), f"links without an `inertial` in `{model.name}`: {named}; a dynamic model needs their masses"
+
+
+def _gravity(robot: RobotFile, model: ForeignModel) -> _Found:
+    """Asks for gravity where the model's cannot be meant, or where the mounting is stated twice."""
+    stated, size = model.gravity, float(np.linalg.norm(model.gravity))
+    if "gravity_m_s2" in robot.model_fields_set:
+        return
+    shown = ", ".join(f"{value:g}" for value in stated)
+    if not _LEAST_GRAVITY <= size <= _MOST_GRAVITY:
+        what = "has no gravity" if size == 0 else f"states a gravity of {size:.4g} m/s^2 ({shown})"
+        told = (
+            f"`{model.name}` {what}: write what the robot feels as `gravity_m_s2`, [0, 0, -9.81] if it stands upright"
+        )
+        yield ("model",), told
+    elif any(robot.base_rpy_deg) and stated[:2] != (0.0, 0.0):
+        told = (
+            f"turns the base, and the gravity of `{model.name}` ({shown}) is turned, too: write `gravity_m_s2` as well"
+        )
+        yield ("base_rpy_deg",), told
+
+
+def _with_motion(robot: RobotFile, model: ForeignModel, motion: Motion) -> RobotFile:
+    """Writes down what the model says of gravity and of joints that are held."""
+    held = {name: value for name, value in motion.held.items() if name not in robot.held}
+    turned = {name: float(np.rad2deg(value)) for name, value in held.items() if name in model.hinges}
+    slid = {name: value for name, value in held.items() if name in model.slides}
+    update: dict[str, Any] = {"notes": (*robot.notes, *motion_notes(model, motion))}
+    if held:
+        update |= {"locked_deg": {**robot.locked_deg, **turned}, "locked_m": {**robot.locked_m, **slid}}
+    if "gravity_m_s2" not in robot.model_fields_set and model.gravity != robot.gravity_m_s2:
+        shown = ", ".join(f"{value:g}" for value in model.gravity)
+        update["gravity_m_s2"] = model.gravity
+        update["notes"] = (*update["notes"], f"{model.name}: gravity of the model taken, ({shown}) m/s^2")
+    return robot.model_copy(update=update)
 
 
 def _merge(
@@ -167,7 +231,7 @@ def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> J
         "frame": frame,
         section.limits_key: limits,
         "link": body_section(found.link),
-        "motor": _motor(section, model),
+        "motor": None if section.motor is None else _motor(section.name, section.motor, model),
     }
     return section.model_copy(update=update | {"counterbalance": _balance(section, found)})
 
@@ -197,9 +261,8 @@ def _balance(section: JointSection, found: ForeignJoint) -> CounterbalanceSectio
     return None if balance is None else balance.model_copy(update=update)
 
 
-def _motor(section: JointSection, model: ForeignModel) -> MotorSection:
+def _motor(name: str, motor: MotorSection, model: ForeignModel) -> MotorSection:
     """Takes arm-side limits of the model to the motor side where the file states none."""
-    motor, name = section.motor, section.name
     update: dict[str, float] = {}
     ratio = abs(motor.ratio or 0.0)
     if ratio == 0:

@@ -18,6 +18,7 @@ from robid.settings.placeholders import Row, fill, refuse_placeholders
 from robid.settings.plain import plain_settings
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
+from robid.settings.sides import with_sides
 from robid.settings.yaml import Document, FieldPath, load_yaml
 
 RobotReader: TypeAlias = Callable[[Path], tuple[RobotFile | None, list[SettingsProblem]]]
@@ -130,6 +131,8 @@ def _load(
 ) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
     experiment, problems = validate_document(experiment_type(families), document)
     robot, robot_problems = _named_robot(document, read)
+    if experiment is not None and robot is not None:
+        experiment = with_sides(experiment, robot)
     if experiment is not None:
         problems += check_experiment(document, experiment, None if robot_problems else robot, families, check_study)
     problems = [*problems, *robot_problems]

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.robot.inertia import stretched_inertia
 from robid.settings.robot import RobotFile
-from robid.settings.robot_sections import JointSection
+from robid.settings.robot_sections import JointSection, MotorSection
 from robid.settings.yaml import FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
@@ -20,6 +20,7 @@ _SMALLEST_SHARE = 2e-3
 _QUICK_SHARE = 2e-2
 _LARGEST_SHARE = 30.0
 _MASS_TOLERANCE = 0.01
+HALVED = "where it holds all that turns, halve it and write the other half, times the gear ratio squared, as the link's"
 
 
 def implausible(robot: RobotFile) -> _Found:
@@ -33,7 +34,11 @@ def implausible(robot: RobotFile) -> _Found:
         moved = stretched_inertia(places, robot.links(), robot.slides, travels)
     for index, joint in enumerate(robot.joints):
         alike = [other.slides == joint.slides for other in robot.joints]
-        reason = _inertia(joint, None if moved is None else (float(moved[index]), float(moved[alike].max())))
+        if joint.motor is None:
+            continue
+        reason = _inertia(
+            joint, joint.motor, None if moved is None else (float(moved[index]), float(moved[alike].max()))
+        )
         if reason:
             value = f"{joint.motor.inertia_kgm2:g} kg m^2"
             yield ("joints", index, "motor", "inertia_kgm2"), f"{value} is implausible: {reason}"
@@ -43,8 +48,10 @@ def implausible(robot: RobotFile) -> _Found:
 
 def _ratios(robot: RobotFile) -> _Found:
     for index, joint in enumerate(robot.joints):
+        if joint.motor is None:
+            continue
         if joint.slides:
-            yield from _leads(index, joint)
+            yield from _leads(index, joint.motor)
             continue
         stated = joint.motor.gear_ratio
         if stated is None:
@@ -61,8 +68,8 @@ def _ratios(robot: RobotFile) -> _Found:
         yield ("joints", index, "motor", "gear_ratio"), reason
 
 
-def _leads(index: int, joint: JointSection) -> _Found:
-    stated = joint.motor.gear_ratio_rad_m
+def _leads(index: int, motor: MotorSection) -> _Found:
+    stated = motor.gear_ratio_rad_m
     # 1 stands for drives whose angles are metres: linear motors, or signals that are those of the carriage.
     if stated is None or abs(stated) == 1 or _SMALLEST_RATIO_RAD_M <= abs(stated) <= _LARGEST_RATIO_RAD_M:
         return
@@ -73,15 +80,15 @@ def _leads(index: int, joint: JointSection) -> _Found:
     yield ("joints", index, "motor", "gear_ratio_rad_m"), reason
 
 
-def _inertia(joint: JointSection, moved: tuple[float, float] | None) -> str:
+def _inertia(joint: JointSection, motor: MotorSection, moved: tuple[float, float] | None) -> str:
     """Says why a rotor's inertia cannot be meant.
 
     Args:
         joint: The joint.
+        motor: Its motor.
         moved: Largest inertia that the joint meets, and the whole arm's [kg m^2; kg where it slides]; None where they
             are unknown.
     """
-    motor = joint.motor
     speed, torque = motor.max_speed_rad_s, motor.max_torque_nm
     run_up = None if speed is None or torque is None else motor.inertia_kgm2 * speed / torque
     if run_up is not None and run_up > _LONGEST_RUN_UP_S:
@@ -99,8 +106,9 @@ def _inertia(joint: JointSection, moved: tuple[float, float] | None) -> str:
     if reflected < (_QUICK_SHARE if is_quick else _SMALLEST_SHARE) * own:
         text = f"{text}, {_rounded(own / reflected)} times less than what `{joint.name}` moves, stretched out"
         return f"{text}; the rotor alone would take {run_up:.2g} s to full speed" if is_quick else text
-    if reflected > _LARGEST_SHARE * arm:
-        return f"{text}, {_rounded(reflected / arm)} times that of the whole arm, stretched out"
+    if reflected > _LARGEST_SHARE * arm > 0:  # an arm that weighs nothing is told where its links are
+        told = f"{text}, {_rounded(reflected / arm)} times that of the whole arm, stretched out"
+        return f"{told}; {HALVED}"
     return ""
 
 

@@ -22,6 +22,9 @@ from robid.settings.yaml import FieldPath
 from robid.signals.positions import METRES, RADIANS
 from robid.simulate.options import Controller, PoseInterface
 
+MODEL_NOT_THERE = "the robot's model is not there"
+SET_DATA_FOLDER = f"set ROBID_DATA to the folder that `{DATA_VARIABLE}` stands for"
+
 
 class RobotFile(Assumed):
     """A robot file."""
@@ -55,6 +58,11 @@ class RobotFile(Assumed):
     )
     locked_m: dict[str, float] = Field(
         default_factory=dict, description="Prismatic joints of `model` that do not move, with their positions [m]."
+    )
+    locked: Literal["rest"] | None = Field(
+        default=None,
+        description="`rest`: all joints of `model` that are named neither in `joints` nor above do not move: they stay"
+        " where the model has them at rest, at 0, or in the middle of their limits where these leave that out.",
     )
     flange: str | None = Field(
         default=None, description="Body or site of `model` in whose frame the payload is given; else the last link."
@@ -95,7 +103,7 @@ class RobotFile(Assumed):
         return (*gears, *self.springs)
 
     @property
-    def locked(self) -> dict[str, float]:
+    def held(self) -> dict[str, float]:
         """Positions of the joints of `model` that do not move [rad, or m]."""
         return {name: float(np.deg2rad(angle)) for name, angle in self.locked_deg.items()} | self.locked_m
 
@@ -103,6 +111,11 @@ class RobotFile(Assumed):
     def joint_units(self) -> tuple[str, ...] | None:
         """Unit of each joint's position; None where all are angles."""
         return tuple(METRES if joint.slides else RADIANS for joint in self.joints) if any(self.slides) else None
+
+    @property
+    def without_motor(self) -> tuple[str, ...]:
+        """Names of the joints whose torque is measured at the joint."""
+        return tuple(joint.name for joint in self.joints if not joint.has_motor)
 
     @property
     def slides(self) -> list[bool]:
@@ -116,6 +129,11 @@ class RobotFile(Assumed):
             (joint.dh or joint.frame) and joint.link and joint.stated_limits
             for joint in self.joints
         )  # fmt: skip
+
+    @property
+    def lacks_model(self) -> bool:
+        """Whether its `model` could not be read, as the data folder that it lies in is not there."""
+        return self.model is not None and not self.is_complete
 
     @property
     def model_notes(self) -> tuple[str, ...]:
@@ -138,12 +156,8 @@ class RobotFile(Assumed):
             SettingsError: If a payload is asked for and the file has none to scale.
             DataError: If its `model` was not there to be read.
         """
-        if not self.is_complete and self.model is not None:
-            raise DataError(
-                "the robot's model is not there",
-                where=self.model,
-                remedy=f"set ROBID_DATA to the folder that `{DATA_VARIABLE}` stands for",
-            )
+        if self.lacks_model:
+            raise DataError(MODEL_NOT_THERE, where=str(self.model), remedy=SET_DATA_FOLDER)
         return Robot(
             name=self.name,
             gravity_m_s2=np.array(self.gravity_m_s2),
@@ -190,11 +204,12 @@ class RobotFile(Assumed):
                 lower=float(lower),
                 upper=float(upper),
                 type=section.type,
-                motor=section.motor.motor(),
+                motor=section.plain_motor,
                 couplings=dict(section.couplings),
                 counterbalance=None if balance is None else balance.counterbalance(*section.geometry.link_frame()),
                 arm_viscous=section.arm_viscous,
                 doubts=section.doubts.over(self.doubts),
+                torque_at=section.torque_measured_at,
             )
             joints.append(joint)
         return tuple(joints)

@@ -89,8 +89,9 @@ def robot_settings(loaded: LoadedExperiment, *parts: Part) -> dict[str, Any]:
         chosen["controller"] = {key: plain["controller"][key] for key in _TIMING}
     chosen["joints"] = []
     for joint in plain["joints"]:
-        motor = _pick(joint["motor"], _MOTOR, parts)
-        motor["friction"] = _pick(joint["motor"]["friction"], _FRICTION, parts)
+        motor = None if joint["motor"] is None else _pick(joint["motor"], _MOTOR, parts)
+        if motor is not None:
+            motor["friction"] = _pick(joint["motor"]["friction"], _FRICTION, parts)
         chosen["joints"].append({"name": joint["name"], **_pick(joint, _JOINT, parts), "motor": motor})
     return {"robot": _without_assumed(chosen)}
 

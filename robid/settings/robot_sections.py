@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from robid.arrays import FloatArray
-from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring
+from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring, TorquePlace, no_motor
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed, Name, Section, Vector
 from robid.settings.counterbalance import CounterbalanceSection
@@ -151,7 +151,14 @@ class JointSection(Assumed):
         " prismatic joint metres per motor radian.",
     )
     link: Body | None = Field(default=None, description="The link, in its frame; `model` brings it.")
-    motor: MotorSection = Field(description="The motor and its gear.")
+    torque_measured_at: TorquePlace = Field(
+        default="motor",
+        description="`joint` where a sensor behind the gear measures the torque: the joint then has no `motor`, whose"
+        " rotor such a sensor does not feel; only rigid models know it.",
+    )
+    motor: MotorSection | None = Field(
+        default=None, description="The motor and its gear; needed but with `torque_measured_at: joint`."
+    )
     gear: GearSection | None = Field(default=None, description="The transmission; or an entry among `springs`.")
     counterbalance: CounterbalanceSection | None = Field(
         default=None, description="What takes gravity off the motor; only rigid models know it."
@@ -183,6 +190,16 @@ class JointSection(Assumed):
     def slides(self) -> bool:
         """Whether it is prismatic."""
         return self.type == "prismatic"
+
+    @property
+    def has_motor(self) -> bool:
+        """Whether its torque is that of a motor, not one that is measured at the joint."""
+        return self.torque_measured_at == "motor"
+
+    @property
+    def plain_motor(self) -> Motor:
+        """Plain description of the motor, or of what stands in its place."""
+        return given(self.motor).motor() if self.has_motor else no_motor()
 
     @property
     def limits_key(self) -> str:

@@ -53,7 +53,8 @@ def with_values(file: RobotFile, robot: Robot) -> RobotFile:
         payload = _known(payload, body_section(_into_link(robot.payload, file.joints[-1])))
     update: dict[str, Any] = {"joints": joints, "springs": springs, "loop_links": loops, "payload": payload}
     # Frames and links stand in the file itself, and their sum is no longer what a source stated.
-    still: dict[str, Any] = {"model": None, "locked_deg": {}, "locked_m": {}, "flange": None, "total_mass_kg": None}
+    still: dict[str, Any] = {"model": None, "locked": None, "locked_deg": {}, "locked_m": {}}
+    still |= {"flange": None, "total_mass_kg": None}
     return file.model_copy(update={**update, **still})
 
 
@@ -69,7 +70,9 @@ def robot_text(file: RobotFile, header: str) -> str:
 
 
 def _joint(section: JointSection, joint: Joint) -> JointSection:
-    update: dict[str, Any] = {"motor": _motor(section.motor, joint), section.arm_viscous_key: joint.arm_viscous}
+    update: dict[str, Any] = {section.arm_viscous_key: joint.arm_viscous}
+    if section.motor is not None:
+        update["motor"] = _motor(section.motor, joint)
     if section.link is not None:
         update["link"] = _known(section.link, body_section(_into_link(joint.link, section)))
     balance = section.counterbalance

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from robid.signals.quantities import DRIVES, QUANTITIES, UNITS, Channel, QuantityName, Side, units_of
+from robid.signals.quantities import DRIVES, QUANTITIES, UNITS, Channel, QuantityName, SampledName, Side, units_of
 
 UnitName: TypeAlias = Literal[
     "N m",
@@ -234,6 +234,10 @@ def input_problems(inputs: tuple[InputChannel, ...]) -> list[str]:
     return found
 
 
+def _article(title: str) -> str:
+    return f"{'an' if title[0] in 'aeiou' else 'a'} {title}"
+
+
 @dataclass(frozen=True)
 class OutputChannel(LogChannel):
     """What was measured: an angle, a position, a speed or an acceleration."""
@@ -242,6 +246,28 @@ class OutputChannel(LogChannel):
         default=0.0,
         metadata={"description": "The log's number where all joints are in their zero positions, in its own unit."},
     )
+    sampled: SampledName = field(
+        default="instants",
+        metadata={
+            "description": "What its samples are: values at their `instants`; of a speed, the `difference` of a"
+            " position from the sample before, or the `central_difference` across both neighbours; or values"
+            " `filtered` against aliasing, so that nothing above half the sampling rate is in them."
+        },
+    )
+
+    @property
+    def channel(self) -> Channel:
+        """What the record holds of it."""
+        return replace(super().channel, sampled=self.sampled)
+
+    def problems(self) -> list[str]:
+        """Finds what contradicts itself, of its samples too."""
+        found = super().problems()
+        if not found and "difference" in self.sampled and self.channel.quantity != "speed":
+            found.append(
+                f"`sampled: {self.sampled}` belongs to a speed; this is {_article(self.channel.title)}: leave it out"
+            )
+        return found
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from robid.arrays import ComplexArray, FloatArray
+
 QuantityName: TypeAlias = Literal[
     "torque",
     "current",
@@ -21,6 +23,10 @@ QuantityName: TypeAlias = Literal[
 ]
 Side: TypeAlias = Literal["motor", "arm", "tool"]
 SIDES: tuple[Side, ...] = ("motor", "arm", "tool")
+SampledName: TypeAlias = Literal["instants", "difference", "central_difference", "filtered"]
+Rate: TypeAlias = Literal[0, 1, 2] | None
+"""How many times a motion was differentiated before it was sampled; None where it is filtered so that nothing that the
+torque's steps excite above half the sampling rate is seen."""
 
 _DEG = float(np.pi / 180)
 
@@ -108,12 +114,15 @@ class Channel:
         quantity: What it is, one of `QUANTITIES`.
         unit: Its SI unit.
         side: The side of the robot that it belongs to: motor, arm or tool.
+        sampled: Of a motion, what its samples are: its values at their instants; differences of the motion that it is
+            the rate of, from the sample before or across both neighbours; or values behind an anti-aliasing filter.
     """
 
     name: str
     quantity: QuantityName
     unit: str
     side: Side = "motor"
+    sampled: SampledName = "instants"
 
     @property
     def title(self) -> str:
@@ -128,6 +137,33 @@ class Channel:
             return self
         unit = QUANTITIES["acceleration"].units[0 if self.unit.startswith("rad") else 1]
         return Channel(self.name, "acceleration", unit, self.side)
+
+    @property
+    def rate(self) -> Rate:
+        """How many times the motion was differentiated before it was sampled, see `Rate`; 0 for what is no motion.
+
+        A difference of sampled positions is one of positions: what differencing does is known exactly.
+        """
+        if self.sampled == "filtered":
+            return None
+        derivatives = QUANTITIES[self.quantity].derivatives
+        if derivatives is None or self.sampled != "instants":
+            return 0
+        return 2 if derivatives == 0 else 1 if derivatives == 1 else 0
+
+    def to_acceleration(self, omega: FloatArray, sampling_period_s: float) -> ComplexArray:
+        """Returns what turns its spectrum at angular frequencies [rad/s] into its acceleration's; 1 for no motion.
+
+        A difference of sampled positions is `(1 - z^-1) / T` of them, or `(z - z^-1) / (2 T)` across both neighbours:
+        the acceleration is that of the sampled position.
+        """
+        order = QUANTITIES[self.quantity].derivatives or 0
+        turn = omega * sampling_period_s
+        if order == 1 and self.sampled == "difference":
+            return np.asarray(1j * omega * np.exp(0.5j * turn) / np.sinc(turn / (2 * np.pi)))
+        if order == 1 and self.sampled == "central_difference":
+            return np.asarray(1j * omega / np.sinc(turn / np.pi))
+        return np.asarray({0: np.ones(omega.shape), 1: 1j * omega, 2: -(omega**2)}[order])
 
 
 @dataclass(frozen=True)

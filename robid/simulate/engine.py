@@ -15,6 +15,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
 from robid.robot.model import ElasticModel, build_model
+from robid.robot.quiet import quiet_warnings
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.truth import with_imperfections
 
@@ -53,13 +54,8 @@ def refuse_explosion(batch: Batch, robot: Robot, configuration: FloatArray, inde
 @contextlib.contextmanager
 def quiet_mujoco() -> Iterator[None]:
     """Keeps MuJoCo's warnings off screen and log files, where the batch counts them, and its clock off."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _message: None)
-    try:
-        with _unclocked():
-            yield
-    finally:
-        mujoco.set_mju_user_warning(before)
+    with quiet_warnings(), _unclocked():
+        yield
 
 
 @contextlib.contextmanager

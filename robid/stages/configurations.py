@@ -12,8 +12,8 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError
 from robid.robot.description import Robot
-from robid.robot.foreign import Shapes
 from robid.robot.reach import Reach, mirror
+from robid.robot.shapes import Shapes
 from robid.settings.experiment import Campaign, Configurations, RandomConfigurations
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_sections import given
@@ -65,7 +65,7 @@ def _shapes(loaded: LoadedExperiment) -> Shapes | None:
     path = None if file is None else loaded.robot.model_path(file.parent)
     if path is None:
         return None
-    return Shapes(path, [joint.name for joint in loaded.robot.joints], loaded.robot.locked)
+    return Shapes(path, [joint.name for joint in loaded.robot.joints], loaded.robot.held)
 
 
 def _resolve(chosen: Configurations, reach: Reach, designs: Mapping[str, FloatArray]) -> FloatArray:

@@ -2,36 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import json
 import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from robid.cli import run_command
+from answers import Answer, ask
 
 _ROOT = Path(__file__).parent.parent.parent
-
-
-@dataclass(frozen=True)
-class Answer:
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.out)
-
-    @property
-    def flat(self) -> str:
-        return " ".join(self.err.split())
 
 
 @dataclass(frozen=True)
@@ -41,10 +22,7 @@ class Case:
     folder: Path
 
     def robid(self, *arguments: str) -> Answer:
-        out, err = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            code = run_command(list(arguments))
-        return Answer(code, out.getvalue(), err.getvalue())
+        return ask(*arguments)
 
 
 @pytest.fixture

@@ -2,37 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import io
-import json
 import re
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from answers import Answer, ask
 from robid.artifacts.store import read_header
-from robid.cli import run_command
 
 _HERE = Path(__file__).parent
-
-
-@dataclass(frozen=True)
-class Answer:
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.out)
-
-    @property
-    def flat(self) -> str:
-        return " ".join(self.err.split())
 
 
 class Workshop:
@@ -43,10 +23,7 @@ class Workshop:
         monkeypatch.chdir(folder)
 
     def robid(self, *arguments: str) -> Answer:
-        out, err = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            code = run_command(list(arguments))
-        return Answer(code, out.getvalue(), err.getvalue())
+        return ask(*arguments)
 
     def refuse(self, code: int, *texts: str, command: tuple[str, ...] = ("run", "small.yaml")) -> Answer:
         """Runs a command that must fail, with one message and nothing changed."""

@@ -21,9 +21,8 @@ from robid.artifacts.store import read_artifact
 from robid.logs.formats.known import FORMATS
 from wrong_logs import COLUMNS, WRONG, channel_of, chosen
 
-NAMES = {"mat 7.3": "mat"}
 KINDS = [
-    kind for kind in WRITERS if all(importlib.util.find_spec(each) for each in FORMATS[NAMES.get(kind, kind)].needs)
+    kind for kind in WRITERS if all(importlib.util.find_spec(each) for each in FORMATS[kind.partition(" ")[0]].needs)
 ]
 STAGES = ("design-excitation", "simulate-or-acquire", "estimate-frf")
 EXACT, SHARE = 1e-6, 0.9

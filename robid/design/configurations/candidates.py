@@ -63,7 +63,7 @@ def candidate_information(
     linear = linearize(model, solve_statics(model, configurations))
     nominal = nominal_parameters(robot, linear, delay_s)
     result = response(linear, nominal, frequency_hz, sampling_period_s)
-    plain = jacobian(linear, nominal, result, wanted.kinds, sampling_period_s)[..., wanted.columns]
+    plain = jacobian(linear, nominal, result, wanted.kinds)[..., wanted.columns]
     relative = plain * wanted.scales(nominal, sampling_period_s) / result.sampled[..., None]
     if weights is not None:
         relative = relative * np.sqrt(weights)[..., None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -101,10 +101,10 @@ class _Derivatives:
         """
         frf = self.frf
         position = solve_statics(self.model, frf.configurations[index : index + 1])
-        linear = linearize(self.model, position, frf.output_names)
+        linear = replace(linearize(self.model, position, frf.output_names), rates=frf.output_rates)
         nominal = nominal_parameters(self.model.robot, linear, self.delay_s)
         result = response(linear, nominal, frf.frequency_hz, frf.hold_period_s)
-        moved = jacobian(linear, nominal, result, self.wanted.kinds, frf.hold_period_s)[0]
+        moved = jacobian(linear, nominal, result, self.wanted.kinds)[0]
         moved = moved[..., self.wanted.columns] * self.wanted.scales(nominal, frf.sampling_period_s)
         modelled, measured = residual.divisor(result.sampled[0]), residual.divisor(frf.response[index])
         friction = np.moveaxis(frf.sensitivity[index], 0, -1) / measured[..., None]

@@ -92,7 +92,7 @@ def _log_jacobian(loop: NominalLoop, linear: LinearModel, index: int) -> Complex
     period_s = loop.controller.sampling_period_s
     nominal = nominal_parameters(loop.robot, part, loop.delay_s)
     result = response(part, nominal, loop.frequency_hz, period_s)
-    return np.asarray(jacobian(part, nominal, result, KINDS, period_s)[0] * log_slopes(nominal, period_s))
+    return np.asarray(jacobian(part, nominal, result, KINDS)[0] * log_slopes(nominal, period_s))
 
 
 def _scores(power: FloatArray, each: FloatArray, count: int) -> FloatArray:

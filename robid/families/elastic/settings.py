@@ -12,6 +12,7 @@ from robid.fit.elastic.names import name_problems
 from robid.fit.elastic.options import ElasticOptions
 from robid.settings.base import STRICT, Name
 from robid.settings.checks.limits import TORQUE, missing_limits
+from robid.settings.checks.sensed import without_motor_text
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings, HandedOn, fit_of, part
 from robid.settings.load import LoadedExperiment
@@ -57,6 +58,10 @@ def elastic_fit(experiment: Experiment, name: str) -> ElasticFit:
 def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with an elastic fit for a robot: names, starts at zero, missing limits."""
     fit = elastic_fit(experiment, name)
+    if robot.without_motor:
+        told = without_motor_text(robot.without_motor)
+        yield ("family",), f"an elastic model has a motor and a transmission at every joint: {told}"
+        return
     known = kinds_by_name(robot, fit.kinds)
     if fit.freed and robot.is_complete:
         from robid.families.elastic.freed import freed_names, freed_problems

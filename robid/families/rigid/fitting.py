@@ -89,7 +89,7 @@ def _loop(data: Data, robot: Robot, shots: Sequence[Shot]) -> Simulate | None:
     alike: dict[tuple[int, bool], list[int]] = {}
     for index, command in enumerate(commands):
         alike.setdefault((len(command.angle), shots[index].loaded), []).append(index)
-    if controller is None or len(commands) < len(shots):
+    if controller is None or len(commands) < len(shots) or not all(joint.has_motor for joint in robot.joints):
         return None
 
     def simulate(model: RigidModel, values: FloatArray) -> Sequence[FloatArray]:

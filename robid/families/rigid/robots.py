@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import robid
@@ -19,6 +21,9 @@ _FAR = 1.0  # deviations
 def robot_file(task: ExportTask) -> bytes:
     """Writes the robot file with what the fit found in place of its values."""
     found = _found(task)
+    # A robot file states Coulomb friction of motors alone.
+    dry = (one.name for one in found.robot.joints if not one.has_motor and one.motor.friction.coulomb_nm > 0)
+    found = replace(found, homeless=(*found.homeless, *(f"{name}.coulomb" for name in dry)))
     return robot_text(with_values(task.data.loaded.robot, found.robot), "\n".join(_header(task, found))).encode()
 
 
@@ -39,10 +44,19 @@ def mjcf(task: ExportTask) -> bytes:
     found, friction = _found(task), task.friction is not False
     own = [
         "Units: m, kg, s, rad, N m; joint positions are the arm's, controls are motor torques, motor side.",
+        *_sensed(found),
         "The payload is in the last link; rotor inertias and friction are the joints', of coupled motors tendons'.",
         "Coulomb friction is `frictionloss`." if friction else "Friction is left out.",
     ]
     return to_rigid_mjcf(found.robot, "\n".join([*_header(task, found), *own]), friction=friction).encode()
+
+
+def _sensed(found: StandardRobot) -> list[str]:
+    """Says which controls are no motor torques."""
+    names = [joint.name for joint in found.robot.joints if not joint.has_motor]
+    return (
+        [f"Controls of joints without a motor are torques or forces at the joint: {', '.join(names)}"] if names else []
+    )
 
 
 def _found(task: ExportTask) -> StandardRobot:

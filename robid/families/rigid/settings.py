@@ -57,7 +57,11 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     fit = rigid_fit(experiment, name)
     if fit.estimator == "instruments" and fit.instruments == "none":
         yield ("estimator",), "is `instruments`, but `instruments` is `none`: let it be `auto`"
-    if fit.estimator == "instruments" and robot.controller is None:
+    if fit.estimator == "instruments" and robot.without_motor:
+        listed = ", ".join(f"`{one}`" for one in robot.without_motor)
+        message = f"instrumental variables simulate a loop of motors, which {listed} lack: take another `estimator`"
+        yield ("estimator",), message
+    elif fit.estimator == "instruments" and robot.controller is None:
         yield ("estimator",), "instrumental variables need the robot file's `controller`, which is missing"
     if fit.model.friction == "load" and fit.estimator == "instruments":
         message = "friction that grows with the measured torque has no instrument: take another `estimator`"

@@ -116,9 +116,8 @@ class Problem:
     def linear(self, internal: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Residual and its negative derivative (n_conf, n_freq, n_out, n_in, n_param)."""
         values = self.parameters.parameters(internal)
-        period = self.frf.hold_period_s
-        result = response(self.model, values, self.frf.frequency_hz, period)
-        plain = jacobian(self.model, values, result, self.parameters.kinds, period)[..., self.parameters.columns()]
+        result = response(self.model, values, self.frf.frequency_hz, self.frf.hold_period_s)
+        plain = jacobian(self.model, values, result, self.parameters.kinds)[..., self.parameters.columns()]
         count = self.parameters.n_friction
         element = plain.shape[-1]
         derivative = plain @ self.parameters.chain(internal)[:element, : len(self.parameters.names) - count]

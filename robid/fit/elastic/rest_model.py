@@ -24,8 +24,9 @@ from robid.robot.gear_effects import GearEffects
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.parameters import element_names
-from robid.robot.response import ElasticParameters, hold_factor, motion_matrices, nominal_parameters, response
+from robid.robot.response import ElasticParameters, motion_matrices, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
+from robid.robot.sampling import hold_factor
 
 _PASSES = 3
 _DOUBT_STEP = 0.01  # of its deviation
@@ -113,7 +114,7 @@ def _rested(
     elastic = build_model(placed, balanced=balanced)
     names = frf.output_names
     equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic)
-    model = linearize(elastic, equilibrium, names)
+    model = replace(linearize(elastic, equilibrium, names), rates=frf.output_rates)
     if springs.cubic.any() or "cubic" in options.kinds:
         nominal = nominal_parameters(placed, model, delay_s) if values is None else values
         load = spring_load(robot, frf, nominal)
@@ -121,7 +122,7 @@ def _rested(
             rest = replace(model.rest, power=load.power, omega=2 * np.pi * frf.frequency_hz)
             swing = swing_of(rest, springs, settle_springs(rest, springs).stiffness)
             equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic, swing.variance)
-            model = linearize(elastic, equilibrium, names)
+            model = replace(linearize(elastic, equilibrium, names), rates=frf.output_rates)
         model = _loaded(model, frf, load, nominal, options)
     movable = element_names(robot, "location") if "location" in options.kinds else []
     located = np.array([index for index, name in enumerate(movable) if name is not None], int)
@@ -181,7 +182,7 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
 def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters, options: ElasticOptions) -> FloatArray:
     """How much each line of the response tells a fit of each spring (n_conf, n_freq, n_spring)."""
     found = response(model, values, frf.frequency_hz, frf.hold_period_s)
-    moved = jacobian(model, values, found, ("stiffness",), frf.hold_period_s)
+    moved = jacobian(model, values, found, ("stiffness",))
     slopes = np.abs(moved / options.residual.divisor(found.sampled)[..., None]) ** 2
     weight, _ = make_weights(frf, options.weights, options.residual, np.abs(found.sampled))
     told = (weight[..., None] * slopes).sum(axis=(2, 3))

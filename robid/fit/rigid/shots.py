@@ -1,4 +1,4 @@
-"""Uninterrupted stretches of records as motor angles and motor torques."""
+"""Uninterrupted stretches of records as motor angles and motor torques; of joints without a motor, as the arm's."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
-from robid.signals.quantities import Channel, Side, describe
+from robid.signals.quantities import Channel, describe
 from robid.signals.record import Record
 from robid.simulate.controller import angle_reference
 
 _STILL = 1e-9  # of a turn
+_SAME_MOTION = 1e6  # condition number
 _DRIVES, _POSITIONS = ("torque", "current", "force"), ("angle", "position")
 
 
@@ -35,7 +36,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Shot:
-    """What one experiment recorded, without a gap; everything on the motor side.
+    """What one experiment recorded, without a gap; on the motor side, but for joints that have no motor.
 
     Attributes:
         position (n_sample, n_joint): Motor angles [rad].
@@ -70,17 +71,14 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
         loaded: Whether a payload with parameters of its own was there.
 
     Raises:
-        DataError: If a joint has no channel, or channels of both sides.
+        DataError: If a joint has no channel, or the channels of both sides do not determine all motors.
     """
     names = tuple(joint.name for joint in robot.joints)
-    drives, drive_side = _chosen(record.input_channels, names, _DRIVES, "inputs")
-    moves, move_side = _chosen(record.output_channels, names, _POSITIONS, "outputs")
-    torque, offset = record.inputs[..., drives], record.output_offset[:, None, None, None, None, moves]
-    position = record.outputs[..., moves] + offset
-    if drive_side == "arm":
-        torque = torque @ robot.arm_per_motor
-    if move_side == "arm":
-        position = position @ robot.motor_per_arm.T
+    drives = _chosen(record.input_channels, names, _DRIVES, "inputs")
+    moves = _chosen(record.output_channels, names, _POSITIONS, "outputs")
+    offset = record.output_offset[:, None, None, None, None, moves]
+    torque = _motor_torques(record.inputs[..., drives], _arm_sides(record.input_channels, drives), robot)
+    position = _motor_positions(record.outputs[..., moves] + offset, _arm_sides(record.output_channels, moves), robot)
     shape = (-1, record.inputs.shape[4], len(names))
     positions, torques = (array.mean(axis=3).reshape(shape) for array in (position, torque))
     commands = _commands(record, robot) or [None] * len(positions)
@@ -108,11 +106,11 @@ def refuse_unusable(robot: Robot, shots: Sequence[Shot]) -> None:
     names = [joint.name for joint in robot.joints]
     still = _constant(names, [shot.position for shot in shots], 2 * np.pi * _STILL)
     if still:
-        message = f"the motors of {', '.join(still)} never move: nothing of them can be identified"
+        message = f"{', '.join(still)} never move{'s' if len(still) == 1 else ''}: nothing can be identified there"
         raise DataError(message, where="record", remedy="move all joints at the same time")
     dead = _constant(names, [shot.torque for shot in shots], 0.0)
     if dead:
-        message = f"the torques of {', '.join(dead)} never change although their motors move"
+        message = f"the torques of {', '.join(dead)} never change although their joints move"
         raise DataError(
             message, where="record", remedy="check that these channels were connected and are the right ones"
         )
@@ -124,10 +122,8 @@ def _constant(names: Sequence[str], signals: Sequence[FloatArray], rounding: flo
     return [name for name, size in zip(names, change.tolist(), strict=True) if size <= rounding]
 
 
-def _chosen(
-    channels: Sequence[Channel], names: Sequence[str], quantities: Sequence[str], what: str
-) -> tuple[list[int], Side]:
-    """Indices of the joints' channels, and the side that all of them are of."""
+def _chosen(channels: Sequence[Channel], names: Sequence[str], quantities: Sequence[str], what: str) -> list[int]:
+    """Indices of the joints' channels."""
     found: dict[str, int] = {}
     for index, channel in enumerate(channels):
         joint = channel.name.removesuffix(".arm")
@@ -138,12 +134,51 @@ def _chosen(
         wanted = " or ".join(quantities)
         message = f"a rigid fit needs a {wanted} of every joint, but the record's {what} are {describe(channels)}"
         raise DataError(message, remedy=f"record {', '.join(missing)} too, or take another campaign")
-    chosen = [found[name] for name in names]
-    sides = sorted({channels[index].side for index in chosen})
-    if len(sides) > 1:
-        message = f"the record's {what} are of both sides: {describe([channels[index] for index in chosen])}"
-        raise DataError(message, remedy="log all of them on the motor side or all on the arm side")
-    return chosen, sides[0]
+    return [found[name] for name in names]
+
+
+def _arm_sides(channels: Sequence[Channel], chosen: Sequence[int]) -> BoolArray:
+    """Which of the chosen channels (n_joint,) are of the arm side."""
+    return np.array([channels[index].side == "arm" for index in chosen], bool)
+
+
+def _motor_positions(position: FloatArray, arm: BoolArray, robot: Robot) -> FloatArray:
+    """Motor angles (..., n_joint) of positions that are measured on either side, joint by joint."""
+    if arm.all():
+        return position @ robot.motor_per_arm.T
+    if not (arm & robot.has_motors).any():
+        return position
+    # What is measured is S angle: a row of the gears where it is the arm's, the motor itself elsewhere.
+    measured = np.where(arm[:, None], robot.arm_per_motor, np.eye(len(arm)))
+    return position @ _inverse(measured, robot, arm).T
+
+
+def _motor_torques(torque: FloatArray, arm: BoolArray, robot: Robot) -> FloatArray:
+    """Motor torques (..., n_joint) of torques that are known on either side, joint by joint."""
+    if arm.all():
+        return torque @ robot.arm_per_motor
+    if not (arm & robot.has_motors).any():
+        return torque
+    # Motors do the work of the arm: their torques are A^T arm torques, with A the gears.
+    measured = np.where(arm[:, None], np.eye(len(arm)), robot.arm_per_motor.T)
+    return np.asarray(torque @ _inverse(measured, robot, arm).T @ robot.arm_per_motor)
+
+
+def _inverse(measured: FloatArray, robot: Robot, arm: BoolArray) -> FloatArray:
+    """Inverse (n_joint, n_joint) of what is measured per motor or arm, rows scaled to 1.
+
+    Raises:
+        DataError: If the channels of both sides do not determine it: several show the same motors.
+    """
+    size = np.linalg.norm(measured, axis=1)
+    scaled = measured / size[:, None]
+    if np.linalg.cond(scaled) > _SAME_MOTION:
+        named = ", ".join(joint.name for joint, is_arm in zip(robot.joints, arm, strict=True) if is_arm)
+        message = f"motors and arms ({named}) of coupled joints are mixed so that some motion is measured twice"
+        raise DataError(
+            message, where="record", remedy="log coupled joints all on the motor side or all on the arm side"
+        )
+    return np.asarray(np.linalg.inv(scaled) / size)
 
 
 def _commands(record: Record, robot: Robot) -> list[Command | None]:

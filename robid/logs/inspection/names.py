@@ -54,8 +54,9 @@ _SIDES: dict[str, Side] = {
 }
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
 _LABEL = re.compile(r"\[([A-Za-z][\w-]*)\]")
-_COLUMN = re.compile(r"\(:,\s*(\d+)\)$")
-_AXES = re.compile(r"(^|\.)[XY](\(\d+\))?\.Data$")
+_COLUMN = re.compile(r"\((?::,|(?=\d+,.*:))(\d+)[^)]*\)$")
+_AXES = re.compile(r"(^|\.)[XY]([({]\d+[)}])?\.Data$")
+_LABELLED = re.compile(r"(^|\.)signals([({]\d+[)}])?\.values$")
 _SHORT = re.compile("[qi][a-z]")
 _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _SPELLINGS = {
@@ -146,13 +147,16 @@ def read_names(columns: Sequence[Column]) -> list[Hint]:
 def read_name(column: Column) -> Hint:
     """Reads what name, title and unit of a signal say."""
     unit = unit_of_name(column)
-    text = f"{_BRACKET.sub('', column.name) if column.unit or unit else column.name}"
+    name = column.name
+    if _LABELLED.search(_COLUMN.sub("", name)) and column.title:  # a name that says only where it lies
+        name = f"{column.title}{found[0]}" if (found := _COLUMN.search(name)) else column.title
+    text = f"{_BRACKET.sub('', name) if column.unit or unit else name}"
     label = _LABEL.search(text)
     own = tokens(_plain(_LABEL.sub("", text)))
     words = own + tokens(column.title)
     role, by = _role(unit, words, own)
     side: Side = next((_SIDES[word] for word in words if word in _SIDES), "")
-    joint = label[1] if label else _joint(column.name)
+    joint = label[1] if label else _joint(name)
     return Hint(role, by, _commanded(words), side, joint, unit)
 
 

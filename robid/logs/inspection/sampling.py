@@ -10,7 +10,9 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import read_name, tokens, unit_of_name
+from robid.logs.pace import GAP, Pace, measure_pace
 from robid.logs.pieces import limits_of
+from robid.logs.timing import UNSURE
 
 _TIME = {
     "time": 3,
@@ -25,7 +27,6 @@ _TIME = {
     "ms": 1,
 }
 _PER_SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_GAP = 1.5
 _REGULAR = 0.5
 """Share of usual steps from which a variable can be a time."""
 _AGREES = 0.01
@@ -35,8 +36,6 @@ _SURELY = 3
 """Score from which a variable is a time, whatever else is."""
 _REPEATED = 0.02
 """Share of samples with the stamp of the one before from which stamps are no times of single samples."""
-_ROUNDED = 1.1
-"""Steps of rounded stamps by which they may be off a straight line."""
 _LEAST = 100
 _USUAL_HZ = (10.0, 50e3)
 
@@ -59,6 +58,7 @@ class Sampling:
         backward: Steps at which time stands still or goes back.
         told_by: What else says so, as a number of the log.
         others: Further times, as of the moment of writing.
+        doubt: Why a time that there is does not tell the time step.
     """
 
     variable: str
@@ -74,6 +74,7 @@ class Sampling:
     backward: int = 0
     told_by: str = ""
     others: tuple[str, ...] = ()
+    doubt: str = ""
 
 
 def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], stated_s: float | None = None) -> Sampling:
@@ -85,17 +86,17 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
         stated_s: The sampling period as the user knows it [s].
     """
     known, told_by = (stated_s, "the command line") if stated_s else _from_scalars(scalars)
-    if known is None:
-        known, told_by = _from_rounded(columns)
+    coarse, doubt = _from_coarse(columns, known)
+    if known is None and coarse is not None:
+        known, told_by = coarse.step_s, coarse.told_by
     rated = [(_rate(column, known), -index) for index, column in enumerate(columns)]
     best, index = max(rated, default=(0, 0))
     if best <= 0:
-        return Sampling("", "s", bool(stated_s), known, told_by=told_by)
+        return coarse or Sampling("", "s", bool(stated_s), known, told_by=told_by, doubt=doubt)
     column = columns[-index]
-    steps = np.diff(column.values)
-    usual = float(np.median(steps))
-    unit, is_stated = _unit(column, usual, known)
-    found = _measure(column.name, steps, usual, _PER_SECOND[unit])
+    pace = measure_pace(column.values)
+    unit, is_stated = _unit(column, float(np.median(np.diff(column.values))) if pace is None else pace.step, known)
+    found = _measure(column.name, column.values if pace is None else pace.times, pace, _PER_SECOND[unit])
     others = tuple(
         columns[-place].key
         for score, place in rated
@@ -107,23 +108,32 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     return replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
 
 
-def _from_rounded(columns: Sequence[Column]) -> tuple[float | None, str]:
-    """A sampling period by the first and last stamp of a time that is rounded to more than a step, and its name [s].
+def _from_coarse(columns: Sequence[Column], known_s: float | None) -> tuple[Sampling | None, str]:
+    """The sampling by a time whose stamps several samples share, or why that does not tell it.
 
-    Several samples have one stamp, so that it is no time of theirs.
+    A sampling period that is known otherwise has to agree with it.
     """
+    doubt = ""
     for column in columns:
         unit, values = unit_of_name(column), column.values
         if unit not in _PER_SECOND or len(values) < _LEAST or not np.all(np.isfinite(values)):
             continue
-        steps = np.diff(values)
-        if np.mean(steps == 0) <= _REPEATED or steps.min() < 0:
+        to_s, pace = _PER_SECOND[unit], None
+        if np.mean(np.diff(values) == 0) > _REPEATED:
+            pace = measure_pace(values, None if known_s is None else known_s / to_s)
+        if pace is None or not pace.rounding:
             continue
-        line = np.linspace(values[0], values[-1], len(values))
-        if np.abs(values - line).max() <= _ROUNDED * steps.max():
-            step = (values[-1] - values[0]) / (len(values) - 1) * _PER_SECOND[unit]
-            return float(f"{step:.3g}"), f"`{column.key}`, whose stamps are rounded,"
-    return None, ""
+        told = f"rounded to {pace.rounding * to_s:.4g} s, it tells the rate"
+        if pace.unsure > UNSURE:
+            doubt = (
+                f"`{column.key}` does not tell the sampling period: {told} to {100 * min(pace.unsure, 1.0):.2g} % only"
+            )
+        elif known_s is None or abs(pace.step * to_s / known_s - 1) <= pace.unsure:
+            found = _measure(column.name, pace.times, pace, to_s)
+            return replace(
+                found, unit=unit, is_stated=True, told_by=f"`{column.key}` ({told} to {100 * pace.unsure:.1g} %)"
+            ), ""
+    return None, doubt
 
 
 def _rate(column: Column, known_s: float | None) -> int:
@@ -167,12 +177,13 @@ def _unit(column: Column, usual: float, known_s: float | None) -> tuple[str, boo
     return (likely[0] if likely else "s"), False
 
 
-def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sampling:
-    """Measures the steps of a time."""
-    gaps = np.flatnonzero(steps > _GAP * usual)
+def _measure(variable: str, times: FloatArray, pace: Pace | None, to_s: float) -> Sampling:
+    """Measures the steps of a time; its gaps and step as its pace has them, where it has one."""
+    steps = np.diff(times)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps)) if pace is None else pace.gaps
     inside = np.delete(steps, gaps)
     inside = inside[inside > 0]
-    mean = float(inside.mean())
+    mean = float(inside.mean()) if pace is None else pace.step
     edges = np.concatenate([[0], gaps + 1, [len(steps) + 1]])
     longest = int(np.argmax(np.diff(edges)))
     begin, end = int(edges[longest]), int(edges[longest + 1])
@@ -186,7 +197,7 @@ def _measure(variable: str, steps: FloatArray, usual: float, to_s: float) -> Sam
         missing=round(float(np.sum(steps[gaps] / mean - 1))),
         first_gap=int(gaps[0]) if len(gaps) else 0,
         longest=(begin, end),
-        longest_s=limits_of(to_s * np.concatenate([[0.0], np.cumsum(steps)]), begin, max(end - 1, begin + 1)),
+        longest_s=limits_of(to_s * (times - times[0]), begin, max(end - 1, begin + 1)),
         backward=int(np.count_nonzero(steps <= 0)),
     )
 

@@ -140,7 +140,7 @@ def _sampling(found: Findings) -> list[str]:
     sampling, step_s = found.sampling, found.step_s
     checks: tuple[str, ...] = ()
     if sampling.step_s is None:
-        checks = ("nothing in the log tells it",)
+        checks = (sampling.doubt or "nothing in the log tells it",)
     elif sampling.unit not in _UNITS:
         checks = (f"measured on `{sampling.variable}`, in {sampling.unit}, which a mapping cannot read",)
     lines = [f"sampling_period_s: {_value(step_s)}{_comment(checks)}"]

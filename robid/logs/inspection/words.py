@@ -32,7 +32,7 @@ def describe_sampling(found: Findings) -> str:
     """Says how a log was sampled."""
     sampling, count = found.sampling, f"{found.n_sample} samples"
     if sampling.step_s is None:
-        return f"{count}; nothing tells the sampling period: state it by `--sampling-period`"
+        return f"{count}; {sampling.doubt or 'nothing tells the sampling period'}: state it by `--sampling-period`"
     told = [f"{count}, {found.duration_s:.6g} s at {1 / sampling.step_s:.6g} Hz"]
     if sampling.variable:
         unit = f"in {sampling.unit}" if sampling.is_stated else f"taken for {sampling.unit}: not stated"
@@ -57,7 +57,7 @@ def describe_period(found: Findings) -> str:
     lines = f"; lines with energy: {format_lines(found.lines)}" if len(found.lines) else ""
     transient = f"; the first period of {', '.join(shared.transient)} differs" if shared.transient else ""
     period_s = shared.samples * found.step_s
-    return f"repeats every {shared.samples:.7g} samples ({period_s:.6g} s), {shared.held:.4g} periods{lines}{transient}"
+    return f"repeats every {shared.samples:.7g} samples ({period_s:.9g} s), {shared.held:.4g} periods{lines}{transient}"
 
 
 def remarks(found: Findings, signal: Signal) -> list[str]:

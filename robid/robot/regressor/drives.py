@@ -13,6 +13,9 @@ from robid.robot.description import HarmonicBalance, Joint, Robot, SpringBalance
 from robid.robot.parameters import PARAMETER_KINDS, RigidKind
 from robid.robot.regressor.options import RigidOptions
 
+_FORCES = {"N m": "N", "N m s/rad": "N s/m"}
+"""Units of what acts on a motor, where a slide's force is measured instead."""
+
 
 @dataclass(frozen=True)
 class DriveMotion:
@@ -69,7 +72,7 @@ def drive_terms(robot: Robot, options: RigidOptions) -> Iterator[DriveTerm]:
     turns = robot.arm_per_motor
     inertias = (robot.motor_inertia_kgm2 + robot.shaft_inertia_kgm2).tolist()
     for joint, row, inertia in zip(robot.joints, np.eye(len(robot.joints)), inertias, strict=True):
-        if options.motor_inertias and robot.rotor == "spong":
+        if options.motor_inertias and robot.rotor == "spong" and joint.has_motor:
             yield _term(joint, row, "motor_inertia", inertia, _acceleration)
         yield from _friction(joint, row, options)
         if options.offsets:
@@ -92,6 +95,8 @@ def _term(
 ) -> DriveTerm:
     about = PARAMETER_KINDS[kind]
     unit = about.linear_unit if joint.type == "prismatic" else about.unit
+    if not joint.has_motor and joint.type == "prismatic":
+        unit = _FORCES.get(unit, unit)
     return DriveTerm(joint.name, component or kind, kind, unit, nominal, row, effect)
 
 

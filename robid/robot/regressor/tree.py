@@ -92,9 +92,11 @@ def rigid_tree(robot: Robot, side: Side = "motor", *, rotors: bool = True, paylo
         offset.append(link.offset_rad)
     moves = np.array(turns) if side == "arm" else np.array(turns) @ robot.arm_per_motor
     if rotors and side == "motor" and robot.rotor == "on_link":
-        for index, joint in enumerate(robot.joints):
+        driven = [index for index, joint in enumerate(robot.joints) if joint.has_motor]
+        for index in driven:
+            joint = robot.joints[index]
             bodies.append(Body(joint.name, index - 1, joint.position_m, joint.rotation, is_rotor=True))
-        moves = np.vstack([moves, np.eye(n_joint)])
+        moves = np.vstack([moves, np.eye(n_joint)[driven]])
     if payload:
         bodies.append(Body(PAYLOAD, n_joint - 1, np.zeros(3), np.eye(3), is_payload=True))
         moves = np.vstack([moves, np.zeros(n_joint)])

@@ -16,6 +16,7 @@ from robid.settings.checks.handed_on import check_handed_on
 from robid.settings.checks.limits import check_limits
 from robid.settings.checks.logs import check_channels, check_logs
 from robid.settings.checks.pose import check_pose_campaign
+from robid.settings.checks.sensed import check_experiment_of_sensed
 from robid.settings.checks.truth import check_truth
 from robid.settings.checks.without_robot import check_without_robot
 from robid.settings.experiment import Campaign, Experiment
@@ -61,7 +62,7 @@ def check_experiment(
         if robot is not None:
             found.append(_fit_of_robot(experiment, name, fit, robot, families))
     if robot is not None:
-        found.append(check_limits(experiment, robot))
+        found += [check_limits(experiment, robot), check_experiment_of_sensed(experiment, robot)]
     return [problem_at(document, field, message) for field, message in chain.from_iterable(found)]
 
 

@@ -39,7 +39,7 @@ def missing_limits(field: FieldPath, what: str, robot: RobotFile, keys: tuple[st
         f"joints[{index}].motor.{key}"
         for index, joint in enumerate(robot.joints)
         for key in keys
-        if getattr(joint.motor, key) is None
+        if joint.motor is not None and getattr(joint.motor, key) is None
     ]
     if places:
         yield field, f"{what} the robot file's {', '.join(f'`{place}`' for place in places)}: missing"

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from robid.settings.acquire import PLACES, Acquire, is_numbered
 from robid.settings.base import DATA_VARIABLE
+from robid.settings.checks.kinds import wrong_kinds
 from robid.settings.experiment import Campaign
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
@@ -117,11 +118,13 @@ def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot
         named.append(("inputs", acquire.inputs))
     for key, channels in named:
         if channels and [channel.name for channel in channels] != joints:
-            yield (*inside, key), f"must be one channel per joint, named in this order: {', '.join(joints)}"
-    sliding = [joint.name for joint in robot.joints if joint.slides]
+            message = f"must be one channel per joint, named in this order: {', '.join(joints)}"
+            yield (*inside, key), f"{message} (`{joints[0]}.arm` where it is one of the arm side)"
     for index, output in enumerate(acquire.outputs):
-        for key, problem in _output(output, joints, sliding):
+        for key, problem in _output(output, joints):
             yield (*inside, "outputs", index, key), problem
+    for place, problem in wrong_kinds(acquire, robot):
+        yield (*inside, *place), problem
     if not acquire.references or acquire.one_shot or campaign.is_arbitrary:
         return
     if robot.controller is None:
@@ -131,8 +134,8 @@ def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot
         yield (*inside, "sampling_period_s"), message
 
 
-def _output(output: OutputChannel, joints: list[str], sliding: list[str]) -> Iterator[tuple[str, str]]:
-    """Finds a name that is no joint's, a side that is not its name's, and a unit that its joint does not have."""
+def _output(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str]]:
+    """Finds a name that is no joint's, and a side that is not its name's."""
     joint, _, part = output.name.partition(".")
     unsaid = part not in ("", "arm") and output.channel.quantity == "angle" and output.quantity is None
     if output.side != "tool" and (joint not in joints or unsaid):
@@ -141,10 +144,6 @@ def _output(output: OutputChannel, joints: list[str], sliding: list[str]) -> Ite
     own = {"": "motor", "arm": "arm"}.get(part)
     if joint in joints and own is not None and output.side not in (None, own):
         yield "side", f"`{output.name}` is the {own} side of `{joint}`: leave `side` out, or give it another name"
-    slides = part == "arm" and joint in sliding
-    if joint in joints and own is not None and output.channel.quantity == ("angle" if slides else "position"):
-        wanted = "the arm side of a prismatic joint is in m or mm" if slides else "angles are in rad or deg"
-        yield "unit", f"{output.unit} is no unit of `{output.name}`: {wanted}"
 
 
 def _file(field: FieldPath, file: str, counts: dict[str, int], variables: list[str]) -> _Found:

@@ -12,14 +12,16 @@ from pydantic import BaseModel
 from robid.robot.description import Inertial
 from robid.robot.inertia import remove
 from robid.robot.parameters import PARAMETER_KINDS
+from robid.settings.checks.couplings import check_independence
 from robid.settings.checks.pose import check_pose_interface
 from robid.settings.checks.rigid import check_counterbalances, check_loop_links
 from robid.settings.checks.robot_missing import missing
+from robid.settings.checks.sensed import check_sensed
 from robid.settings.checks.stiffness import check_shaft, check_stiffness_over
-from robid.settings.plausible import implausible
+from robid.settings.plausible import HALVED, implausible
 from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile, assumed_sections
-from robid.settings.robot_sections import Body, JointSection, SpringSection
+from robid.settings.robot_sections import Body, FrictionSection, JointSection, SpringSection
 from robid.settings.yaml import Document, FieldPath
 
 _ROUNDING = 1e-9
@@ -54,6 +56,7 @@ def check_robot(
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
     found += check_counterbalances(robot)
     found += check_pose_interface(robot)
+    found += check_independence(robot)
     # Whether loops close is asked of a robot that is otherwise right.
     found += check_loop_links(robot) if not found else []
     found += implausible(robot)
@@ -93,13 +96,17 @@ def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
         if lower >= upper:
             yield (*field, joint.limits_key), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
         if joint.link is not None:
-            yield from _body((*field, "link"), joint.link)
-        friction = joint.motor.friction
-        if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
-            message = f"must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
-            yield (*field, "motor", "friction", "static_nm"), message
+            yield from _link(field, joint, joint.link)
+        if joint.motor is not None:
+            yield from _friction((*field, "motor", "friction"), joint.motor.friction)
         yield from _units(field, joint)
-        yield from _transmission(field, robot, joint)
+        yield from _transmission(field, robot, joint) if joint.has_motor else check_sensed(field, robot, joint)
+
+
+def _friction(field: FieldPath, friction: FrictionSection) -> Iterator[tuple[FieldPath, str]]:
+    if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
+        message = f"must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
+        yield (*field, "static_nm"), message
 
 
 def _units(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
@@ -107,6 +114,8 @@ def _units(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, s
     turning, sliding = ("limits_deg", "arm_viscous_nms_rad"), ("limits_m", "arm_viscous_ns_m")
     for key in (key for key in (turning if joint.slides else sliding) if getattr(joint, key)):
         yield (*field, key), f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type}"
+    if joint.motor is None:
+        return
     wanted, other = ("gear_ratio_rad_m", "gear_ratio") if joint.slides else ("gear_ratio", "gear_ratio_rad_m")
     if getattr(joint.motor, other) is not None:
         message = f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type} and has `{wanted}`"
@@ -125,6 +134,18 @@ def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> It
         yield (*field, "name"), message if transmissions else f"{message} (`rigid: true` does without)"
     if joint.rigid and robot.rotor == "on_link":
         yield (*field, "rigid"), "needs `rotor: spong`: the rotor of a rigid joint is part of its arm"
+
+
+def _link(field: FieldPath, joint: JointSection, link: Body) -> Iterator[tuple[FieldPath, str]]:
+    if link.inertial().inertia_kgm2.any() or joint.motor is None or joint.motor.ratio is None:
+        yield from _body((*field, "link"), link)
+        return
+    half = joint.motor.inertia_kgm2 * joint.motor.ratio**2 / 2
+    shown = f"`inertia_kgm2: {{xx: {half / 2:.4g}, yy: {half / 2:.4g}, zz: {half:.4g}}}`"
+    if joint.slides:
+        shown = f"`mass_kg: {half:.4g}` with any inertia that a body has"
+    rotor = f"the rotor's inertia is {joint.motor.inertia_kgm2:g} kg m^2; {HALVED}: {shown}"
+    yield (*field, "link", "inertia_kgm2"), f"must be positive definite, and is zero; {rotor}"
 
 
 def _body(field: FieldPath, body: Body) -> Iterator[tuple[FieldPath, str]]:
@@ -255,6 +276,8 @@ def _couplings(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
                 yield field, "is the joint's own motor: that is what `gear_ratio` is for"
             elif name not in joints:
                 yield field, f"there is no joint `{name}`; {suggest(name, joints)}"
+            elif name in robot.without_motor:
+                yield field, f"`{name}` has no motor that could turn `{joint.name}` along: leave it out"
             if not 0 < abs(turn) <= 1:
                 yield field, f"{turn:g} is implausible: arm turns per motor turn lie within 1, as behind any gear"
 

@@ -13,6 +13,7 @@ from robid.settings.robot_sections import JointSection
 from robid.settings.yaml import Document, FieldPath
 
 _PARALLEL = 1e-6
+NO_MOTOR = "is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures the joint's torque)"
 _NO_GEOMETRY = "is missing (or `frame`, or a `model` for the whole robot)"
 
 
@@ -41,6 +42,8 @@ def _lacking(joint: Mapping[str, object], *, slides: bool, alone: bool) -> Itera
         yield ("dh",), _NO_GEOMETRY
     wanted = ("link", "limits_m" if slides else "limits_deg") if alone else ()
     yield from (((key,), "is missing") for key in wanted if key not in joint)
+    if "motor" not in joint and joint.get("torque_measured_at") != "joint":
+        yield ("motor",), NO_MOTOR
     ratio, motor = "gear_ratio_rad_m" if slides else "gear_ratio", joint.get("motor")
     if isinstance(motor, dict) and {"gear_ratio", "gear_ratio_rad_m"}.isdisjoint(motor):
         yield ("motor", ratio), "is missing"
@@ -57,22 +60,19 @@ def _lacking_values(spring: Mapping[str, object], *, linear: bool) -> Iterator[s
 
 
 def missing(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
-    """What a file must say itself: all without a model, and what a model that was read does not say."""
-    was_read = robot.model is None or robot.joints[0].frame is not None
+    """What a file must say itself; frames, links and limits that a model lacks are told where it is read."""
     for index, joint in enumerate(robot.joints):
         field = ("joints", index)
         if robot.model is None:
             yield from _missing_geometry(field, joint)
-        if was_read and joint.stated_limits is None:
-            yield (*field, joint.limits_key), _is_missing(robot)
+        if joint.motor is None and joint.has_motor:
+            yield (*field, "motor"), NO_MOTOR
+        if robot.model is None and joint.stated_limits is None:
+            yield (*field, joint.limits_key), "is missing"
     if robot.model is None:
-        for key in ("locked_deg", "locked_m", "flange"):
+        for key in ("locked_deg", "locked_m", "locked", "flange"):
             if getattr(robot, key):
                 yield (key,), "belongs to a `model`, and there is none"
-
-
-def _is_missing(robot: RobotFile) -> str:
-    return "is missing" if robot.model is None else "is missing: the model does not say it either"
 
 
 def _missing_geometry(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:

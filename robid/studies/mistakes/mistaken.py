@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.settings.robot import RobotFile
-from robid.settings.robot_sections import JointSection
+from robid.settings.robot_sections import JointSection, given
 from robid.settings.study import Mistake
 from robid.signals.record import Record
 
@@ -61,9 +61,10 @@ def mistaken_truth(truth: Mapping[str, float], mistake: Mistake) -> dict[str, fl
 
 
 def _mistaken_joint(joint: JointSection, mistake: Mistake) -> JointSection:
-    factor, law = mistake.friction_factor, joint.motor.friction
+    stated = given(joint.motor)
+    factor, law = mistake.friction_factor, stated.friction
     levels = {key: getattr(law, key) * factor for key in ("coulomb_nm", "static_nm")}
-    turned = joint.motor.with_ratio(mistake.gear_ratio_factor.get(joint.name, 1.0))
+    turned = stated.with_ratio(mistake.gear_ratio_factor.get(joint.name, 1.0))
     motor = turned.model_copy(update={"friction": law.model_copy(update=levels)})
     gear = None if f"gear_{joint.name}" in mistake.without_springs else joint.gear
     return joint.model_copy(update={"motor": motor, "gear": gear})

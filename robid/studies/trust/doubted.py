@@ -19,7 +19,8 @@ from robid.fit.elastic.options import ElasticOptions
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import LinearModel, axial_inertia, linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import ElasticParameters, hold_factor, nominal_parameters, response
+from robid.robot.response import ElasticParameters, nominal_parameters, response
+from robid.robot.sampling import hold_factor
 
 _PERCENT = 100.0
 _Value = TypeVar("_Value")

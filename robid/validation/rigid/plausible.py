@@ -60,7 +60,7 @@ def _estimators(solution: RigidSolution) -> Iterator[Doubt]:
         told = f"{solution.estimate.names[int(np.argmax(checks.huber_variation))]} depends on large residuals"
         yield Doubt("model", told, decisive=False, strength=1.5)
     if checks.untested:
-        told = "too few rows are left to test the residuals of all motors"
+        told = "too few rows are left to test the residuals of all joints"
         yield Doubt("excitation", told, decisive=False, strength=2.0)
     for name, status in zip(solution.estimators.names, solution.estimators.status, strict=True):
         if status != "converged" and name != solution.chosen:
@@ -68,11 +68,11 @@ def _estimators(solution: RigidSolution) -> Iterator[Doubt]:
     if checks.coloured:
         worst = int(np.argmax(np.abs(checks.correlation).max(axis=1)))
         size = float(np.abs(checks.correlation[worst]).max())
-        told = f"the residuals of motor {worst + 1} are correlated in time by {size:.2g} beyond their filter"
+        told = f"the residuals of joint {worst + 1} are correlated in time by {size:.2g} beyond their filter"
         yield Doubt("friction", told, decisive=False, strength=1 + size)
     if checks.odd and not checks.huber_differs:
         share = float(np.max(checks.outlier_share))
-        told = f"the residuals are not Gaussian: up to {share:.2g} of a motor's lie beyond three deviations"
+        told = f"the residuals are not Gaussian: up to {share:.2g} of a joint's lie beyond three deviations"
         yield Doubt("friction", told, decisive=False, strength=1.5)
 
 
@@ -92,7 +92,7 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
     if size[worst] > np.log(_FAR):
         ratio = float(found.ratio[worst])
         told = (
-            f"the links that motor {worst + 1} moves come out {two_digits(ratio)} times the robot file's"
+            f"the links that joint {worst + 1} moves come out {two_digits(ratio)} times the robot file's"
             f"{_as_if(found.whole_ratio)}"
         )
         yield Doubt("units", told, bool(size[worst] > np.log(_TOO_FAR)), float(size[worst] / np.log(_FAR)))
@@ -100,7 +100,7 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
     likeness = float(found.likeness[unlike])
     if visible[unlike] and likeness < _ALIKE:
         told = (
-            f"what the links do to motor {unlike + 1} along this motion is not what the robot file's would do "
+            f"what the links do to joint {unlike + 1} along this motion is not what the robot file's would do "
             f"(correlation {likeness:.2g})"
         )
         yield Doubt("units", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)

@@ -105,7 +105,7 @@ def test_derivatives_against_finite_differences(case, kind, period_s):
     robot, at = CASES[case]
     model = linear_model(robot, at)
     nominal = nominal_parameters(robot, model, 8e-4)
-    found = jacobian(model, nominal, response(model, nominal, FREQUENCY_HZ, period_s), (kind,), period_s)
+    found = jacobian(model, nominal, response(model, nominal, FREQUENCY_HZ, period_s), (kind,))
     values = getattr(nominal, kind)
     for index, value in enumerate(values.tolist()):
         step = 1e-4 * value if value else {"arm_viscous": 1e-2}.get(kind, 1e-6)

@@ -34,11 +34,11 @@ def moved_parameters(robot, model, seed):
     return replace(nominal, viscous=generator.uniform(0, 0.01, 2), arm_viscous=generator.uniform(0, 50, 2), **moved)
 
 
-@pytest.mark.parametrize("period_s", [None, 1e-3])
+@pytest.mark.parametrize(("period_s", "rate"), [(None, 1), (1e-3, 0), (4e-3, 1), (4e-3, 2), (4e-3, None)])
 @pytest.mark.parametrize("kinds", [DIRECT, ("stiffness", "damping")])
 @pytest.mark.parametrize("robot", [two_joint_robot(), springs_everywhere()], ids=["few springs", "many springs"])
-def test_response_and_derivatives_are_the_general_ones(robot, kinds, period_s):
-    model = linear_of(robot)
+def test_response_and_derivatives_are_the_general_ones(robot, kinds, period_s, rate):
+    model = replace(linear_of(robot), rates=(rate, rate))
     ours = Collocated(model, FREQUENCY_HZ, period_s, USED, kinds)
     for seed in range(2):
         values = moved_parameters(robot, model, seed)
@@ -46,7 +46,7 @@ def test_response_and_derivatives_are_the_general_ones(robot, kinds, period_s):
         rows, columns = np.triu_indices(2)
         expected = whole.sampled[USED][:, rows, columns].T
         np.testing.assert_allclose(ours.response(values), expected, rtol=IDENTITY)
-        slopes = jacobian(model, values, whole, kinds, period_s)[USED][:, rows, columns]
+        slopes = jacobian(model, values, whole, kinds)[USED][:, rows, columns]
         masks = tuple(np.ones(getattr(values, kind).size, bool) for kind in kinds)
         found = ours.derivatives(kinds, masks, np.full(expected.shape, 2j))
         size = np.abs(slopes).max(axis=(0, 1))
@@ -62,6 +62,7 @@ def test_derivatives_need_a_response():
 def test_other_outputs_are_not_collocated():
     robot = sensed_everywhere()
     assert is_collocated(linear_of(robot))
+    assert not is_collocated(replace(linear_of(robot), rates=(0, 1)))  # one speed and one angle are not reciprocal
     assert not is_collocated(linear_of(robot, ("shoulder", "elbow.arm")))
     assert not is_collocated(linear_of(robot, ("elbow", "shoulder")))
     assert not is_collocated(linear_of(robot, ("shoulder", "elbow", "felt")))

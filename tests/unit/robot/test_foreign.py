@@ -162,7 +162,7 @@ def test_a_urdf_takes_no_mass_from_its_shapes(tmp_path):
       <limit lower="-1" upper="1" effort="30" velocity="2"/></joint>
       <link name="tip"/><joint name="weld" type="fixed"><parent link="arm"/><child link="tip"/></joint></robot>"""
     model = read_model(write(tmp_path, text, "r.urdf"))
-    assert model.massless == {"a": "arm"}
+    assert model.weights.mass_kg.sum() == 0
     assert model.fixed == ("weld",)
     assert (model.speed, model.torque) == ({"a": 2.0}, {"a": 30.0})
 

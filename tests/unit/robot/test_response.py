@@ -100,7 +100,7 @@ def test_jacobian_is_the_derivative(case, period_s, kind):
     model = linear_model(robot, configurations, outputs)
     parameters = nominal_parameters(robot, model, 1.3e-3)
     here = response(model, parameters, FREQUENCY_HZ, period_s)
-    found = jacobian(model, parameters, here, (kind,), period_s)
+    found = jacobian(model, parameters, here, (kind,))
     values = getattr(parameters, kind)
     scale = {"viscous": robot.motor_inertia_kgm2, "arm_viscous": model.axial}.get(kind, values)
     for index in range(values.size):
@@ -123,8 +123,8 @@ def test_kinds_come_in_the_order_asked_for():
     model = linear_model(robot, configurations)
     parameters = nominal_parameters(robot, model, 1e-3)
     here = response(model, parameters, FREQUENCY_HZ, 1e-3)
-    both = jacobian(model, parameters, here, ("delay", "damping"), 1e-3)
-    alone = [jacobian(model, parameters, here, (kind,), 1e-3) for kind in ("delay", "damping")]
+    both = jacobian(model, parameters, here, ("delay", "damping"))
+    alone = [jacobian(model, parameters, here, (kind,)) for kind in ("delay", "damping")]
     np.testing.assert_array_equal(both, np.concatenate(alone, axis=-1))
 
 

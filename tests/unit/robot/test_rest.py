@@ -78,7 +78,7 @@ def test_derivative_through_the_equilibrium_is_that_of_the_whole_chain(kind):
     model = expand(elastic, rest, model, OUTPUTS, located)
     parameters = nominal_parameters(robot, model, 1e-3)
     here = response(model, parameters, FREQUENCY_HZ, PERIOD_S)
-    found = jacobian(model, parameters, here, (kind,), PERIOD_S)
+    found = jacobian(model, parameters, here, (kind,))
 
     def chain(index, by):
         other = changed(robot, kind, index, by)

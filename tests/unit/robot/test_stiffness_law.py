@@ -148,7 +148,7 @@ def test_jacobian_is_the_derivative(case, kind, cubic):
     model = linear_model(robot, poses)
     parameters = nominal_parameters(robot, model, 1e-3)
     found = response(model, parameters, FREQUENCY_HZ, 1e-3)
-    slopes = jacobian(model, parameters, found, (kind,), 1e-3)
+    slopes = jacobian(model, parameters, found, (kind,))
     values = getattr(parameters, kind)
     for index, value in enumerate(values):
         step = 1e-4 * (value or 1e3)
@@ -176,7 +176,7 @@ def test_fast_and_general_response_agree(robot):
     np.testing.assert_allclose(fast.response(parameters), wanted, rtol=1e-9)
     masks = tuple(np.ones(getattr(parameters, kind).size, bool) for kind in kinds)
     slopes = fast.derivatives(kinds, masks, np.ones(wanted.shape, complex))
-    wanted = jacobian(model, parameters, general, kinds, 1e-3)[:, :, rows, columns]
+    wanted = jacobian(model, parameters, general, kinds)[:, :, rows, columns]
     wanted = wanted.reshape(-1, rows.size, slopes.shape[0]).transpose(2, 1, 0)
     for own, other in zip(slopes, wanted, strict=True):
         np.testing.assert_allclose(own, other, atol=1e-9 * np.abs(other).max())

@@ -190,7 +190,7 @@ def test_what_is_wrong_is_told_with_its_field(tmp_path, change, field, told):
 
 
 @pytest.mark.parametrize(
-    ("name", "unit", "told"), [("x.arm", "rad", "is in m or mm"), ("x", "mm", "angles are in rad")]
+    ("name", "unit", "told"), [("x.arm", "rad", "is in m, mm or um"), ("x", "mm", "is in rad, mrad")]
 )
 def test_logs_of_linear_axes_have_units_of_their_own(tmp_path, name, unit, told):
     data = YAML(typ="safe").load((CONFIGS / "gantry.yaml").read_text())

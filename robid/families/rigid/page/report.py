@@ -32,7 +32,7 @@ def report(shown: Shown) -> FitReport:
         headline=_headline(shown.data.name, solution, estimates, validation, grade),
         verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
         grade=grade.value,
-        sections=sections(solution, estimates, joints, validation),
+        sections=sections(solution, estimates, joints, validation, shown.data.loaded.robot.without_motor),
         parameters=estimates.rows,
         summary=_summary(solution, estimates, validation, grade),
         terminal=(parameter_table(_identified(estimates)),),

@@ -23,25 +23,38 @@ _TITLES = {
 
 
 def sections(
-    solution: RigidSolution, estimates: Estimates, joints: Sequence[str], validation: RigidValidation | None
+    solution: RigidSolution,
+    estimates: Estimates,
+    joints: Sequence[str],
+    validation: RigidValidation | None,
+    sensed: Sequence[str] = (),
 ) -> tuple[Section, ...]:
     """Lays out a rigid fit.
 
     Args:
         solution: What it found.
         estimates: Its parameters as rows.
-        joints: Names of the motors.
+        joints: Names of the joints.
         validation: Its validation, if any.
+        sensed: Names of those that have no motor, whose torque is measured at the joint.
     """
     unit = estimates.torque_unit
-    found = [*_parameters(solution, estimates), _verdict(solution, joints), _residuals(solution, joints, unit)]
+    found = [*_parameters(solution, estimates, sensed), _verdict(solution, joints), _residuals(solution, joints, unit)]
     if validation is not None:
         found.append(_prediction(validation, joints, unit))
     return tuple(found)
 
 
-def _parameters(solution: RigidSolution, estimates: Estimates) -> tuple[Section, ...]:
-    (section,) = parameter_section(estimates, "Everything is on the motor side, but for what links and payload have.")
+def _sides(sensed: Sequence[str]) -> str:
+    """Says of which side the parameters are."""
+    told = "Everything is on the motor side, but for what links and payload have"
+    if not sensed:
+        return f"{told}."
+    return f"{told}, and what belongs to joints without a motor, whose torque is measured there: {', '.join(sensed)}."
+
+
+def _parameters(solution: RigidSolution, estimates: Estimates, sensed: Sequence[str]) -> tuple[Section, ...]:
+    (section,) = parameter_section(estimates, _sides(sensed))
     base = solution.base
     rows = tuple(
         (name, label) for name, label in zip(solution.estimate.names, base.labels, strict=True) if label != name

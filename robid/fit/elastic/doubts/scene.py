@@ -66,7 +66,7 @@ class Scene:
         linear = replace(self.values, cubic=np.zeros_like(self.values.cubic))
         stiffness = self.response.springs.stiffness
         still = replace(self.response.model, rest=replace(self.response.model.rest, moves=None), added=None)
-        found = jacobian(still, linear, replace(self.response, model=still), ("stiffness",), self._period)
+        found = jacobian(still, linear, replace(self.response, model=still), ("stiffness",))
         slopes = found / still.rest.factor[:, None, None, None] * stiffness[:, None, None, None]
         return np.asarray(slopes / self.response.sampled[..., None])
 
@@ -148,7 +148,7 @@ class Scene:
         """Derivatives (n_conf, n_freq, n_out, n_in, n_shift) of the log response along shifts of the matrices."""
         model = replace(self.response.model, shifts=shifts, effects=None)
         values = replace(self.values, doubt=shifts.amounts)
-        moved = jacobian(model, values, replace(self.response, model=model), ("doubt",), self._period)
+        moved = jacobian(model, values, replace(self.response, model=model), ("doubt",))
         return np.asarray(moved / self.response.sampled[..., None])
 
     @property
@@ -156,7 +156,7 @@ class Scene:
         return self.problem.frf.hold_period_s
 
     def _slopes(self, *kinds: str) -> ComplexArray:
-        found = jacobian(self.problem.model, self.values, self.response, kinds, self._period)
+        found = jacobian(self.problem.model, self.values, self.response, kinds)
         return np.asarray(found / self.response.sampled[..., None])
 
     def _response(self, model: LinearModel, values: ElasticParameters) -> Response:

@@ -76,7 +76,7 @@ def test_stamps_rounded_to_more_than_a_step_tell_the_sampling_period(tmp_path):
     table = np.stack([np.round(TIME / 2, 3), force, np.cumsum(force)], axis=1)
     np.savetxt(file, table, delimiter=",", header="time [s],force [N],way [m]", comments="")
     sampling = inspect_log([file]).sampling
-    assert sampling.variable == ""
+    assert sampling.variable == "time [s]"
     assert sampling.step_s == STEP / 2
     assert "rounded" in sampling.told_by
 

@@ -1,0 +1,317 @@
+"""The pace of time stamps: step, gaps and what rounding hides, of stamps as fine or as coarse as loggers write them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+
+GAP = 1.5
+"""Time step, in usual ones, from which samples are missing."""
+
+_EVEN = 0.5
+"""Deviation of a step, relative, up to which it counts as a usual one."""
+
+_USUAL = 0.95
+"""Share of usual steps from which the others are gaps."""
+
+_FINE = 0.02
+"""Rounding, in usual steps, below which it is none."""
+
+_WHOLE = 0.02
+"""Distance of a step from whole roundings that the number format leaves, in roundings."""
+
+_FEW = 3
+"""Odd steps from which, evenly spread, they are those of a clock beside the rounding; fewer are gaps or repeats."""
+
+_EQUAL = 1e-4
+"""Difference of two steps, in usual ones, up to which they are equal: floating point leaves it."""
+
+_LOOKED = 1_000_000
+"""Steps by which the rounding is told."""
+
+_FAR = 100.0
+"""Steps, in usual ones, from which they are gaps and tell no rounding."""
+
+_AGREE = 0.6
+"""Share of the windows that have to agree on a step where samples may be lost within the others."""
+
+_LONGEST = 64
+"""Changes of the stamp over which a jump is averaged."""
+
+_BLOCKS = 2000
+"""Blocks of which only the extremes are kept to fit a line."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How stamps advance.
+
+    Attributes:
+        step: Step of the samples, gaps left out, in the stamps' unit.
+        unsure: Relative error that it may have for what the rounding hides and the stamps wander.
+        rounding: What the stamps are rounded to; 0 where that is far below a step.
+        times (n_sample,): Time of each sample: the stamps, or where they are rounded the even times beneath them.
+        gaps (n_gap,): Samples after which others are missing.
+    """
+
+    step: float
+    unsure: float
+    rounding: float
+    times: FloatArray
+    gaps: IntArray
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether several samples share a stamp."""
+        return self.rounding > self.step
+
+
+def measure_pace(stamps: FloatArray, stated: float | None = None) -> Pace | None:
+    """Measures how stamps advance.
+
+    Where stamps are rounded, evenly spaced samples lie beneath them on a line that is never further off than the
+    rounding, or, where several samples share a stamp, than one sample at each change of it: that line's slope is the
+    step, known the better the longer the log. Lost samples show as jumps beside it.
+
+    Args:
+        stamps (n_sample,): The stamps, from anywhere on.
+        stated: The step as it was stated, which is kept where the stamps cannot tell it from theirs.
+
+    Returns:
+        The pace; None where they go back, never change, or repeat at single places as no rounding makes them.
+    """
+    stamps = stamps - stamps[0]
+    steps = np.diff(stamps)
+    if len(steps) < 2 or steps.min() < 0 or not stamps[-1] > 0:
+        return None
+    rounding = _rounding(steps)
+    usual = float(np.median(steps))
+    odd = np.abs(steps - usual) > _EVEN * usual
+    if usual > 0 and np.mean(odd) <= 1 - _USUAL and not _is_beside(steps, odd, rounding):
+        return None if np.any(steps == 0) else _fine(stamps, steps, usual, rounding, stated)
+    return _coarse(stamps, steps, rounding, stated)
+
+
+def _is_beside(steps: FloatArray, odd: np.ndarray, rounding: float) -> bool:
+    """Whether the few odd steps are those of a rounded clock that is slightly beside its rounding."""
+    if np.count_nonzero(odd) < _FEW or not rounding:
+        return False
+    at = np.arange(float(len(steps) + 1))
+    stamps = np.concatenate([[0.0], np.cumsum(steps)])
+    return _narrowest(at, stamps).width <= _width(float(stamps[-1] / at[-1]), rounding)
+
+
+def _rounding(steps: FloatArray) -> float:
+    """What stamps are rounded to, told by their steps, which are all multiples of it; 0 where nothing tells it."""
+    scale = float(np.median(steps[steps > 0]))
+    different = np.unique(np.round(np.concatenate([[0.0], steps[:_LOOKED]]) / scale, 6))
+    different = different[different < _FAR]
+    apart = np.diff(different)
+    # What floating point leaves of equal steps is no distance between different ones.
+    apart = apart[apart > _EQUAL]
+    if not len(apart):
+        return 0.0
+    least = float(apart.min())
+    whole = np.abs(different / least - np.round(different / least)) < _WHOLE
+    return least * scale if np.all(whole) and least * scale > _FINE * float(np.mean(steps)) else 0.0
+
+
+def _fine(stamps: FloatArray, steps: FloatArray, usual: float, rounding: float, stated: float | None) -> Pace:
+    """The pace of stamps with a usual step: longer ones are gaps."""
+    gaps = np.flatnonzero(steps > GAP * usual)
+    inside = np.delete(steps, gaps)
+    step = float(inside.mean())
+    unsure = float(np.abs(inside - step).max()) / (step * len(inside))
+    if rounding and np.ptp(inside) > _FINE * step:
+        at = np.arange(float(len(stamps)))
+        at[1:] += _missing_before(gaps, np.round(steps[gaps] / step - 1), len(steps))
+        line = _narrowest(at, stamps)
+        if line.width <= _width(line.slope, rounding):
+            return _on_line(at, line, rounding, gaps, stated)
+    return Pace(step, unsure, 0.0, stamps, gaps)
+
+
+def _missing_before(gaps: IntArray, missing: FloatArray, count: int) -> FloatArray:
+    """Samples that are missing before each sample but the first."""
+    each = np.zeros(count)
+    each[gaps] = missing
+    return np.asarray(np.cumsum(each))
+
+
+def _coarse(stamps: FloatArray, steps: FloatArray, rounding: float, stated: float | None) -> Pace | None:
+    """The pace of stamps that repeat, that are rounded to about a step, or that wander by as much."""
+    changes = np.flatnonzero(steps > 0) + 1
+    repeats = len(changes) < len(steps)
+    # How long the first stamp had been there before the log began is not known.
+    places = changes if repeats else np.arange(len(stamps))
+    at, values = places.astype(float), stamps[places]
+    if len(at) < 2:
+        return Pace(float(stamps[-1]) / len(steps), 1.0, float(stamps[-1]), stamps, np.zeros(0, int))
+    wide = rounding or float(np.median(np.diff(values)))
+    line = _narrowest(at, values)
+    lost = [] if line.width <= _width(line.slope, wide) else _losses(at, values, wide)
+    for place, count in lost:
+        at[place:] += count
+    line = _narrowest(at, values) if lost else line
+    whole, gaps = _numbered(places, len(stamps), lost, repeats=repeats)
+    pace = _on_line(whole, line, wide, gaps, stated)
+    explained = repeats or (rounding and line.width <= _width(line.slope, rounding))
+    return pace if explained else replace(pace, rounding=0.0, times=stamps)
+
+
+def _numbered(
+    places: IntArray, n_sample: int, lost: list[tuple[int, int]], *, repeats: bool
+) -> tuple[FloatArray, IntArray]:
+    """Numbers of the samples with those that are missing, and the samples after which some are.
+
+    Between two changes of the stamp they may lie anywhere: some are told at both ends, so that no part between gaps
+    holds them.
+
+    Args:
+        places (n_change,): Samples at which the stamp changes.
+        n_sample: Samples of the log.
+        lost: Change before which samples are missing, and how many.
+        repeats: Whether several samples share a stamp.
+    """
+    whole, gaps = np.arange(float(n_sample)), set()
+    for place, count in lost:
+        first, last = int(places[place - 1]), int(places[place]) - 1
+        before = count / 2 if repeats and count > 1 and first < last else 0.0
+        whole[first + 1 :] += before
+        whole[last + 1 :] += count - before
+        gaps |= {first, last} if before else {last}
+    return whole, np.array(sorted(gaps), int)
+
+
+def _losses(at: FloatArray, values: FloatArray, rounding: float) -> list[tuple[int, int]]:
+    """Places before which samples are missing where stamps change, and how many."""
+    step, span = _agreed(at, values, rounding)
+    beside = values - step * at
+    length = int(np.clip(span // 2, 1, _LONGEST))
+    sums = np.concatenate([[0.0], np.cumsum(beside)])
+    place = np.arange(1, len(at))
+    low, high = np.maximum(place - length, 0), np.minimum(place + length, len(at))
+    jump = (sums[high] - sums[place]) / (high - place) - (sums[place] - sums[low]) / (place - low)
+    short = np.minimum(high - place, place - low)
+    hidden = _width(step, rounding) * np.minimum(1.05, 2 / np.sqrt(short)) + 0.1 * step
+    wander = 4.5 * 1.4826 * float(np.median(np.abs(jump - np.median(jump))))
+    found = np.flatnonzero(jump > np.maximum(np.maximum(hidden, wander), 0.6 * step))
+    lost: list[tuple[int, int]] = []
+    for group in np.split(found, np.flatnonzero(np.diff(found) > 1) + 1):
+        if not len(group):
+            continue
+        best = int(group[np.argmax(jump[group])])
+        near = np.arange(max(best - length // 2, 0), min(best + length // 2 + 1, len(jump)))
+        exact = int(near[np.argmax(np.diff(beside)[near])])
+        count = round(float(jump[best]) / step)
+        if count > 0:
+            lost.append((exact + 1, count))
+    return lost
+
+
+def _agreed(at: FloatArray, values: FloatArray, rounding: float) -> tuple[float, int]:
+    """The step on which most windows agree, and the changes that the longest such windows hold."""
+    step, span, noise = 0.0, 1, 0.0
+    lag = 1
+    while lag <= max(len(at) // 4, 1):
+        rise, count = values[lag:] - values[:-lag], at[lag:] - at[:-lag]
+        candidate = float(np.median(rise / count))
+        off = np.abs(rise - candidate * count)
+        if lag == 1:
+            noise = 3 * 1.4826 * float(np.median(off))
+        if lag > 1 and np.mean(off <= 1.2 * _width(candidate, rounding) + noise) < _AGREE:
+            break
+        step, span = candidate, lag
+        lag *= 2
+    return step, span
+
+
+@dataclass(frozen=True)
+class _Line:
+    """The line beside which points lie in the narrowest band: its slope, the band's width and lower edge."""
+
+    slope: float
+    width: float
+    lowest: float
+    far: Callable[[float], float]
+
+
+def _width(step: float, rounding: float) -> float:
+    """How far off their line rounded stamps are where they change, a margin for the number format added."""
+    return min(step, rounding) * (1 + 1e-3)
+
+
+def _narrowest(at: FloatArray, values: FloatArray) -> _Line:
+    """Fits the line beside which all points lie in the narrowest band: the band's width is convex in its slope."""
+    start = float((values[-1] - values[0]) / (at[-1] - at[0]))
+    points, heights = _extremes(at, values, start)
+
+    def width(slope: float) -> float:
+        return float(np.ptp(heights - slope * points))
+
+    reach = 2 * max(width(start), abs(start) * 1e-12) / float(at[-1] - at[0])
+    low, high = start - reach, start + reach
+    golden = (np.sqrt(5) - 1) / 2
+    for _ in range(80):
+        first, second = high - golden * (high - low), low + golden * (high - low)
+        if width(first) <= width(second):
+            high = second
+        else:
+            low = first
+    slope = (low + high) / 2
+    if width(start) <= width(slope) * (1 + 1e-9):
+        slope = start
+    return _Line(slope, width(slope), float((heights - slope * points).min()), width)
+
+
+def _extremes(at: FloatArray, values: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
+    """Of many points, those that lie highest and lowest beside a line in each of many blocks."""
+    if len(at) <= 4 * _BLOCKS:
+        return at, values
+    beside = values - slope * at
+    edges = np.linspace(0, len(at), _BLOCKS + 1).astype(int)
+    kept = {0, len(at) - 1}
+    for first, stop in pairwise(edges.tolist()):
+        kept |= {first + int(np.argmin(beside[first:stop])), first + int(np.argmax(beside[first:stop]))}
+    chosen = sorted(kept)
+    return at[chosen], values[chosen]
+
+
+def _on_line(whole: FloatArray, line: _Line, rounding: float, gaps: IntArray, stated: float | None) -> Pace:
+    """The pace of samples that lie evenly beneath rounded stamps, `whole` their numbers with those that are missing."""
+    allowed = max(_width(line.slope, rounding), 1.1 * line.width)
+    low, high = _still_within(line, allowed, -1), _still_within(line, allowed, 1)
+    unsure = max(high / line.slope - 1, 1 - low / line.slope)
+    step = stated if stated is not None and low <= stated <= high else roundest(low, high)
+    times = step * whole
+    return Pace(step, unsure, rounding, np.asarray(times - times[0]), gaps)
+
+
+def _still_within(line: _Line, allowed: float, way: int) -> float:
+    """The slope furthest to one side with which the points stay within a band."""
+    reach = line.slope * 1e-12
+    while line.far(line.slope + way * reach) <= allowed and reach < line.slope:
+        reach *= 2
+    inside, outside = 0.0, reach
+    for _ in range(40):
+        middle = (inside + outside) / 2
+        if line.far(line.slope + way * middle) <= allowed:
+            inside = middle
+        else:
+            outside = middle
+    return line.slope + way * inside
+
+
+def roundest(low: float, high: float) -> float:
+    """The number from one to another with the fewest digits, itself or its reciprocal."""
+    middle = (low + high) / 2
+    for digits in range(1, 12):
+        for candidate in (float(f"{middle:.{digits}g}"), 1 / float(f"{1 / middle:.{digits}g}")):
+            if low <= candidate <= high:
+                return candidate
+    return middle

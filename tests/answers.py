@@ -1,0 +1,34 @@
+"""What a command answered: exit code, stdout and stderr."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from robid.cli import run_command
+
+
+@dataclass(frozen=True)
+class Answer:
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+    @property
+    def flat(self) -> str:
+        return " ".join(self.err.split())
+
+
+def ask(*arguments: str) -> Answer:
+    """Runs a command in this process, in the current directory."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = run_command(list(arguments))
+    return Answer(code, out.getvalue(), err.getvalue())
