@@ -179,7 +179,8 @@ def _as_read(
         campaign = loaded.experiment.campaigns[name]
         options = {"time": stamps() if stamped else None, "one_shot": campaign.is_trajectory}
         acquire = mapping_of(path, joints, signals, period_s, options)
-        campaigns[name] = reading_campaign(campaign, acquire, stretch)
+        read = reading_campaign(campaign, acquire, stretch)
+        campaigns[name] = read if "angle" in signals else _without_angles(read)
     experiment = loaded.experiment.model_copy(update={"campaigns": campaigns, "designs": {}, "study": None})
     return replace(loaded, experiment=experiment)
 
@@ -201,6 +202,11 @@ def reading_campaign(campaign: Campaign, acquire: Acquire, stretch: float) -> Ca
         return Campaign(source=source, realizations=campaign.realizations, payload_kg=campaign.payload_kg)
     changed = {"source": source, "excitation": _stretched(campaign.excitation, stretch), "outputs": ("motors",)}
     return campaign.model_copy(update=changed)
+
+
+def _without_angles(campaign: Campaign) -> Campaign:
+    """A campaign whose friction cannot be subtracted, as that follows the motors' angles."""
+    return campaign.model_copy(update={"estimate": replace(campaign.estimate, compensation="none")})
 
 
 def _stretched(excitation: Any, stretch: float) -> Any:  # noqa: ANN401
