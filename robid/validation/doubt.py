@@ -11,6 +11,7 @@ CAUSES = {
     "angle_sign": "an angle with the wrong sign",
     "torque_constant": "a torque constant that is off",
     "gear_ratio": "a gear ratio that is off",
+    "zero": "a zero of the angles that is off",
     "configurations": "configurations that are swapped or mislabelled",
     "delay": "a delay that is not declared",
     "filters": "filters that let the noise of the positions pass",

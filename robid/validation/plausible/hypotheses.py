@@ -85,11 +85,6 @@ class Hypothesis:
     penalty: float
     exact: bool = False
 
-    @property
-    def time(self) -> float:
-        """Read over true time."""
-        return float(np.exp(self.log[-1]))
-
 
 @dataclass(frozen=True)
 class Seen:
@@ -151,9 +146,7 @@ class Named:
     strength: float
 
 
-def name_scales(
-    hypotheses: Sequence[Hypothesis], told: Callable[[float], Seen], likely: Callable[[float], Seen]
-) -> Named | None:
+def name_scales(hypotheses: Sequence[Hypothesis], told: Callable[[FloatArray], Seen], likely: Seen) -> Named | None:
     """Finds the scales that explain what data say; None where nothing is to be explained, or nothing does.
 
     A factor is accused where the data contradict its absence, where it lies inside what they say, and where what is
@@ -161,21 +154,20 @@ def name_scales(
 
     Args:
         hypotheses: What may be.
-        told: What the data say if read over true time is so, of which a robot file cannot be off by as much.
+        told: What the data say, seen by a hypothesis, of which a robot file cannot be off by as much.
         likely: What decides only between hypotheses that explain it alike.
     """
-    nothing = told(1.0)
-    none = np.zeros(nothing.rows.shape[1])
-    before = nothing.cost(none)
+    none = np.zeros(likely.rows.shape[1])
+    before = told(none).cost(none)
     found = []
-    for each in hypotheses:
-        seen = told(each.time)
+    for each in hypotheses if before > _ACCUSED else ():
+        seen = told(each.log)
         cost = seen.cost(each.log)
         share, std = seen.share(each.log)
         is_inside = abs(share - 1) < _WITHIN * std and seen.farthest(each.log) < _FARTHEST
         is_inside &= not each.exact or std * np.log(each.factor) < _EXACT
         if before - cost > _ACCUSED + each.penalty and cost < max(_LEFT * before, 1.0) and is_inside:
-            found.append((cost + each.penalty + likely(each.time).cost(each.log), each, share, std))
+            found.append((cost + each.penalty + likely.cost(each.log), each, share, std))
     if not found:
         return None
     found.sort(key=lambda one: one[0])
@@ -183,7 +175,7 @@ def name_scales(
     alike = {each.scales: each for cost, each, *_ in reversed(found) if cost - best < _ALIKE}
     size = float(np.log(first.factor)) * (-1 if first.scales[0].inverse else 1)
     low, high = sorted(float(np.exp(size * (share + sign * 1.96 * std))) for sign in (-1, 1))
-    strength = (before - told(first.time).cost(first.log)) / _ACCUSED
+    strength = (before - told(first.log).cost(first.log)) / _ACCUSED
     return Named(tuple(reversed(alike.values()))[:_MOST], (float(np.exp(size * share)), low, high), strength)
 
 
@@ -229,7 +221,7 @@ def _motions(names: Sequence[str], moved: Sequence[Channel], ratio: FloatArray) 
             yield Hypothesis(scales, SCALES[factor], log, penalty + 1.0)
     for quantity, side, unit in sorted(kinds):
         own = [index for index, one in enumerate(moved) if (one.quantity, one.side, one.unit) == (quantity, side, unit)]
-        joints_of = [moved[index].name.removesuffix(".arm") for index in own]
+        joints_of = [moved[index].name.partition(".")[0] for index in own]
         channel = f"{side}_{quantity}" if quantity == "angle" and side in ("motor", "arm") else quantity
         for joints, places, rare in _subsets(joints_of, range(len(own))):
             rows = [len(names) + own[place] for place in places]

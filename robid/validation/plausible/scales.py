@@ -60,14 +60,14 @@ def judge_scales(robot: Robot, evidence: Evidence, declared_s: float) -> Scales:
     scene = _Scene(robot, evidence, declared_s)
     ratio = robot.gear_ratio[evidence.joints(robot)]
     hypotheses = hypotheses_of(evidence.names, evidence.moved, ratio, scene.torque_constant)
-    named = name_scales(hypotheses, scene.told, scene.likely)
+    named = name_scales(hypotheses, scene.told, scene.likely())
     if named is None:
         return Scales((), evidence)
     log = named.alike[0].log
     n_motor = len(evidence.names)
     motion = log[n_motor:-1][[[one.name for one in evidence.moved].index(name) for name in evidence.names]]
     undone = evidence.undone(np.exp(log[:n_motor]), np.exp(motion), float(np.exp(log[-1])))
-    return Scales((_doubt(named, scene.sources(log)),), undone)
+    return Scales((named_doubt(named, scene.sources(log)),), undone)
 
 
 class _Scene:
@@ -90,15 +90,15 @@ class _Scene:
         self._fixed = [self._pairs(), self._slopes(), self._gravity()]
         self._levels: dict[float, Seen] = {}
 
-    def told(self, time: float) -> Seen:
-        """What the data decide."""
+    def told(self, log: FloatArray) -> Seen:
+        """What the data decide, seen by a hypothesis."""
+        time = float(np.exp(log[-1]))
         if time not in self._levels:
             self._levels[time] = self._level(time)
         return joined([self._levels[time], *self._fixed])
 
-    def likely(self, time: float) -> Seen:
+    def likely(self) -> Seen:
         """What is usual: sampling periods, and torques and speeds of some tenths of what motors can do."""
-        del time
         evidence, motors = self._evidence, [self._robot.joints[index].motor for index in self._joints]
         rows, values, stds = (
             [self._row({-1: 1.0})],
@@ -139,7 +139,7 @@ class _Scene:
             "the robot file's inertias",
         )
         found = [word for word, seen in zip(words, (*self._fixed, level), strict=True) if (seen.rows @ log).any()]
-        return " and ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found)
+        return " and ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found) + " say"
 
     def _row(self, exponents: dict[int, float]) -> FloatArray:
         row = np.zeros(self._n_state)
@@ -296,13 +296,13 @@ def _slope(stated: FloatArray, logged: FloatArray, least: float) -> tuple[float,
     return abs(slope), 3 * float(np.sqrt(left @ left / max(len(x) - 2, 1) / (x @ x))) / abs(slope)
 
 
-def _doubt(named: Named, sources: str) -> Doubt:
+def named_doubt(named: Named, sources: str) -> Doubt:
     """Says what was seen, what it would mean and what to write."""
     first, (size, low, high) = named.alike[0], named.seen
     what = " and ".join(scale.what for scale in first.scales)
     meant = [" and ".join(scale.mistake(each.factor) for scale in each.scales) for each in named.alike]
     told = (
-        f"values of the {what} are {size:.4g} [{low:.4g}, {high:.4g}] times what {sources} say, as if {meant[0]}"
+        f"values of the {what} are {size:.4g} [{low:.4g}, {high:.4g}] times what {sources}, as if {meant[0]}"
         f"{''.join(f'; or {other}' for other in meant[1:])}"
     )
     scales = tuple(scale for each in named.alike for scale in each.scales)
