@@ -116,9 +116,12 @@ def read_individual(reading: Reading) -> Content:
 
 def _with_torque_constant(robot: RobotFile, constant_nm_a: float) -> RobotFile:
     """The robot file that states it of all motors."""
-    motors = [joint.motor.model_copy(update={"torque_constant_nm_a": constant_nm_a}) for joint in robot.joints]
-    joints = [joint.model_copy(update={"motor": motor}) for joint, motor in zip(robot.joints, motors, strict=True)]
-    return robot.model_copy(update={"joints": tuple(joints)})
+    stated = {"torque_constant_nm_a": constant_nm_a}
+    joints = tuple(
+        joint if joint.motor is None else joint.model_copy(update={"motor": joint.motor.model_copy(update=stated)})
+        for joint in robot.joints
+    )
+    return robot.model_copy(update={"joints": joints})
 
 
 def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log]]:
@@ -187,7 +190,7 @@ def _as_read(
 
 def _factors(reading: Reading, loaded: LoadedExperiment, mistake: UnitMistake) -> FloatArray:
     """What the channel of each joint is multiplied by (n_joint,)."""
-    ratios = np.array([abs(joint.motor.motor().gear_ratio) for joint in loaded.robot.joints])
+    ratios = np.array([abs(joint.plain_motor.gear_ratio) for joint in loaded.robot.joints])
     counts = reading.settings.counts_per_turn / (2 * np.pi)
     factors = Sizes(ratios, counts, reading.settings.torque_constant_nm_a).factors(read_scale(mistake.scale))
     if mistake.one_joint:

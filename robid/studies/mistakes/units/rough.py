@@ -55,9 +55,10 @@ def rough_torque_constants(n_joint: int, rough: Rough, seed: int) -> FloatArray:
 
 def _rough_joint(joint: JointSection, masses: tuple[float, float], rough: Rough, factors: Factors) -> JointSection:
     rotor, friction = factors.up_to(rough.rotor_inertia), factors.up_to(rough.friction)
-    law = _scaled(joint.motor.friction, dict.fromkeys(_FRICTION, friction))
-    motor = joint.motor.model_copy(update={"inertia_kgm2": joint.motor.inertia_kgm2 * rotor, "friction": law})
-    changed: dict[str, Any] = {"motor": motor}
+    changed: dict[str, Any] = {}
+    if joint.motor is not None:
+        law = _scaled(joint.motor.friction, dict.fromkeys(_FRICTION, friction))
+        changed["motor"] = _scaled(joint.motor, {"inertia_kgm2": rotor}).model_copy(update={"friction": law})
     if joint.gear is not None:
         changed["gear"] = _rough_spring(joint.gear, rough, factors)
     if joint.link is not None:
