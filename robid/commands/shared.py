@@ -11,6 +11,7 @@ from robid.errors import SettingsError, require_module
 from robid.families.family import Graded
 from robid.pipeline import Result, Run, run_folder
 from robid.report.numbers import duration
+from robid.settings.checks.other_units import other_units
 from robid.settings.experiment import Execution
 from robid.stages.terminal import Shell, make_console
 from robid.studies.known import load_with_study
@@ -66,6 +67,8 @@ def make_shell(run: Run, *, as_json: bool) -> Shell:
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet)
     for note in run.loaded.robot.model_notes:
         shell.note(run.loaded.robot.name, note)
+    for text in other_units(run.loaded.experiment, run.loaded.robot):
+        shell.warn(text)
     return shell
 
 

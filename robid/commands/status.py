@@ -9,8 +9,9 @@ from robid.commands.shared import doubts, graded
 from robid.errors import SettingsError
 from robid.pipeline import Run, asked_for, examine, grade_of
 from robid.settings.base import DATA_VARIABLE, data_path
+from robid.settings.checks.other_units import other_units
 from robid.settings.robot import MODEL_NOT_THERE, SET_DATA_FOLDER
-from robid.stages.terminal import make_console, status_table
+from robid.stages.terminal import Shell, make_console, status_table
 
 
 def show_status(run: Run, *, as_json: bool) -> int:
@@ -24,7 +25,7 @@ def show_status(run: Run, *, as_json: bool) -> int:
         where = f"{loaded.robot_path}: model: {loaded.robot.model}"
         what = f"{MODEL_NOT_THERE}, as there is no folder {data_path(DATA_VARIABLE, Path())}"
         raise SettingsError(what, where=where, remedy=SET_DATA_FOLDER)
-    states = examine(run, asked_for(loaded))
+    states, looks = examine(run, asked_for(loaded)), other_units(loaded.experiment, loaded.robot)
     if as_json:
         nodes = [
             {"stage": node.stage.name, "for": node.owner, "output": node.output}
@@ -32,7 +33,7 @@ def show_status(run: Run, *, as_json: bool) -> int:
             | graded(grade_of(run, node) if state.status == "fresh" else None)
             for node, state in states.items()
         ]
-        print_json({"run_dir": str(run.folder), "nodes": nodes})
+        print_json({"run_dir": str(run.folder), "nodes": nodes, "warnings": looks})
         return 0
     rows = [
         (node.output, state.status, state.why or state.problem or doubts(grade_of(run, node)).partition(":")[0])
@@ -40,5 +41,8 @@ def show_status(run: Run, *, as_json: bool) -> int:
         else (node.output, state.status, state.why or state.problem)
         for node, state in states.items()
     ]
-    make_console(stderr=False).print(status_table(rows))
+    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
+    for text in looks:
+        shell.warn(text)
+    shell.out.print(status_table(rows))
     return 0

@@ -16,9 +16,12 @@ from robid.artifacts.atomic import plain
 Content: TypeAlias = dict[str, Any]
 
 PARAMETER_COLUMNS = (
-    *("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable"),
-    *("physical_value", "effective_value", "effective_lower", "effective_upper"),
+    *("name", "kind", "unit", "nominal", "estimate"),
+    *("effective_value", "effective_lower", "effective_upper"),
+    *("physical_value", "physical_lower", "physical_upper", "physical_relative_std"),
+    "identifiable",
 )
+"""Columns of parameters that have two intervals, each beside the value that it is of."""
 _MAT_TITLE = 116
 
 

@@ -35,6 +35,31 @@ _LEAST_APART = 1.0
 
 _FOUND = "Lines found to be excited"
 
+_ROUNDING = 5e-10
+"""Of the distance of two lines: what rounding leaves of a band's end that needs no digits beyond."""
+
+_STEP = 0.1
+"""Of the distance of two lines: as coarse as a band's ends are written at most."""
+
+
+def band_of(first: float, last: float, period_s: float) -> tuple[float, float]:
+    """Returns a band that holds some lines and no others, its ends with few digits, rounded outwards.
+
+    Args:
+        first: Number of its first line, or a place between it and the one before.
+        last: Number of its last line, or a place between it and the next.
+        period_s: Period [s].
+
+    Returns:
+        Lowest and highest frequency [Hz].
+    """
+    decimals = -int(np.floor(np.log10(_STEP / period_s)))
+    scale = 10.0**decimals
+    # Less than what a choice of lines passes over, so that no line is lost to it.
+    slack = _ROUNDING / period_s * scale
+    low, high = np.floor(first / period_s * scale + slack), np.ceil(last / period_s * scale - slack)
+    return round(float(low / scale), max(decimals, 0)), round(float(high / scale), max(decimals, 0))
+
 
 def check_lines(where: str, blocks: FloatArray, lines: IntArray) -> list[DataError]:
     """Refuses stated lines of which hardly any carries the excitation; single weak ones are left to the estimate.

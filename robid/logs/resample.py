@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,17 +18,32 @@ from robid.logs.loss_checks import Part, part_losses
 from robid.logs.mapping import LogMapping
 from robid.logs.period import measure_repetition
 from robid.logs.stated import Stated
-from robid.logs.timing import RESAMPLED_RATE, Clock
+from robid.logs.timing import ALONE, RESAMPLED_RATE, Clock
 
 _DEGREE = 7
 """Degree of the interpolating spline."""
+
+_UNEVEN = 2.0
+"""Longest time step over the shortest from which a spline of that degree would amplify noise many times."""
+
+_UNEVEN_DEGREE = 3
+"""Degree of the spline between uneven samples."""
+
+LONGEST = 10
+"""Usual time steps that are bridged at most."""
+
+_FOLLOWED = 0.02
+"""Error of a channel up to which a spline follows it across a longer step."""
+
+_MARGIN = 0.1
+"""Part of a usual time step by which steps scatter."""
 
 _COARSE = 2.0
 """Deviation of the time stamps from a straight line, in their own steps, up to which they are only rounded."""
 
 
 def resample_to_time(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock, period_s: float | None = None
 ) -> tuple[dict[str, NDArray[Any]], Clock, list[str]]:
     """Resamples all columns to the stated sampling period of the log's own time.
 
@@ -35,6 +51,7 @@ def resample_to_time(
         mapping: The log mapping.
         columns: Columns of the log.
         clock: Its time.
+        period_s: The stated period, which stays whole samples; None where nothing repeats [s].
 
     Returns:
         The columns, their new time, and what to say about it.
@@ -43,10 +60,12 @@ def resample_to_time(
         DataError: If the log has gaps or hardly any samples, or its rate is too far from the stated one.
     """
     stated = mapping.sampling_period_s
-    _refuse_far(clock.step_s / stated, clock.where)
+    if not clock.is_bridged:
+        raise _too_far(clock, period_s)
     if len(clock.time_s) <= _DEGREE:
         what = f"It has {len(clock.time_s)} samples, and resampling needs {_DEGREE + 1} at least."
         raise DataError(what, where=clock.where, remedy="Check that it was copied completely, or record longer.")
+    clock, bridged = _bridged(mapping, columns, clock)
     if len(clock.gaps):
         at, count = clock.first + clock.gaps[0], len(clock.gaps)
         told = "1 gap" if count == 1 else f"{count} gaps, the first"
@@ -54,15 +73,49 @@ def resample_to_time(
         remedy = clock.whole or "Cut the log to a part without a gap."
         raise DataError(what, where=f"{clock.where}, sample {at}", remedy=remedy)
     time = _unrounded(clock.time_s)
+    steps = np.diff(time)
+    degree = _DEGREE if steps.max() < _UNEVEN * steps.min() else _UNEVEN_DEGREE
     wanted = time[0] + stated * np.arange(int((time[-1] - time[0]) / stated * (1 + 1e-12)) + 1)
-    made, error = _interpolated(mapping, columns, time / stated, wanted / stated)
-    told = f"Resampled from time steps of {clock.told_step_s:.9g} s to {stated:g} s"
+    made, error = _interpolated(mapping, columns, time / stated, wanted / stated, degree)
+    told = f"Resampled from time steps of {clock.told_step_s:.9g} s to {stated:g} s{bridged}"
     resampled = Clock(clock.where, wanted, stated, stated, np.zeros(0, int))
     return made, resampled, [_error_note(mapping, told, error)]
 
 
+def _bridged(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock) -> tuple[Clock, str]:
+    """The clock without the gaps across which its channels are followed, and what to say about these."""
+    if not len(clock.gaps):
+        return clock, ""
+    steps = np.diff(clock.time_s)
+    time = mapping.time.variable if mapping.time is not None else ""
+    channels = [np.asarray(one[: len(clock.time_s)], float) for name, one in columns.items() if name != time]
+    longest = longest_bridged(clock.time_s, channels, clock.step_s)
+    left = clock.gaps[steps[clock.gaps] > longest]
+    if len(left) == len(clock.gaps):
+        return clock, ""
+    short = steps[np.setdiff1d(clock.gaps, left)]
+    told = f", {len(short)} longer ones, up to {short.max():.4g} s, bridged as the channels move little in them"
+    return replace(clock, gaps=left), told
+
+
+def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: float) -> float:
+    """Returns the longest time step across which a spline follows some channels [s].
+
+    Args:
+        time_s (n_sample,): Time of each sample [s].
+        channels: The channels (n_sample,).
+        step_s: Usual time step [s].
+    """
+    even = np.arange(time_s[0], time_s[-1], step_s)
+    moving = [np.interp(even, time_s, one) for one in channels if np.ptp(one) > 0]
+    for count in range(LONGEST, 1, -1):
+        if all(interpolation_error(one, _UNEVEN_DEGREE, count) < _FOLLOWED for one in moving):
+            return count * step_s * (1 + _MARGIN)
+    return step_s
+
+
 def resample_to_period(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], steady: FloatArray, stated: Stated, where: str
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], steady: FloatArray, stated: Stated
 ) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Resamples all columns so that the measured period of an excited channel has its stated number of samples.
 
@@ -71,25 +124,21 @@ def resample_to_period(
         columns: Columns of the log.
         steady (n_sample,): The excited channel without its dropped periods.
         stated: What was said of the period.
-        where: File and variable of that channel.
 
     Returns:
-        The columns, and what to say about it; unchanged where the period cannot be measured.
-
-    Raises:
-        DataError: If the period is too far from the stated one, or samples are lost within what is used.
+        The columns, and what to say about it; unchanged where the period cannot be measured, is too far from the
+        stated one, or samples are lost within what is used: the checks of the period then say so.
     """
     part = Part(stated.dropped * stated.samples, mapping.take == "last")
     losses, steady = ([], steady) if mapping.references else part_losses(steady, stated, part)
     if losses:
-        what = f"Samples are missing or too many after about sample {losses[0].after}, which is no other clock."
-        remedy = "Leave out `resample`: what to set instead is then told."
-        raise DataError(what, where=where, remedy=remedy)
+        return dict(columns), []
     found = measure_repetition(steady, stated.samples, stated.lines)
     if found.samples is None:
         return dict(columns), []
     ratio = found.multiple(stated.samples) * found.samples / stated.samples
-    _refuse_far(1 / ratio, where)
+    if abs(1 / ratio - 1) > RESAMPLED_RATE:
+        return dict(columns), []
     count = min(len(column) for column in columns.values())
     have = np.arange(count, dtype=float)
     wanted = ratio * np.arange(int((count - 1) / ratio) + 1)
@@ -102,7 +151,7 @@ def resample_to_period(
     return made, [_error_note(mapping, told, error)]
 
 
-def interpolation_error(values: FloatArray) -> float:
+def interpolation_error(values: FloatArray, degree: int = _DEGREE, step: float = 1.0) -> float:
     """Error that the spline makes between samples at worst, root mean square over that of the signal.
 
     A wave of `w` rad per sample leaks into its images, first of all that at `2 pi - w`, by `(w / (2 pi - w))^(d+1)`
@@ -110,33 +159,38 @@ def interpolation_error(values: FloatArray) -> float:
 
     Args:
         values (n_sample,): The signal.
+        degree: Degree of the spline.
+        step: Distance of the samples between which it goes, in those of the signal.
 
     Source:
         Unser, Splines: a perfect fit for signal and image processing (1999), frequency response of the cardinal spline.
     """
     power = np.abs(rfft((values - values.mean()) * hann(len(values)))) ** 2
     omega = np.pi * np.arange(len(power)) / max(len(power) - 1, 1)
-    leaked = np.minimum(2 * (omega / (2 * np.pi - omega)) ** (_DEGREE + 1), 2.0)
+    omega = np.minimum(step * omega, np.pi)
+    leaked = np.minimum(2 * (omega / (2 * np.pi - omega)) ** (degree + 1), 2.0)
     return float(np.sqrt((leaked**2 * power).sum() / max(float(power.sum()), np.finfo(float).tiny)))
 
 
 def _interpolated(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], have: FloatArray, wanted: FloatArray
+    mapping: LogMapping,
+    columns: Mapping[str, NDArray[Any]],
+    have: FloatArray,
+    wanted: FloatArray,
+    degree: int = _DEGREE,
 ) -> tuple[dict[str, NDArray[Any]], float]:
-    """The columns at other moments (in samples), and the largest error of a channel."""
+    """The columns at other moments (in samples) by a spline, and the largest error of a channel."""
+    step = float(np.diff(have).max()) if degree < _DEGREE else 1.0
     made: dict[str, NDArray[Any]] = {}
     error = 0.0
-    turning = {one.column: one.factor for one in mapping.channels if one.unwraps}
     for name, column in columns.items():
         values = column[: len(have)].astype(float)
         if mapping.time is not None and name == mapping.time.variable:
             made[name] = np.interp(wanted, have, values)
             continue
-        if name in turning:
-            values = np.unwrap(turning[name] * values) / turning[name]
         if np.ptp(values) > 0:
-            error = max(error, interpolation_error(values))
-        made[name] = np.asarray(make_interp_spline(have, values, k=_DEGREE)(wanted))
+            error = max(error, interpolation_error(values, degree, step))
+        made[name] = np.asarray(make_interp_spline(have, values, k=degree)(wanted))
     return made, error
 
 
@@ -149,12 +203,18 @@ def _unrounded(time_s: FloatArray) -> FloatArray:
     return np.asarray(line) if np.abs(time_s - line).max() <= _COARSE * rounding else time_s
 
 
-def _refuse_far(ratio: float, where: str) -> None:
-    if abs(ratio - 1) > RESAMPLED_RATE:
-        what = f"It runs {ratio:.4g} times as fast as was stated: resampling bridges {RESAMPLED_RATE:.0%} at most."
-        raise DataError(
-            what, where=where, remedy="Correct sampling_period_s or excitation.period_s, and leave out `resample`."
-        )
+def _too_far(clock: Clock, period_s: float | None) -> DataError:
+    """Says that the steps of a log's own time are too far from the stated ones, and which are near."""
+    what = (
+        f"Its time steps are {clock.told_step_s:.9g} s, {clock.step_s / clock.stated_s:.4g} times the stated"
+        f" {clock.stated_s:g} s: resampling bridges {RESAMPLED_RATE:.0%} at most."
+    )
+    if clock.differs:
+        return DataError(what, where=clock.where, remedy=ALONE)
+    step_s = f"{clock.told_step_s:.9g}"
+    if period_s is not None:
+        step_s = f"{period_s / max(round(period_s / clock.step_s), 1):.12g}"
+    return DataError(what, where=clock.where, remedy=f"Set sampling_period_s to {step_s}.")
 
 
 def _error_note(mapping: LogMapping, told: str, error: float) -> str:

@@ -74,12 +74,12 @@ def _is_on(panel: str, row: ParameterRow) -> bool:
 def _ratio(row: ParameterRow) -> Ratio:
     return Ratio(
         name=row.name,
-        estimate=row.estimate / row.nominal,
+        estimate=row.middle / row.nominal,
         lower=row.lower / row.nominal,
         upper=row.upper / row.nominal,
         truth=None if row.truth is None else row.truth / row.nominal,
         identifiable=row.identifiable,
-        text=engineering(row.estimate, row.unit, row.near),
+        text=engineering(row.middle, row.unit, row.near),
     )
 
 
@@ -98,7 +98,7 @@ def _table(estimates: Estimates, conventions: str) -> Table:
     sentences = (
         conventions,
         ratio_sentence(estimates.torque_unit),
-        "± is half the interval relative to the estimate.",
+        f"± is half the interval relative to the {'physical value' if estimates.with_effective else 'estimate'}.",
         effective_sentence(estimates),
         rule_sentence(estimates),
         "Grey rows are not determined by the data: use no more of them than was known beforehand.",
@@ -223,7 +223,7 @@ def _half_width(estimates: Estimates) -> KeyNumber | None:
 
 
 def _median_half_width(springs: list[ParameterRow]) -> float | None:
-    widths = [(row.upper - row.lower) / 2 / abs(row.estimate) for row in springs if row.identifiable and row.estimate]
+    widths = [(row.upper - row.lower) / 2 / abs(row.middle) for row in springs if row.identifiable and row.middle]
     return median(widths) if widths else None
 
 

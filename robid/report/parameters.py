@@ -61,6 +61,11 @@ class ParameterRow:
     effective: tuple[float, float, float] | None = None
 
     @property
+    def middle(self) -> float:
+        """The value that the interval from `lower` to `upper` is of."""
+        return self.estimate if self.physical is None else self.physical
+
+    @property
     def near(self) -> float:
         """Half width of the interval of what predicts, or of the only one."""
         lower, upper = (self.lower, self.upper) if self.effective is None else self.effective[1:]
@@ -204,14 +209,21 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         identifiable=row.identifiable,
         note=_note(row, threshold),
         bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
-        predicts="" if row.effective is None else percent(row.near / abs(row.estimate) if row.estimate else math.nan),
+        predicts=_predicts(row),
         physical="" if row.physical is None else scale.text(row.physical),
     )
 
 
+def _predicts(row: ParameterRow) -> str:
+    """Half the interval of what predicts over that value; empty where it is not told apart."""
+    if row.effective is None:
+        return ""
+    return percent(row.near / abs(row.effective[0]) if row.effective[0] else math.nan)
+
+
 def _relative_half_width(row: ParameterRow) -> float:
-    """Half the interval over the estimate, or as it is for what the robot file's value is the zero of."""
-    size = 1.0 if row.kind == NUISANCE else abs(row.estimate)
+    """Half the interval over the value it is of, or as it is for what the robot file's value is the zero of."""
+    size = 1.0 if row.kind == NUISANCE else abs(row.middle)
     return (row.upper - row.lower) / 2 / size if size else float("nan")
 
 

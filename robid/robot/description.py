@@ -70,6 +70,7 @@ class Motor:
         ripple_order: Ripple periods per motor turn.
         ripple_phase_rad: Phase `p` of the torque `ripple_nm sin(ripple_order q_m + p)` [rad].
         inertia_relative_std: Standard deviation of the relative error of the rotor inertia.
+        torque_constant_nm_a: Torque per ampere, None where it is unknown [N m/A].
     """
 
     inertia_kgm2: float
@@ -81,6 +82,7 @@ class Motor:
     ripple_order: int = 6
     ripple_phase_rad: float = 0.0
     inertia_relative_std: float = 0.05
+    torque_constant_nm_a: float | None = None
 
 
 def no_motor() -> Motor:

@@ -70,7 +70,8 @@ def weights(compiled: mujoco.MjModel, replaced: Replaced) -> Weights:
     for name, (stated_mass, tensor) in replaced.stated.items():
         index = compiled.body(name).id
         mass[index], inertia[index] = stated_mass, tensor
-    scale = 1.0 if replaced.total_kg is None else replaced.total_kg / mass[1:].sum()
+    total = mass[1:].sum()
+    scale = 1.0 if replaced.total_kg is None or total == 0 else replaced.total_kg / total
     return Weights(scale * mass, scale * inertia)
 
 
@@ -95,7 +96,9 @@ def _stated(body: mujoco.MjsBody, compiler: mujoco.MjsCompiler) -> tuple[float, 
         return 0.0, np.zeros((3, 3))
     xx, yy, zz, xy, xz, yz = np.array(body.fullinertia, float)
     if np.isnan(xx):
-        return max(float(body.mass), compiler.boundmass), np.diag(np.maximum(body.inertia, compiler.boundinertia))
+        mass, moments = float(body.mass), np.array(body.inertia)
+        mass = max(mass, compiler.boundmass) if compiler.boundmass > 0 else mass
+        return mass, np.diag(np.maximum(moments, compiler.boundinertia) if compiler.boundinertia > 0 else moments)
     return float(body.mass), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 

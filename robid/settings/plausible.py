@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from robid.arrays import LARGEST
 from robid.robot.inertia import stretched_inertia
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection, MotorSection
@@ -20,6 +21,7 @@ _SMALLEST_SHARE = 2e-3
 _QUICK_SHARE = 2e-2
 _LARGEST_SHARE = 30.0
 _MASS_TOLERANCE = 0.01
+HALVED = "where it holds all that turns, halve it and write the other half, times the gear ratio squared, as the link's"
 
 
 def implausible(robot: RobotFile) -> _Found:
@@ -43,6 +45,18 @@ def implausible(robot: RobotFile) -> _Found:
             yield ("joints", index, "motor", "inertia_kgm2"), f"{value} is implausible: {reason}"
     if is_known:
         yield from _mass(robot)
+
+
+def absurd(data: object, field: FieldPath = ()) -> _Found:
+    """Yields numbers that nothing has, in a file as it is written: what is made of them would overflow."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from absurd(value, (*field, key))
+    elif isinstance(data, list):
+        for index, value in enumerate(data):
+            yield from absurd(value, (*field, index))
+    elif isinstance(data, int | float) and abs(data) > LARGEST:
+        yield field, f"{data:g} is beyond anything that a robot has"
 
 
 def _ratios(robot: RobotFile) -> _Found:
@@ -105,8 +119,9 @@ def _inertia(joint: JointSection, motor: MotorSection, moved: tuple[float, float
     if reflected < (_QUICK_SHARE if is_quick else _SMALLEST_SHARE) * own:
         text = f"{text}, {_rounded(own / reflected)} times less than what `{joint.name}` moves, stretched out"
         return f"{text}; the rotor alone would take {run_up:.2g} s to full speed" if is_quick else text
-    if reflected > _LARGEST_SHARE * arm:
-        return f"{text}, {_rounded(reflected / arm)} times that of the whole arm, stretched out"
+    if reflected > _LARGEST_SHARE * arm > 0:  # an arm that weighs nothing is told where its links are
+        told = f"{text}, {_rounded(reflected / arm)} times that of the whole arm, stretched out"
+        return f"{told}; {HALVED}"
     return ""
 
 

@@ -115,11 +115,15 @@ def _at_tag(detail: Any) -> Any:  # noqa: ANN401
 def _written_field(data: Any, loc: FieldPath, *, missing: bool) -> tuple[FieldPath, bool]:  # noqa: ANN401
     """Drops what pydantic adds to a path (members of unions, `[key]`); says whether something was dropped."""
     field: list[str | int] = []
-    node, dropped = data, False
+    node, dropped, tagged = data, False, False
     for position, part in enumerate(loc):
+        if isinstance(node, dict) and node.get("kind") == part and not tagged:
+            # The member of a union may be called like one of its fields.
+            dropped = tagged = True
+            continue
         inside = part in node if isinstance(node, dict) else isinstance(node, list) and part in range(len(node))
         if inside:
-            node = node[part]
+            node, tagged = node[part], False
         elif not (missing and position == len(loc) - 1):
             dropped = dropped or part != "[key]"
             continue
@@ -133,7 +137,7 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
         keys = [key for node in nodes for key in node.get("properties", {})]
         return _other_member(nodes, *detail["loc"][-2:]) or f"unknown key; {suggest(str(field[-1]), keys)}"
     if detail["type"] == "missing":
-        return "is missing" + _wanted_entries(schema, field)
+        return "is missing" + (_wanted_entries(schema, field) or _meaning(schema, field))
     if detail["type"] in ("too_short", "tuple_type", "list_type") and not detail["input"]:
         wanted = _wanted_entries(schema, field)
         if wanted:
@@ -141,6 +145,10 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
     if detail["type"] == "value_error":
         return str(detail["ctx"]["error"])
     message = detail["msg"][0].lower() + detail["msg"][1:]
+    if detail["type"] == "literal_error" and field[-1] == "unit" and detail["input"]:
+        message = (
+            f"state what one `{detail['input']}` stands for as `unit` and `scale` (data sheets tell it); {message}"
+        )
     if detail["type"] == "string_pattern_mismatch" and detail["ctx"]["pattern"] == NAME_PATTERN:
         message = "a name has up to 64 letters, digits, `_` or `-`, and starts with a letter or digit"
     value = detail["input"]
@@ -157,6 +165,15 @@ def _wanted_entries(schema: dict[str, Any], field: FieldPath) -> str:
             entry = ", ".join(f"{key}: .." for key in dict.fromkeys(keys))
             return f": fill in one line `- {{{entry}}}` for each. {place.get('description', '')}".rstrip()
     return ""
+
+
+def _meaning(schema: dict[str, Any], field: FieldPath) -> str:
+    """Says what a key that is to be filled in means."""
+    told = [
+        node.get("properties", {}).get(field[-1], {}).get("description", "") for node in _nodes_at(schema, field[:-1])
+    ]
+    known = list(dict.fromkeys(one for one in told if one))
+    return f": {known[0][0].lower()}{known[0][1:].removesuffix('.')}" if len(known) == 1 else ""
 
 
 def _other_member(nodes: Sequence[dict[str, Any]], member: str | int, key: str | int = "") -> str | None:

@@ -29,6 +29,7 @@ Part: TypeAlias = Literal[
 _MOTOR: dict[str, Part] = {
     "inertia_kgm2": "mechanics",
     "inertia_relative_std": "inertia_std",
+    "torque_constant_nm_a": "inertia_std",
     "gear_ratio": "mechanics",
     "gear_ratio_rad_m": "mechanics",
     "max_speed_rad_s": "motor_limits",
@@ -36,6 +37,9 @@ _MOTOR: dict[str, Part] = {
     "ripple_nm": "friction",
     "ripple_order": "friction",
 }
+_ONLY_STATED = ("torque_constant_nm_a",)
+"""What is left out where no file states it, so that what was made before it could be stated stays fresh."""
+
 _FRICTION: dict[str, Part] = {
     "viscous_nms_rad": "mechanics",
     "coulomb_nm": "friction",
@@ -128,7 +132,8 @@ def delay_s(loaded: LoadedExperiment, campaign: Campaign) -> float:
 
 
 def _pick(plain: dict[str, Any], belongs: dict[str, Part], parts: tuple[Part, ...]) -> dict[str, Any]:
-    return {key: plain[key] for key, part in belongs.items() if part in parts}
+    chosen = {key: plain[key] for key, part in belongs.items() if part in parts}
+    return {key: value for key, value in chosen.items() if value is not None or key not in _ONLY_STATED}
 
 
 def _without_assumed(plain: Any) -> Any:  # noqa: ANN401

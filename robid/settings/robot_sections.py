@@ -92,6 +92,12 @@ class MotorSection(Assumed):
         description="Torque limit; that of `model` when not given, not needed where there are only logs [N m].",
         gt=0,
     )
+    torque_constant_nm_a: float | None = Field(
+        default=None,
+        description="Torque per ampere, where it is known: logs are told from it whose currents are read as torques"
+        " [N m/A].",
+        gt=0,
+    )
     friction: FrictionSection = Field(default_factory=FrictionSection, description="Nominal friction.")
     ripple_nm: float = Field(default=0.0, description="Amplitude of the torque ripple [N m].", ge=0)
     ripple_order: int = Field(default=6, description="Ripple periods per motor turn.", ge=1)
@@ -117,6 +123,7 @@ class MotorSection(Assumed):
             ripple_nm=self.ripple_nm,
             ripple_order=self.ripple_order,
             inertia_relative_std=self.inertia_relative_std,
+            torque_constant_nm_a=self.torque_constant_nm_a,
         )
 
 

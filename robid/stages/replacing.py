@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 _HEAD_BYTES = 4096
 _COMPARISON = "compare"
 _RIGID = b"rigid model identified by robid "
-_OLDEST_TABLE = ",".join(PARAMETER_COLUMNS[: PARAMETER_COLUMNS.index("identifiable") + 1]).encode()
+_TABLE = ",".join(PARAMETER_COLUMNS[: PARAMETER_COLUMNS.index("estimate") + 1]).encode() + b","
 _MARKS = {
     ".xml": (b"elastic model identified by robid ", _RIGID),
     **dict.fromkeys((".urdf", ".yaml", ".yml"), (_RIGID,)),
     ".mat": (b"MATLAB 5.0 MAT-file, written by robid",),
-    ".csv": (_OLDEST_TABLE, b"# Excitation of campaign ", b"# Frequency response of campaign "),
+    ".csv": (_TABLE, b"# Excitation of campaign ", b"# Frequency response of campaign "),
     **dict.fromkeys((".uff", ".unv"), (b"Frequency response of campaign ",)),
 }
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robid.validation.scale import Scale
+
 CAUSES = {
     "torque_sign": "a torque with the wrong sign",
     "angle_sign": "an angle with the wrong sign",
     "torque_constant": "a torque constant that is off",
     "gear_ratio": "a gear ratio that is off",
+    "zero": "a zero of the angles that is off",
     "configurations": "configurations that are swapped or mislabelled",
     "delay": "a delay that is not declared",
     "samples": "speeds whose samples are not what was stated",
@@ -20,6 +23,7 @@ CAUSES = {
     "payload": "a payload that is off",
     "masses": "masses or centres of mass that are off",
     "counterbalance": "a counterbalance that the robot file lacks",
+    "torque_sensor": "torques of sensors behind the gears, of joints that need `torque_measured_at: joint`",
     "rotor_inertia": "rotor inertias that are off",
     "held_spring": "springs or dampers that are off and not estimated",
     "missing_spring": "a spring that the robot file lacks",
@@ -50,12 +54,14 @@ class Doubt:
         message: What was seen and where, a clause without a full stop.
         decisive: Whether nothing that follows from the data may be used while it stands.
         strength: How far beyond what is normal, a ratio above 1; the strongest of a kind comes first.
+        scales: Which wrong scales explain it, the likeliest first, those that give the same data beside each other.
     """
 
     cause: str
     message: str
     decisive: bool
     strength: float
+    scales: tuple[Scale, ...] = ()
 
     @property
     def sentence(self) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.validation.doubt import CAUSES, Doubt
+from robid.validation.scale import Scale
 
 TRUST, PREDICTS, DO_NOT_USE = 2, 1, 0
 WORDS = {
@@ -30,6 +31,7 @@ class Grade:
         decisive (n_doubt,): Whether nothing that follows from the data may be used while a doubt stands.
         strength (n_doubt,): How far each is beyond what is normal.
         sentence: The grade, why it is no better, and the likeliest cause.
+        scales: Which wrong scales explain each doubt; empty where none do so for any.
     """
 
     value: int
@@ -39,11 +41,13 @@ class Grade:
     decisive: BoolArray
     strength: FloatArray
     sentence: str
+    scales: tuple[tuple[Scale, ...], ...] = ()
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
         """The doubts, the first to blame first."""
-        rows = zip(self.causes, self.messages, self.decisive.tolist(), self.strength.tolist(), strict=True)
+        scales = self.scales or ((),) * len(self.causes)
+        rows = zip(self.causes, self.messages, self.decisive.tolist(), self.strength.tolist(), scales, strict=True)
         return tuple(Doubt(*row) for row in rows)
 
 
@@ -97,6 +101,7 @@ def _made(value: int, reasons: Sequence[str], doubts: Sequence[Doubt]) -> Grade:
         decisive=np.array([doubt.decisive for doubt in doubts], bool),
         strength=np.array([doubt.strength for doubt in doubts], float),
         sentence=_sentence(value, tuple(dict.fromkeys(reasons)), doubts),
+        scales=tuple(doubt.scales for doubt in doubts),
     )
 
 

@@ -97,3 +97,31 @@ def test_all_links_and_joints_of_a_urdf_are_told_in_one_round(case):
     told = arm.robid("status", "e_tri.yaml").err
     for name in ("`l1`", "`l2`", "`tool`", "`j1`"):
         assert name in told
+
+
+@pytest.mark.parametrize("name", ["e.yaml", "e_el.yaml", "e_near.yaml"])
+def test_motors_that_turn_the_same_combination_are_both_named(case, name):
+    answer = case("singular_coupling").robid("status", name)
+    assert answer.code == 2
+    for words in ("`j2`", "`j3`", "same combination", "signs"):
+        assert words in answer.flat
+
+
+def test_a_differential_with_its_minus_is_sound(case):
+    wrist = case("singular_coupling")
+    for name in ("robot.yaml", "robot_el.yaml"):
+        change(wrist.folder / name, "gear_ratio: 100", "gear_ratio: -100", count=2)
+        change(wrist.folder / name, "gear_ratio: -100", "gear_ratio: 100")
+    for name in ("e.yaml", "e_el.yaml"):
+        assert wrist.robid("status", name).code == 0
+
+
+def test_an_axis_that_is_all_rotor_is_asked_for_its_share(case):
+    bench = case("massless_axis")
+    answer = bench.robid("status", "e.yaml")
+    assert answer.code == 2
+    assert "joints[0].link.inertia_kgm2" in answer.flat
+    share = re.search(r"`inertia_kgm2: (\{.*?\})`", answer.flat)[1]
+    change(bench.folder / "robot.yaml", "{xx: 0, yy: 0, zz: 0}", share)
+    change(bench.folder / "robot.yaml", "inertia_kgm2: 2.0e-4", "inertia_kgm2: 1.0e-4")
+    assert bench.robid("status", "e.yaml").code == 0

@@ -18,9 +18,9 @@ from robid.families.encode import encode_mat
 from tolerances import MJCF
 
 FOLDER = "fits/elastic"
-COLUMNS = ["name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable"]
-COLUMNS += ["physical_value", "effective_value", "effective_lower", "effective_upper"]
-FIELDS = ["nominal", "value", *COLUMNS[5:]]
+COLUMNS = ["name", "kind", "unit", "nominal", "estimate", "effective_value", "effective_lower", "effective_upper"]
+COLUMNS += ["physical_value", "physical_lower", "physical_upper", "physical_relative_std", "identifiable"]
+FIELDS = ["nominal", "value", *COLUMNS[5:9], "lower", "upper", "relative_std", "identifiable"]
 
 
 def solution_of(done):
@@ -51,8 +51,18 @@ def test_csv_is_read_back_equal(done):
     with exported(done, "csv").open(newline="") as file:
         header, *rows = list(csv.reader(file))
     assert header == COLUMNS
-    found = [(*row[:3], *map(float, row[3:8]), row[8] == "True", *map(float, row[9:])) for row in rows]
+    found = [(*row[:3], *map(float, row[3:-1]), row[-1] == "True") for row in rows]
     assert found == wanted_rows(solution_of(done))
+
+
+def test_each_value_of_a_table_lies_within_its_own_interval(done):
+    with exported(done, "csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for kind in ("effective", "physical"):
+        assert not [name for name in rows[0] if name in ("lower", "upper", "relative_std")]
+        for row in rows:
+            low, value, high = (float(row[f"{kind}_{end}"]) for end in ("lower", "value", "upper"))
+            assert low <= value <= high, row["name"]
 
 
 def test_mat_is_read_back_equal(done):

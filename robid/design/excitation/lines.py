@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from robid.arrays import IntArray
@@ -16,6 +18,9 @@ _SLIP = 0.01
 """Relative error of a sampling period that is taken to be a slip."""
 
 _DIGITS = 3
+
+_COUNTABLE = 100_000
+"""Lines up to which a period that holds them is counted out."""
 
 
 def samples_per_period(period_s: float, sampling_period_s: float) -> int:
@@ -88,7 +93,7 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
         problems.append(
             f"{options.count} excited and {n_detection} detection lines do not fit: the band {options.low_hz:g} to "
             f"{options.high_hz:g} Hz holds {available} {odd}lines of a {options.period_s:g} s"
-            f" period (lower count, or lengthen the period to {options.period_s * total / max(available, 1):.3g} s)"
+            f" period (lower count, or lengthen the period to {_long_enough(options, n_sample, total):.9g} s)"
         )
     _refuse(problems)
     chosen = _spread(grid, total, options.spacing)
@@ -97,6 +102,17 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
     drawn = [int(generator.choice(run)) for run in np.array_split(inner, n_detection)] if n_detection else []
     excited = np.delete(chosen, drawn)
     return excited, chosen[drawn]
+
+
+def _long_enough(options: ChosenLineOptions, n_sample: int, total: int) -> float:
+    """A period of whole samples whose band holds so many lines [s]."""
+    step = options.period_s / n_sample
+    available = max(len(_grid(options)), 1)
+    longer = replace(options, period_s=step * int(np.ceil(n_sample * total / available)))
+    # Where the lines lie in the band decides whether the last one is within it.
+    while total < _COUNTABLE and len(_grid(longer)) < total:
+        longer = replace(longer, period_s=longer.period_s + step * max(n_sample // available, 1))
+    return longer.period_s
 
 
 def _refuse(problems: list[str]) -> None:

@@ -34,6 +34,10 @@ from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
 from robid.validation.elastic.fitted import fitted_model
 
+_OF_PHYSICAL = {"physical_lower": "lower", "physical_upper": "upper", "physical_relative_std": "relative_std"}
+_VALUES = {name: {"estimate": "value", **_OF_PHYSICAL}.get(name, name) for name in COLUMNS[3:]}
+"""Fields of an estimate by column: its interval is that of the parameter itself."""
+
 
 @dataclass(frozen=True)
 class FittedExport:
@@ -126,10 +130,15 @@ def parameter_records(found: FittedExport) -> list[dict[str, object]]:
     estimate, tied = found.solution.estimate, found.solution.estimate.tied
     columns = estimate.names, estimate.kinds, found.units, *(values.tolist() for values in _columns(estimate).values())
     own = {str(row[0]): dict(zip(COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)}
+    told = ("nominal", "estimate", "physical_lower", "physical_upper")
     values = (each.tolist() for each in (tied.nominal, tied.value, tied.lower, tied.upper))
     followers = zip(tied.names, tied.to, *values, strict=True)
+    unknown = dict.fromkeys(_VALUES, math.nan)
     more = [
-        own[leader] | dict.fromkeys(COLUMNS[9:], math.nan) | dict(zip(COLUMNS[3:7], row, strict=True)) | {"name": name}
+        own[leader]
+        | unknown
+        | dict(zip(told, row, strict=True))
+        | {"name": name, "identifiable": own[leader]["identifiable"]}
         for name, leader, *row in followers
     ]
     return [*own.values(), *more]
@@ -137,9 +146,8 @@ def parameter_records(found: FittedExport) -> list[dict[str, object]]:
 
 def _columns(estimate: Estimate) -> dict[str, FloatArray]:
     """Values of the parameters by column, beside names, kinds and units; NaN what an older model does not tell."""
-    fields = ("value" if name == "estimate" else name for name in COLUMNS[3:])
-    found = {name: getattr(estimate, field) for name, field in zip(COLUMNS[3:], fields, strict=True)}
     unknown = np.full(len(estimate.names), np.nan)
+    found = {name: getattr(estimate, field) for name, field in _VALUES.items()}
     return {name: unknown if values is None else values for name, values in found.items()}
 
 

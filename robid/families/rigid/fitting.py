@@ -9,12 +9,13 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.grade import grade_from_artifact
+from robid.errors import DataError
 from robid.families.family import Data, Work
 from robid.families.rigid.files import model_of, solution_from_artifact, validation_of
 from robid.families.rigid.settings import loaded_campaign, rigid_fit
 from robid.families.rigid.truth import values_in
 from robid.fit.rigid.fitting import Simulate, fit_rigid
-from robid.fit.rigid.shots import Shot, shots_of
+from robid.fit.rigid.shots import Shot, refuse_unusable, shots_of
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel
 from robid.settings.experiment import payload_kg
@@ -22,6 +23,8 @@ from robid.settings.robot_parts import delay_s
 from robid.simulate.rigid_loop import simulate_rigid
 from robid.simulate.truth import TrueRobot
 from robid.validation.rigid.grading import assess_rigid
+from robid.validation.rigid.scales import motions_of, rigid_scale_doubts
+from robid.validation.rigid.sums import sum_doubts
 from robid.validation.rigid.validating import validate_rigid
 
 
@@ -32,9 +35,19 @@ def fit(data: Data, work: Work) -> Artifact:
     robot = robot_of(data)
     shots = shots_in(data, settings.campaigns, robot)
     loop = None if settings.instruments == "none" else _loop(data, robot, shots)
-    solution = fit_rigid(robot, shots, settings.options(), loop)
+    refuse_unusable(robot, shots)
+    scales = rigid_scale_doubts(robot, shots, motions_of(data.records[0], robot), settings.options())
+    scales = scales or sum_doubts(robot, shots, settings.options())
+    try:
+        solution = fit_rigid(robot, shots, settings.options(), loop)
+    except DataError as error:
+        if not scales:
+            raise
+        # What a wrong unit makes impossible is its doing.
+        told = f"{scales[0].sentence}; with it, {error.what}"
+        raise DataError(told, where=error.where, remedy="correct the log's mapping first") from error
     work.progress.advance()
-    return model_of(solution, assess_rigid(solution))
+    return model_of(solution, assess_rigid(solution, scales))
 
 
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:

@@ -75,7 +75,7 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
     """
     names = tuple(joint.name for joint in robot.joints)
     drives = _chosen(record.input_channels, names, _DRIVES, "inputs")
-    moves = _chosen(record.output_channels, names, _POSITIONS, "outputs")
+    moves = positions_of(record, robot)
     offset = record.output_offset[:, None, None, None, None, moves]
     torque = _motor_torques(record.inputs[..., drives], _arm_sides(record.input_channels, drives), robot)
     position = _motor_positions(record.outputs[..., moves] + offset, _arm_sides(record.output_channels, moves), robot)
@@ -89,6 +89,15 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
         Shot(each[late_samples:], drive[:end], period_s, held, told, late_samples, loaded, unit)
         for each, drive, told in zip(positions, torques, commands, strict=True)
     )
+
+
+def positions_of(record: Record, robot: Robot) -> list[int]:
+    """Returns which outputs are the joints' positions (n_joint).
+
+    Raises:
+        DataError: If a joint has none.
+    """
+    return _chosen(record.output_channels, tuple(joint.name for joint in robot.joints), _POSITIONS, "outputs")
 
 
 def refuse_unusable(robot: Robot, shots: Sequence[Shot]) -> None:

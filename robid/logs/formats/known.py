@@ -36,7 +36,7 @@ class Format:
 
 _HERE = "robid.logs.formats"
 FORMATS = {
-    "csv": Format("a table of text", f"{_HERE}.tables", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")),
+    "csv": Format("a table of text", f"{_HERE}.tables", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm")),
     "mat": Format("a MAT file", f"{_HERE}.mat", (".mat",)),
     "hdf5": Format("an HDF5 file", f"{_HERE}.hdf5", (".h5", ".hdf5", ".hdf")),
     "parquet": Format("a Parquet file", f"{_HERE}.parquet", (".parquet", ".pq"), ("pyarrow",), "parquet"),

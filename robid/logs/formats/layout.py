@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import datetime
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
+from robid.arrays import FloatArray
+from robid.logs.formats.cells import (
+    has_decimal_commas,
+    is_grouped,
+    is_missing,
+    is_number,
+    is_row,
+    number,
+    split,
+    tell_groups,
+    without_groups,
+)
+from robid.logs.formats.moments import is_moment
 from robid.logs.formats.variables import UnreadableLogError
 from robid.signals.log_dialect import Dialect
 
 _DELIMITERS = (";", "\t", ",", "|", " ")
-_MISSING = ("", "na", "n/a", "null", "nan", "-", "--")
 _TAIL = 30
 """Lines at the end of the sample by which the columns are told."""
 _BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
@@ -22,6 +33,61 @@ _UNITS = re.compile(
     "|[muµ]?m|turns?|rev|counts?|incr?|k?hz|%|-|°?c|nms/rad|1|bool"
 )
 REMEDY = "Write one line of column names, then one line of numbers per sample, separated by `,`, `;` or tabs."
+
+
+class Body:
+    """What else is to be known of the rows of a table; a recorder's own table has one of its own.
+
+    Attributes:
+        clocks: The column of the time of each column that has one of its own; both are read together.
+        made: Times that stand in no column, by the names that they get: the column whose time each is.
+        shared: Names of the time of each further channel that has the same column of it as another, by that column.
+    """
+
+    clocks: Mapping[int, int] = MappingProxyType({})
+    made: Mapping[str, int] = MappingProxyType({})
+    shared: Mapping[str, int] = MappingProxyType({})
+
+    def keep(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
+        """Returns the rows of numbers among numbered lines, which come in order, a part of the table at a time."""
+        return rows
+
+    def finish(self, column: int, values: FloatArray, time: FloatArray | None) -> FloatArray:  # noqa: ARG002
+        """Returns what a column means, once all of it is there.
+
+        Args:
+            column: The column.
+            values (n_row,): What stands in it.
+            time (n_row,): What stands in the column of its time.
+        """
+        return values
+
+    def make_time(self, name: str, values: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Returns a time that stands in no column, for the finished values of its column [s]."""
+        raise KeyError(name)
+
+    def damage(self, count: int) -> str:  # noqa: ARG002
+        """Says what is missing of a table that ends after some rows; nothing where it is whole."""
+        return ""
+
+
+@dataclass(frozen=True)
+class Join:
+    """Joins what the separator cuts out of a moment."""
+
+    cut: re.Pattern[str]
+    mark: str
+
+    def __call__(self, line: str) -> str:
+        """Returns a line with one cell for each moment."""
+        return self.cut.sub(self.mark, line)
+
+
+_JOINS = {
+    " ": Join(re.compile(r"(?<=\d[-/.]\d\d)\s+(?=\d{1,2}:\d\d)|(?<=[-/.]\d{4})\s+(?=\d{1,2}:\d\d)"), "T"),
+    ",": Join(re.compile(r"(?<=\d:\d\d:\d\d),(?=\d{3,6}(,|\s*$))"), "."),
+}
+"""By the separator: between a date and a time, and before the fraction of a second."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +102,11 @@ class Layout:
         lines: Lines before the first row.
         kinds: What each column holds: `number`, `moment` (date and time), or a text that is neither.
         width: Number of cells of a row; one more than there are columns where rows end with a separator.
+        fewest: Cells of the shortest row, whose last ones are missing.
+        headers: Lines above the numbers, which are passed over where they stand among them again.
+        groups: For each column the mark of thousands, nothing where it has none, `?` where a comma may be one.
+        join: What joins date and time in a line, where the separator stands between them.
+        body: What else is to be known of its rows.
     """
 
     separator: str
@@ -45,32 +116,33 @@ class Layout:
     lines: int
     kinds: tuple[str, ...]
     width: int
+    fewest: int = 0
+    headers: frozenset[str] = frozenset()
+    groups: tuple[str, ...] = ()
+    join: Join | None = None
+    body: Body = field(default_factory=Body)
 
     def cells(self, line: str) -> list[str]:
         """Returns the cells of a line."""
         return split(line, self.separator)
 
-    def number(self, cell: str) -> float:
+    def number(self, cell: str, column: int) -> float:
         """Returns the number of a cell, NaN where it is missing.
 
         Raises:
             ValueError: If it holds something else.
         """
-        return _number(cell, decimal_comma=self.decimal_comma)
+        if self.marks_groups(column) and self.groups[column] in cell:
+            cell = without_groups(cell)
+        return number(cell, decimal_comma=self.decimal_comma)
 
+    def marks_groups(self, column: int) -> bool:
+        """Whether a column may have marks of thousands that are known."""
+        return bool(self.groups) and self.groups[column] in (",", ".")
 
-def split(line: str, separator: str) -> list[str]:
-    """Splits a line into its cells, without quotes, within which separators are text."""
-    line = line.strip("\r\n")
-    parts = line.split() if separator == " " else line.split(separator)
-    if '"' in line and separator != " " and len(line) < csv.field_size_limit():
-        parts = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-    return [part.strip().strip('"').strip() for part in parts]
-
-
-def is_row(line: str, comments: Sequence[str]) -> bool:
-    """Whether a line is neither empty nor a comment."""
-    return not line.isspace() and bool(line) and not line.startswith(tuple(comments))
+    def is_open(self, cell: str, column: int) -> bool:
+        """Whether a number may be two, as nothing tells what its comma marks."""
+        return bool(self.groups) and self.groups[column] == "?" and "," in cell and is_grouped(cell)
 
 
 def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
@@ -84,30 +156,41 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     rows = [(i, line) for i, line in enumerate(lines) if is_row(line, dialect.comments)]
     if dialect.header_line:
         rows = [(i, line) for i, line in rows if i + 1 >= dialect.header_line]
-    tail = [line for _, line in rows[-_TAIL:]]
-    separator = dialect.separator or _tell_separator(tail, dialect.decimal)
-    comma = dialect.decimal == "," if dialect.decimal else separator != ","
+    separator, comma = tell_marks([line for _, line in rows[-_TAIL:]], dialect)
     cells = [(i, split(line, separator)) for i, line in rows]
-    told = [c for _, c in cells[-_TAIL:]]
-    numeric = [c for c in told if any(_is_number(cell, comma) for cell in c)]
+    numeric = [c for _, c in cells[-_TAIL:] if any(is_number(cell, decimal_comma=comma) for cell in c)]
     if not numeric:
         raise UnreadableLogError("The log holds no table.", REMEDY)
     width = Counter(map(len, numeric)).most_common(1)[0][0]
-    numeric = [c for c in numeric if len(c) == width]
-    kinds = tuple(_kind([c[column] for c in numeric], comma) for column in range(width))
+    kinds = tell_kinds([c for c in numeric if len(c) == width], [c for _, c in cells if len(c) == width], comma=comma)
     stated = dialect.header_line
-    is_first = (at for at, (_, c) in enumerate(cells) if _fits(c, kinds, comma) and at >= bool(stated))
-    first = next(is_first, len(cells) - len(told))
+    is_first = (at for at, (_, c) in enumerate(cells) if fits(c, kinds, comma=comma) and at >= bool(stated))
+    first = next(is_first, max(len(cells) - _TAIL, 0))
     before = [] if stated == 0 else cells[:first]
     if before and not stated and len(before[-1][1]) == 1 < width:
         before = []  # a line of text above the numbers, no names
     fewest = width - (kinds[-1] == "")
-    names, units, header = _names(before, (fewest, width), lines, dialect, separator, cells[first][0])
+    start = cells[first][0]
+    names, units, header = _names(before, (fewest, width), lines, dialect, separator, start)
     if kinds[-1] == "" and len(names) == width - 1:
         kinds = kinds[:-1]
+    join = _JOINS.get(separator)
+    if len(names) == len(kinds) - 1 and join is not None and "moment" in kinds:
+        joined = [join(line) for line in lines]
+        if joined != list(lines):
+            return replace(tell_layout(joined, dialect), join=join)
     if len(names) != len(kinds):
-        raise _no_fit(cells[first][0], width, len(names), header)
-    return Layout(separator, comma, tuple(names), tuple(units), cells[first][0], kinds, width)
+        raise _no_fit(start, width, len(names), header)
+    headers = frozenset(line for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma))
+    groups = _groups([c for _, c in cells[first:] if len(c) == width], len(kinds), comma=comma, dialect=dialect)
+    return Layout(separator, comma, tuple(names), tuple(units), start, kinds, width, headers=headers, groups=groups)
+
+
+def _groups(rows: Sequence[Sequence[str]], count: int, *, comma: bool, dialect: Dialect) -> tuple[str, ...]:
+    """The mark of thousands of each column: what is stated not to be that of decimals, else what the numbers tell."""
+    if dialect.decimal is not None:
+        return ("." if dialect.decimal == "," else ",",) * count
+    return tell_groups([[row[column] for row in rows] for column in range(count)]) if comma else ("",) * count
 
 
 def _no_fit(line: int, width: int, count: int, header: int) -> UnreadableLogError:
@@ -116,46 +199,77 @@ def _no_fit(line: int, width: int, count: int, header: int) -> UnreadableLogErro
     return UnreadableLogError(what, remedy)
 
 
-def _tell_separator(lines: Sequence[str], decimal: str | None) -> str:
-    """The separator that makes the most numbers in rows of one length; white space for a single column."""
-    best, found = 0.0, " "
-    for separator in _DELIMITERS:
+def tell_marks(lines: Sequence[str], dialect: Dialect) -> tuple[str, bool]:
+    """What separates cells, and whether decimal marks are commas.
+
+    Those that make the most numbers in rows of one length; white space for a single column.
+    """
+    comma = dialect.decimal == "," if dialect.decimal else dialect.separator != ","
+    best, found = 0.0, (dialect.separator or " ", comma)
+    for separator in (dialect.separator,) if dialect.separator else _DELIMITERS:
         cells = [split(line, separator) for line in lines]
-        comma = decimal == "," if decimal else separator != ","
-        rows = [c for c in cells if len(c) > 1 and any(_is_number(cell, comma) for cell in c)]
-        if not rows:
-            continue
-        width = Counter(map(len, rows)).most_common(1)[0][0]
-        alike = [c for c in rows if len(c) == width]
-        numbers = sum(_is_number(cell, comma) or cell.lower() in _MISSING for c in alike for cell in c)
-        score = len(alike) / len(cells) * numbers / (width * len(alike))
-        if score > best + 1e-9:
-            best, found = score, separator
+        for comma in _decimal_commas(cells, separator, dialect):
+            rows = [c for c in cells if len(c) > 1 and any(is_number(cell, decimal_comma=comma) for cell in c)]
+            if not rows:
+                continue
+            width = Counter(map(len, rows)).most_common(1)[0][0]
+            alike = [c for c in rows if len(c) == width]
+            numbers = sum(is_number(cell, decimal_comma=comma) or is_missing(cell) for c in alike for cell in c)
+            score = len(alike) / len(cells) * numbers / (width * len(alike))
+            if score > best + 1e-9:
+                best, found = score, (separator, comma)
     return found
+
+
+def _decimal_commas(cells: Sequence[Sequence[str]], separator: str, dialect: Dialect) -> tuple[bool, ...]:
+    """Whether decimal marks may be commas: also between commas, where quotes tell them apart."""
+    if dialect.decimal:
+        return (dialect.decimal == ",",)
+    if separator != ",":
+        return (True,)
+    return (False, True) if has_decimal_commas([cell for row in cells for cell in row]) else (False,)
+
+
+def tell_kinds(tail: Sequence[Sequence[str]], rows: Sequence[Sequence[str]], *, comma: bool) -> tuple[str, ...]:
+    """Tells what each column holds.
+
+    Args:
+        tail: The last rows, which say it mostly.
+        rows: All rows that were looked at, for columns that are empty there.
+        comma: Whether decimal marks are commas.
+    """
+    kinds = [_kind([row[column] for row in tail], comma) for column in range(len(tail[0]))]
+    for column in [column for column, kind in enumerate(kinds) if not kind]:
+        cells = [row[column] for row in rows]
+        if any(is_number(cell, decimal_comma=comma) for cell in cells):
+            kinds[column] = "number"
+        elif any(map(is_moment, cells)):
+            kinds[column] = "moment"
+    return tuple(kinds)
 
 
 def _kind(cells: Sequence[str], comma: bool) -> str:
     """What a column holds: `number`, `moment`, an example of its text, or nothing at all."""
-    numbers = sum(_is_number(cell, comma) for cell in cells)
-    missing = sum(cell.lower() in _MISSING for cell in cells)
+    numbers = sum(is_number(cell, decimal_comma=comma) for cell in cells)
+    missing = sum(map(is_missing, cells))
     if numbers and 2 * (numbers + missing) >= len(cells):
         return "number"
-    texts = [cell for cell in cells if cell and not _is_number(cell, comma)]
-    if texts and all(_is_moment(cell) for cell in texts):
+    texts = [cell for cell in cells if not (is_missing(cell) or is_number(cell, decimal_comma=comma))]
+    if texts and all(map(is_moment, texts)):
         return "moment"
     return texts[-1] if texts else ""
 
 
-def _fits(cells: Sequence[str], kinds: Sequence[str], comma: bool) -> bool:
+def fits(cells: Sequence[str], kinds: Sequence[str], *, comma: bool) -> bool:
     """Whether a line is a row of the table: a number, or nothing, wherever a column has numbers."""
     if len(cells) != len(kinds):
         return False
     numbers = [cell for cell, kind in zip(cells, kinds, strict=True) if kind == "number"]
     moments = [cell for cell, kind in zip(cells, kinds, strict=True) if kind == "moment"]
     return (
-        all(_is_number(cell, comma) or cell.lower() in _MISSING for cell in numbers)
-        and any(_is_number(cell, comma) for cell in numbers)
-        and all(_is_moment(cell) for cell in moments)
+        all(is_number(cell, decimal_comma=comma) or is_missing(cell) for cell in numbers)
+        and any(is_number(cell, decimal_comma=comma) for cell in numbers)
+        and all(is_moment(cell) or is_missing(cell) for cell in moments)
     )
 
 
@@ -172,7 +286,7 @@ def _names(
     if not before:
         commented = None if dialect.header_line == 0 else _commented(lines[:first], widths, dialect, separator)
         names = commented or [str(i) for i in range(1, width + 1)]
-        return names, _units(names), first
+        return names, units_of(names), first
     if dialect.header_line:
         at = 0
     else:
@@ -184,7 +298,7 @@ def _names(
     if separator == " " and len(names) != width:
         names = split(lines[line], "\t") if "\t" in lines[line] else names
     below = before[at + 1][1] if at + 1 < len(before) else []
-    units = _units(names)
+    units = units_of(names)
     if len(below) == len(names) and _are_units(below):
         units = [stated.strip("[]() ") or unit for stated, unit in zip(below, units, strict=True)]
     if names and not names[-1] and len(names) == width:
@@ -203,7 +317,7 @@ def _commented(lines: Sequence[str], widths: tuple[int, int], dialect: Dialect, 
     return names if widths[0] <= len(names) <= widths[1] and all(names) else None
 
 
-def _units(names: Sequence[str]) -> list[str]:
+def units_of(names: Sequence[str]) -> list[str]:
     """Units in brackets at the end of names."""
     return [found[1].strip() if (found := _BRACKETS.search(name)) else "" for name in names]
 
@@ -215,25 +329,3 @@ def _are_units(cells: Sequence[str]) -> bool:
         cell for cell in stated if _UNITS.fullmatch(cell.strip("[]() ").lower().replace(" ", "")) or cell[0] in "[("
     ]
     return bool(stated) and 2 * len(known) >= len(stated)
-
-
-def _number(cell: str, *, decimal_comma: bool) -> float:
-    if cell.lower() in _MISSING:
-        return float("nan")
-    if "_" in cell:
-        raise ValueError(cell)
-    return float(cell.replace(",", ".") if decimal_comma else cell)
-
-
-def _is_number(cell: str, comma: bool) -> bool:
-    try:
-        return cell.lower() not in _MISSING and _number(cell, decimal_comma=comma) is not None
-    except ValueError:
-        return False
-
-
-def _is_moment(cell: str) -> bool:
-    try:
-        return datetime.fromisoformat(cell) is not None
-    except ValueError:
-        return False

@@ -13,6 +13,7 @@ from scipy.io import loadmat, whosmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 from scipy.sparse import issparse
 
+from robid.logs.formats.mat_layouts import add_clocks, note_units, with_clocks
 from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted
 
 _HEADER = 128
@@ -24,6 +25,11 @@ _REMEDIES = {
     "timetable": "Save its columns: `s = table2struct(timetable2table(name), 'ToScalar', true)`.",
     "timeseries": "Save `name.Time` and `name.Data` as variables of their own.",
     "string": "Save it as a real numeric column.",
+    **dict.fromkeys(
+        ("Simulink.SimulationOutput", "Simulink.SimulationData.Dataset", "Simulink.SimulationData.Signal"),
+        "Save the time and the values of its signals, as `t = out.logsout{1}.Values.Time` and"
+        " `q = out.logsout{1}.Values.Data`; or have To Workspace save a structure with time.",
+    ),
 }
 _DAMAGED = Reason("The log is damaged before its end.", "Check that it was copied completely, or save it again.")
 
@@ -34,16 +40,23 @@ def read(file: Path, wanted: Wanted) -> Found:
     Raises:
         UnreadableLogError: If it is none.
     """
+    asked, wanted = wanted, with_clocks(wanted)
     with file.open("rb") as stream:
         header = stream.read(_HEADER)
         if header.startswith(b"MATLAB 7.3"):
             from robid.logs.formats.mat_hdf5 import read as read_hdf5
 
-            return read_hdf5(file, wanted)
-        if header[126:128] not in (b"IM", b"MI") or 0 in header[:4]:
-            return _read_old(file, wanted)
-        found = Found()
-        _read_elements(stream, header, wanted, found)
+            found = read_hdf5(file, wanted)
+        elif header[126:128] not in (b"IM", b"MI") or 0 in header[:4]:
+            found = _read_old(file, wanted)
+        else:
+            found = Found()
+            _read_elements(stream, header, wanted, found)
+    note_units(found)
+    add_clocks(found, asked)
+    if wanted is not asked:
+        added = set(wanted.names or ()) - set(asked.names or ())
+        found.arrays = {name: x for name, x in found.arrays.items() if name in asked or name not in added}
     return found
 
 

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 from robid.logs.formats.mat import object_reason
-from robid.logs.formats.variables import Found, Reason, Wanted
+from robid.logs.formats.variables import Found, Reason, Wanted, series_place
 
 _NUMBERS = ("double", "single", "logical", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
 _DEPTH = 30
@@ -77,16 +77,16 @@ def _take_group(name: str, group: Any, wanted: Wanted, found: Found, depth: int)
 
 
 def _take_numbers(name: str, dataset: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
-    """Adds an array, whose axes MATLAB writes in reverse; of a matrix only the columns that were asked for."""
+    """Adds an array, whose axes MATLAB writes in reverse; of a matrix only the columns and rows that were asked for."""
     if dataset.dtype.names == ("real", "imag"):
         values = dataset[()]
         found.add(name, (values["real"] + 1j * values["imag"]).T)
         return
-    columns = wanted.columns(name)
-    if columns is None or dataset.ndim != 2:
+    series, shape = wanted.series(name), dataset.shape[::-1]
+    if series is None or dataset.ndim < 2:
         found.add(name, dataset[()].T)
         return
-    found.mention(name, int(np.prod(dataset.shape)))
-    for column in columns:
-        if 0 <= column < dataset.shape[0]:
-            found.arrays[f"{name}(:,{column + 1})"] = dataset[column]
+    found.mention(name, int(np.prod(shape)))
+    for index in series:
+        if (place := series_place(index, shape)) is not None:
+            found.arrays[f"{name}{index}"] = dataset[place[::-1]]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import codecs
 import io
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.logs.formats.across import read_across
+from robid.logs.formats.cells import is_missing, is_number, is_row, split_all, without_groups
 from robid.logs.formats.known import UNPACKING_ERRORS, open_bytes
-from robid.logs.formats.layout import REMEDY, Layout, is_row, tell_layout
+from robid.logs.formats.layout import REMEDY, Layout, tell_layout
+from robid.logs.formats.moments import Moments
+from robid.logs.formats.recorders import tell_recorder
 from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted, number_repeated
 from robid.signals.log_dialect import Dialect
 
@@ -34,7 +38,11 @@ def read_table(file: Path, wanted: Wanted, dialect: Dialect) -> Found:
     try:
         with _open_text(file, dialect) as text:
             sample = text.readlines(_SAMPLE)
-        layout = tell_layout(sample, dialect)
+        with _open_text(file, dialect) as text:
+            across = read_across(text, sample, wanted, dialect)
+        if across is not None:
+            return across
+        layout = (dialect.header_line is None and tell_recorder(sample)) or tell_layout(sample, dialect)
         with _open_text(file, dialect) as text:
             return _Table(layout, wanted, dialect).read(text)
     except UnreadableLogError as e:
@@ -76,86 +84,178 @@ class _Table:
         names, twice = number_repeated(layout.names)
         self._names = names
         self._found.unreadable.update(twice)
-        self._parts: dict[int, list[NDArray[np.float64]]] = {}
-        self._origins: dict[int, datetime] = {}
+        self._parts: dict[int, list[FloatArray]] = {}
+        self._moments: dict[int, Moments] = {}
+        self._foot: tuple[int, int] | None = None
+        asked = (i for i, name in enumerate(names) if name in wanted or layout.names[i] in wanted)
+        self._asked = dict.fromkeys(asked)
+        self._made = {name: column for name, column in layout.body.made.items() if name in wanted}
+        self._shared = {name: column for name, column in layout.body.shared.items() if name in wanted}
+        needed = {*self._asked, *self._made.values(), *self._shared.values()}
+        needed |= {layout.body.clocks[column] for column in needed if column in layout.body.clocks}
         for column, kind in enumerate(layout.kinds):
-            if kind in ("number", "moment") and self._asked(column, wanted):
-                self._parts[column] = []
-            elif kind not in ("number", "moment"):
+            if kind not in ("number", "moment"):
                 what = f"It holds text (`{kind}`), not numbers." if kind else "It is empty."
                 self._found.unreadable[names[column]] = Reason(what)
-
-    def _asked(self, column: int, wanted: Wanted) -> bool:
-        return self._names[column] in wanted or self._layout.names[column] in wanted
+            elif column in needed and kind == "moment":
+                self._moments[column] = Moments()
+            elif column in needed:
+                self._parts[column] = []
 
     def read(self, text: io.TextIOWrapper) -> Found:
         """Reads all rows."""
-        count, number = 0, self._layout.lines + 1
-        for _ in islice(text, self._layout.lines):
+        layout, count, number = self._layout, 0, self._layout.lines + 1
+        for _ in islice(text, layout.lines):
             pass
         while lines := text.readlines(CHUNK):
-            rows = [(i, line) for i, line in enumerate(lines, start=number) if is_row(line, self._dialect.comments)]
-            self._check_width(rows)
+            lines = lines if layout.join is None else list(map(layout.join, lines))
+            rows = [(i, line) for i, line in enumerate(lines, start=number) if self._is_row(line)]
+            rows = self._check_width(layout.body.keep(rows))
             self._read_rows(rows)
             count, number = count + len(rows), number + len(lines)
-        for column, kind in enumerate(self._layout.kinds):
+        for column, kind in enumerate(layout.kinds):
             name = self._names[column]
             if kind in ("number", "moment") and name not in self._found.unreadable:
-                self._found.mention(name, count, "s" if kind == "moment" else self._layout.units[column])
-        for column in list(self._parts):
-            values = np.concatenate(self._parts.pop(column) or [np.zeros(0)])
-            self._found.arrays[self._names[column]] = values
+                self._found.mention(name, count, "s" if kind == "moment" else layout.units[column])
+        self._finish(count)
         return self._found
 
-    def _check_width(self, rows: Sequence[tuple[int, str]]) -> None:
-        layout, quoted = self._layout, any('"' in line for _, line in rows)
-        for number, line in rows:
-            width = len(layout.cells(line)) if quoted or layout.separator == " " else 1 + line.count(layout.separator)
-            if width != layout.width:
+    def _is_row(self, line: str) -> bool:
+        return is_row(line, self._dialect.comments) and line not in self._layout.headers
+
+    def _check_width(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
+        """Returns the rows without those at the end of the table that hold no number, as `EOF`."""
+        layout = self._layout
+        allowed = range(layout.fewest or layout.width, layout.width + 1)
+        if layout.separator == " " or any('"' in line for _, line in rows):
+            widths = [len(row) for row in split_all([line for _, line in rows], layout.separator)]
+        else:
+            widths = [1 + line.count(layout.separator) for _, line in rows]
+        kept = []
+        for (number, line), width in zip(rows, widths, strict=True):
+            if width in allowed and self._foot is None:
+                kept.append((number, line))
+            elif self._foot is None and not self._has_number(line):
+                self._foot = number, width
+            elif width in allowed or self._has_number(line):
+                number, width = self._foot or (number, width)
                 what = f"line {number}: The table is broken: {width} values for {len(layout.names)} columns."
                 raise UnreadableLogError(what, "Correct or delete this line.")
+        return kept
+
+    def _has_number(self, line: str) -> bool:
+        layout = self._layout
+        return any(is_number(cell, decimal_comma=layout.decimal_comma) for cell in layout.cells(line))
 
     def _read_rows(self, rows: Sequence[tuple[int, str]]) -> None:
         """Adds a chunk to the columns, by numpy where all of it is plain numbers."""
-        columns = [column for column in self._parts if self._layout.kinds[column] == "number"]
-        table = self._parse(rows, columns) if rows and columns else None
-        for index, column in enumerate(columns):
-            values = self._column(rows, column) if table is None else table[:, index].copy()
-            self._keep(column, values)
-        for column in [column for column in self._parts if self._layout.kinds[column] == "moment"]:
-            self._keep(column, self._column(rows, column))
+        if not rows:
+            return
+        columns = list(self._parts)
+        table = self._parse(rows, columns) if columns else None
+        if table is not None:
+            for index, column in enumerate(columns):
+                self._parts[column].append(table[:, index].copy())
+            columns = []
+        cells = self._cells(rows, [*columns, *self._moments])
+        for column in columns:
+            self._add_numbers(column, cells[column], rows)
+        for column, moments in list(self._moments.items()):
+            wrong = moments.add(["" if is_missing(cell) else cell for cell in cells[column]])
+            if wrong is not None:
+                self._refuse(column, rows[wrong][0], cells[column][wrong])
 
-    def _keep(self, column: int, values: NDArray[np.float64] | Reason) -> None:
-        if isinstance(values, Reason):
-            self._found.unreadable[self._names[column]] = values
-            del self._parts[column]
-        else:
-            self._parts[column].append(values)
+    def _refuse(self, column: int, number: int, cell: str) -> None:
+        """Gives a column up for a cell of a line."""
+        self._found.unreadable[self._names[column]] = Reason(
+            f"In line {number} `{cell}` is no {'date or time' if column in self._moments else 'number'}.",
+            "Correct or delete this line.",
+        )
+        self._parts.pop(column, None)
+        self._moments.pop(column, None)
 
     def _parse(self, rows: Sequence[tuple[int, str]], columns: Sequence[int]) -> NDArray[np.float64] | None:
         """Parses a chunk; None where a cell is empty or no number."""
-        separator = self._layout.separator
-        lines = (line.replace(",", ".") if self._layout.decimal_comma else line for _, line in rows)
-        delimiter: Any = None if separator == " " else separator
+        layout = self._layout
+        quoted = any('"' in line for _, line in rows)
+        if layout.decimal_comma and layout.separator == ",":
+            return None
+        marks = {layout.groups[column].replace("?", ",") for column in columns} - {""} if layout.groups else set()
+        marks -= set() if quoted else {layout.separator}
+        if any(mark in line for mark in marks for _, line in rows):
+            return None
+        lines = (line.replace(",", ".") if layout.decimal_comma else line for _, line in rows)
+        delimiter: Any = None if layout.separator == " " else layout.separator
         try:
             return np.loadtxt(lines, delimiter=delimiter, usecols=columns, ndmin=2, comments=None, quotechar='"')
         except ValueError:
             return None
 
-    def _column(self, rows: Sequence[tuple[int, str]], column: int) -> NDArray[np.float64] | Reason:
-        """Parses one column cell by cell; says where a cell is no number."""
-        moment = self._layout.kinds[column] == "moment"
-        values = np.empty(len(rows))
-        for index, (number, line) in enumerate(rows):
-            cell = self._layout.cells(line)[column]
-            try:
-                values[index] = self._seconds(cell, column) if moment else self._layout.number(cell)
-            except (ValueError, TypeError):
-                return Reason(f"In line {number} `{cell}` is no number.", "Correct or delete this line.")
-        return values
+    def _cells(self, rows: Sequence[tuple[int, str]], columns: Sequence[int]) -> dict[int, list[str]]:
+        """The cells of some columns, empty where a row is too short."""
+        if not columns:
+            return {}
+        table = split_all([line for _, line in rows], self._layout.separator)
+        return {column: [row[column].strip() if column < len(row) else "" for row in table] for column in columns}
 
-    def _seconds(self, cell: str, column: int) -> float:
-        """Seconds from the column's first moment [s]; times without a zone count as one zone's."""
-        moment = datetime.fromisoformat(cell)
-        moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
-        return (moment - self._origins.setdefault(column, moment)).total_seconds()
+    def _add_numbers(self, column: int, cells: Sequence[str], rows: Sequence[tuple[int, str]]) -> None:
+        """Adds numbers cell by cell; gives the column up where one is none."""
+        values = np.empty(len(cells))
+        for index, cell in enumerate(cells):
+            try:
+                values[index] = self._value(cell, column)
+            except ValueError:
+                self._refuse(column, rows[index][0], cell)
+                return
+            if "," in cell and self._layout.is_open(cell, column):
+                self._refuse_mark(column, rows[index][0], cell)
+                return
+        self._parts[column].append(values)
+
+    def _value(self, cell: str, column: int) -> float:
+        """The number of a cell; what is plain, as most are, is not looked at closely."""
+        layout = self._layout
+        groups = layout.groups[column] if layout.groups else ""
+        if "_" not in cell and not (groups and groups in cell):  # Python takes `1_000` for a number
+            try:
+                return float(cell.replace(",", ".") if layout.decimal_comma else cell)
+            except ValueError:
+                pass
+        return layout.number(cell, column)
+
+    def _refuse_mark(self, column: int, number: int, cell: str) -> None:
+        """Gives a column up whose numbers have marks of which nothing tells what they are."""
+        what = f"In line {number} `{cell}` may be {without_groups(cell)} or {cell.replace(',', '.')}."
+        remedy = 'Say so by `dialect: {decimal: "."}` or `{decimal: ","}`.'
+        self._found.unreadable[self._names[column]] = Reason(what, remedy)
+        self._parts.pop(column)
+
+    def _finish(self, count: int) -> None:
+        """Hands over the columns that were asked for."""
+        body, none = self._layout.body, np.zeros(0)
+        values = {column: np.concatenate(parts or [none]) for column, parts in self._parts.items()}
+        for column, moments in list(self._moments.items()):
+            wrong = moments.first_wrong()
+            if wrong is not None:
+                what = f"In its row {wrong + 1} is a date that there is not."
+                self._found.unreadable[self._names[column]] = Reason(what, "Correct or delete this row.")
+            else:
+                values[column] = moments.seconds()
+        for column in dict.fromkeys([*self._asked, *self._made.values(), *self._shared.values()]):
+            if column in values:
+                done = body.finish(column, values[column], values.get(body.clocks.get(column, -1)))
+                if column in self._asked:
+                    self._found.arrays[self._names[column]] = done
+                    self._found.sizes[self._names[column]] = len(done)
+                for name in [name for name, of in self._shared.items() if of == column]:
+                    self._found.add(name, done, self._layout.units[column])
+                for name in [name for name, of in self._made.items() if of == column]:
+                    self._found.add(name, body.make_time(name, done), "s")
+        times = {name: self._layout.units[column] for name, column in body.shared.items()} | dict.fromkeys(
+            body.made, "s"
+        )
+        for name, unit in times.items():
+            if name not in self._found.arrays:
+                self._found.mention(name, count, unit)
+        if lost := body.damage(count):
+            self._found.damage = Reason(lost, "Check that it was copied completely.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from robid.errors import DataError
 
-_COLUMN = re.compile(r"\(:,\s*(\d+)\)$")
+_SERIES = re.compile(r"\((?:\d+,\s*)*:(?:,\s*\d+)*\)$")
 _FIRST = re.compile(r"\(1\)")
 _BELOW = (".", "(", "{", "[", "/")
 _AS_NUMBERS = "Save it as a real numeric column."
@@ -65,18 +66,15 @@ class Found:
         self.mention(name, array.size, unit)
 
     def take(self, name: str, matrix: Any, wanted: Wanted, unit: str = "") -> None:  # noqa: ANN401
-        """Adds an array; of a matrix of which only columns were asked for, these; of what was not, the size."""
-        if name not in wanted:
-            self.mention(name, int(np.prod(matrix.shape)), unit)
-            return
-        columns = wanted.columns(name)
-        if columns is None or len(matrix.shape) != 2:
+        """Adds an array; of one of which only columns or rows were asked for, these; of what was not, the size."""
+        series = wanted.series(name) if name in wanted else []
+        if series is None or (series and len(matrix.shape) < 2):
             self.add(name, matrix[()], unit)
             return
         self.mention(name, int(np.prod(matrix.shape)), unit)
-        for column in columns:
-            if 0 <= column < matrix.shape[1]:
-                self.arrays[f"{name}(:,{column + 1})"] = matrix[:, column]
+        for index in series:
+            if (place := series_place(index, matrix.shape)) is not None:
+                self.arrays[f"{name}{index}"] = matrix[place]
 
     def note_text(self, name: str, text: str) -> None:
         """Notes a text; as the unit, where its name says so, of the field `Data` beside it."""
@@ -159,22 +157,51 @@ class Wanted:
         starts = tuple(plain_name(name) + mark for mark in _BELOW)
         return any(one.startswith(starts) for one in self._plain)
 
-    def columns(self, name: str) -> list[int] | None:
-        """Columns of a matrix that were asked for, from 0; None where all of it was."""
+    def series(self, name: str) -> list[str] | None:
+        """Columns and rows of a matrix that were asked for, as `(:,2)` and `(2,:)`; None where all of it was."""
         if self.names is None or plain_name(name) in {plain_name(one) for one in self.names}:
             return None
-        inside = [_COLUMN.search(one) for one in self.names if base_name(one) == plain_name(name)]
-        return sorted({int(one[1]) - 1 for one in inside if one})
+        inside = [series_index(one) for one in self.names if base_name(one) == plain_name(name)]
+        return sorted({one for one in inside if one})
 
 
 def plain_name(name: str) -> str:
     """Returns a name without what may be left out: the index `(1)`, spaces in an index, a `/` at its beginning."""
-    return _FIRST.sub("", _COLUMN.sub(r"(:,\1)", name)).removeprefix("/")
+    return _FIRST.sub("", _tidy(name)).removeprefix("/")
 
 
 def base_name(name: str) -> str:
-    """Returns the plain name of the matrix that a column belongs to."""
-    return _COLUMN.sub("", plain_name(name))
+    """Returns the plain name of the matrix that a column or row belongs to."""
+    return _SERIES.sub("", plain_name(name))
+
+
+def series_index(name: str) -> str:
+    """Returns which column or row of a matrix a name says, as `(:,2)` or `(2,:)`; nothing where it says none."""
+    found = _SERIES.search(_tidy(name))
+    return found[0] if found else ""
+
+
+def series_place(index: str, shape: Sequence[int]) -> tuple[int | slice, ...] | None:
+    """Returns where a column or row is in a matrix; None where that has no such one."""
+    parts = index.strip("()").split(",")
+    if len(parts) != len(shape):
+        return None
+    place = tuple(slice(None) if part == ":" else int(part) - 1 for part in parts)
+    inside = all(isinstance(one, slice) or 0 <= one < size for one, size in zip(place, shape, strict=True))
+    return place if inside else None
+
+
+def series_of(shape: Sequence[int]) -> list[str]:
+    """Returns the series along an array's longest axis: columns `(:,2)` of a high one, rows `(2,:)` of a wide one."""
+    time = int(np.argmax(shape))
+    rest = [range(1, 1 + size) for axis, size in enumerate(shape) if axis != time]
+    indices = ([*map(str, one[:time]), ":", *map(str, one[time:])] for one in product(*rest))
+    return [f"({','.join(one)})" for one in indices]
+
+
+def _tidy(name: str) -> str:
+    """A name without spaces in the index of a column or row."""
+    return _SERIES.sub(lambda found: found[0].replace(" ", ""), name)
 
 
 def number_repeated(names: Sequence[str]) -> tuple[list[str], dict[str, Reason]]:
@@ -194,7 +221,9 @@ def number_repeated(names: Sequence[str]) -> tuple[list[str], dict[str, Reason]]
 
 
 def find_variable(variables: Mapping[str, Any], name: str) -> Any:  # noqa: ANN401
-    """Returns a variable by its name; `name(:,2)` is the second column of a matrix, an index `(1)` may be left out.
+    """Returns a variable by its name.
+
+    `name(:,2)` is the second column of a matrix, `name(2,:)` its second row; an index `(1)` may be left out.
 
     Raises:
         KeyError: If there is none.
@@ -207,18 +236,19 @@ def find_variable(variables: Mapping[str, Any], name: str) -> Any:  # noqa: ANN4
     known = _match(variables, plain_name(name), name)
     if known is not None:
         return variables[known]
-    column, base = _COLUMN.search(name), _match(variables, base_name(name), _COLUMN.sub("", name))
-    if column is None or base is None:
+    index, base = series_index(name), _match(variables, base_name(name), _SERIES.sub("", name))
+    if not index or base is None:
         raise KeyError(name)
-    matrix, index = np.asarray(variables[base]), int(column[1]) - 1
-    if matrix.ndim != 2 or not 0 <= index < matrix.shape[1]:
+    matrix = np.asarray(variables[base])
+    place = series_place(index, matrix.shape)
+    if place is None:
         raise KeyError(name)
-    return matrix[:, index]
+    return matrix[place]
 
 
 def _match(known: Iterable[str], plain: str, name: str) -> str | None:
     """Returns the known name that a name stands for; only the name, not the known one, may have `(1)` too many."""
-    pattern = re.escape(_COLUMN.sub(r"(:,\1)", name).removeprefix("/")).replace(r"\(1\)", r"(?:\(1\))?")
+    pattern = re.escape(_tidy(name).removeprefix("/")).replace(r"\(1\)", r"(?:\(1\))?")
     alike = (one for one in known if plain_name(one) == plain)
     return next((one for one in alike if re.fullmatch(f"/?{pattern}", one)), None)
 

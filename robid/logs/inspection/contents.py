@@ -15,7 +15,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.formats.known import open_bytes, tell_format
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import Variables
+from robid.logs.formats.variables import Variables, series_of, series_place
 from robid.signals.log_dialect import Dialect
 
 _TABLE_BYTES = 1 << 27
@@ -31,9 +31,21 @@ _FEWEST = 8
 """Samples from which a variable is a signal."""
 
 _COLUMNS = 64
-"""Columns of a matrix that are looked at."""
+"""Columns or rows of a matrix that are looked at."""
+
+_TOLD = 20
+"""Variables of which it is told why they are no signals."""
+
+_REMEDIES = 3
+"""Remedies that are told with them."""
 
 _TEXT = "It holds text, not numbers."
+_TITLES = {
+    **dict.fromkeys(("Data", "Signal", "Value"), ("Name",)),
+    "values": ("label", "title", "blockName"),
+}
+"""Fields of a structure that say what the numbers in another one are."""
+
 _STREAMS = ("mcap", "rosbag")
 
 
@@ -109,14 +121,31 @@ def read_contents(file: Path, format_: str | None = None, dialect: Dialect | Non
     if not columns and damage is not None:
         raise DataError(damage.what, where=str(file), remedy=damage.remedy)
     if not columns:
-        remedy = "Check that it is the right file; state `--format` where it is told wrongly."
-        raise DataError("The log holds no signals.", where=str(file), remedy=remedy)
+        raise _without_signals(file, variables, scalars, odd)
     unreadable = {name: one.what for name, one in variables.unreadable.items() if name not in variables.texts}
     texts = [name for name, one in variables.unreadable.items() if name in variables.texts or one.what == _TEXT]
     unreadable = {name: what for name, what in unreadable.items() if what != _TEXT}
     notes += [] if damage is None else [f"{damage.what} {damage.remedy}"]
     columns = [replace(one, source=file.name.partition(".")[0]) for one in columns]
     return Contents(file, told, tuple(columns), scalars, tuple(texts), {**unreadable, **odd}, tuple(notes))
+
+
+def _without_signals(
+    file: Path, variables: Variables, scalars: Mapping[str, float], odd: Mapping[str, str]
+) -> DataError:
+    """Says why each variable of a log is no signal."""
+    found = [(name, one.what, one.remedy) for name, one in variables.unreadable.items()]
+    found += [(name, why, "") for name, why in odd.items()]
+    found += [(name, "It is a single number.", "") for name in scalars]
+    if not found:
+        remedy = "Check that it is the right file; state `--format` where it is told wrongly."
+        return DataError("The log holds no signals: it has no variables.", where=str(file), remedy=remedy)
+    told = [f"\n  `{name}`: {what}" for name, what, _ in found[:_TOLD]]
+    told += [f"\n  and {len(found) - _TOLD} more"] if len(found) > _TOLD else []
+    remedies = dict.fromkeys(remedy for _, _, remedy in found if remedy)
+    general = "Check that it is the right file; state `--format` or `--dialect` where it is told wrongly."
+    what = f"The log holds no signals, as none of its variables is one:{''.join(told)}"
+    return DataError(what, where=str(file), remedy=" ".join([*list(remedies)[:_REMEDIES], general]))
 
 
 def join_contents(read: Sequence[Contents]) -> Contents:
@@ -183,18 +212,23 @@ def _sort_out(variables: Variables) -> tuple[list[Column], dict[str, float], dic
         elif array.size == max(array.shape, default=0):
             if array.size >= _FEWEST:
                 columns.append(_column(variables, name, array.ravel()))
-        elif array.ndim == 2 and array.shape[0] >= _FEWEST and array.shape[1] <= _COLUMNS:
-            names = (f"{name}(:,{index + 1})" for index in range(array.shape[1]))
-            columns += [_column(variables, one, part, name) for one, part in zip(names, array.T, strict=True)]
+            else:
+                odd[name] = f"It has {array.size} values, and a signal has {_FEWEST} at least."
+        elif (length := max(array.shape, default=0)) >= _FEWEST and array.size <= _COLUMNS * length:
+            for index in series_of(array.shape):
+                place = series_place(index, array.shape)
+                columns.append(_column(variables, f"{name}{index}", array[place], name))
         else:
-            odd[name] = f"It has shape {array.shape}: a mapping takes single columns, or columns of a matrix."
+            told = f"more than {_COLUMNS} series of {length}" if length >= _FEWEST else f"fewer than {_FEWEST}"
+            odd[name] = f"It has shape {array.shape}, {told} samples."
     return columns, scalars, odd
 
 
 def _column(variables: Variables, name: str, values: NDArray[Any], matrix: str = "") -> Column:
-    parent, _, last = name.rpartition(".")
-    title = variables.texts.get(f"{parent}.Name", "") if last in ("Data", "Signal", "Value") else ""
-    unit = variables.units.get(matrix or name, "")
+    parent, _, last = (matrix or name).rpartition(".")
+    fields = _TITLES.get(last, ())
+    title = next((text for field in fields if (text := variables.texts.get(f"{parent}.{field}", ""))), "")
+    unit = variables.units.get(name, "") or variables.units.get(matrix, "")
     return Column(name, np.asarray(values, float), unit, title)
 
 

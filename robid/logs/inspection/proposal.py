@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import IntArray
 from robid.logs.inspection.channels import Entry
 from robid.logs.inspection.repetition import Shared
-from robid.logs.lines import format_lines
+from robid.logs.lines import band_of, format_lines
 
 _LISTED = 40
 """Lines that are listed one by one."""
@@ -87,8 +87,8 @@ def propose_lines(shared: Shared, lines: IntArray, step_s: float) -> Excitation:
     told = (f"lines with energy: {format_lines(lines)}; the period was measured to {shared.samples:.6g} samples",)
     low, high = int(dense[0]), int(dense[-1])
     if len(lines) == 1:
-        band = {"low_hz": float(f"{0.5 * low / period_s:.6g}"), "high_hz": float(f"{1.5 * low / period_s:.6g}")}
-        return Excitation({"period_s": period_s, **band, "grid": "full", "lines": [low]}, told)
+        around = _band(period_s, 0.5 * low, 1.5 * low)
+        return Excitation({**around, "grid": "full", "lines": [low]}, told)
     grids = {"odd": np.arange(low, high + 1, 2) if low % 2 else dense[:0], "full": np.arange(low, high + 1)}
     for grid, meant in grids.items():
         if len(np.intersect1d(meant, lines)) >= _DENSE * max(len(meant), len(lines)):
@@ -97,15 +97,10 @@ def propose_lines(shared: Shared, lines: IntArray, step_s: float) -> Excitation:
     return Excitation({**settings, "lines": lines.tolist() if len(lines) <= _LISTED else "found"}, told)
 
 
-def _band(period_s: float, low: int, high: int) -> Settings:
+def _band(period_s: float, low: float, high: float) -> Settings:
     """Period and band of some lines, its ends rounded outwards."""
-    return {"period_s": period_s, "low_hz": _outwards(low / period_s, -1), "high_hz": _outwards(high / period_s, 1)}
-
-
-def _outwards(value: float, way: int) -> float:
-    """A number of six digits that is not beyond the value on the other side."""
-    near = float(f"{value:.6g}")
-    return near if way * (near - value) >= 0 else float(f"{value * (1 + way * 1e-6):.6g}")
+    lowest, highest = band_of(low, high, period_s)
+    return {"period_s": period_s, "low_hz": lowest, "high_hz": highest}
 
 
 def _dense_part(lines: IntArray) -> IntArray:

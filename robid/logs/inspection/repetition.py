@@ -37,7 +37,10 @@ _LOST = 0.25
 """Share of the parts that may be nowhere: those that lost samples, or were a transient."""
 
 _UNSETTLED = 3.0
-"""Distance of the first period from the mean of the others, in those that they have, from which it is a transient."""
+"""Distance of a first period from the mean of the last, in those that they have, from which it is a transient."""
+
+_EXACT = 1e-3
+"""The same distance, relative to the signal, below which it does not matter."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,8 @@ class Shared:
         std_samples: Standard deviation of it.
         held: Periods that the log holds, a fraction included.
         names: Signals that repeat with it.
-        transient: Signals whose first period differs from the others.
+        transient: Signals whose first periods differ from the others.
+        settling: How many they are.
     """
 
     samples: float
@@ -57,6 +61,7 @@ class Shared:
     held: float
     names: tuple[str, ...]
     transient: tuple[str, ...] = ()
+    settling: int = 0
 
     @property
     def whole(self) -> int:
@@ -114,16 +119,21 @@ def share_period(periods: Mapping[str, Repetition], leading: Sequence[str], n_sa
         leading: Signals that say what was played, the best first.
         n_sample: Samples of the log.
     """
-    known = [(name, periods[name]) for name in leading if periods[name].samples is not None]
+    known = [periods[name] for name in leading if periods[name].samples is not None]
     if not known:
         return None
-    _, first = known[0]
+
+    def shares(one: Repetition, length: float) -> bool:
+        """Whether whole periods of a signal make up a length."""
+        samples = float(one.samples or 0)
+        return abs(samples * max(round(length / samples), 1) / length - 1) < _SAME
+
+    # Signals that repeat by chance, each with a length of its own, have no period in common.
+    first = max(known, key=lambda one: sum(shares(other, float(one.samples or 0)) for other in known))
     length = float(first.samples or 0)
-    alike = tuple(
-        name
-        for name, one in periods.items()
-        if one.samples is not None and abs(one.samples * max(round(length / one.samples), 1) / length - 1) < _SAME
-    )
+    if 2 * sum(shares(one, length) for one in known) <= len(known):
+        return None
+    alike = tuple(name for name, one in periods.items() if one.samples is not None and shares(one, length))
     held, count = n_sample / length, round(n_sample / length)
     whole = abs(held - count) < _WHOLE and count * round(length) <= n_sample
     return Shared(length, first.std_samples, count if whole else held, alike)
@@ -136,14 +146,16 @@ def cut_periods(values: FloatArray, samples: int, *, last: bool) -> FloatArray:
     return used.reshape(count, samples)
 
 
-def is_unsettled(blocks: FloatArray) -> bool:
-    """Whether the first of some periods differs from the others by more than they do from each other."""
+def unsettled(blocks: FloatArray) -> int:
+    """Returns how many of the first periods (n_period, n_sample) differ from the last ones more than those do."""
     if len(blocks) < 4:
-        return False
+        return 0
     level = blocks - blocks.mean(axis=1, keepdims=True)
-    mean = level[1:].mean(axis=0)
-    apart = np.sqrt(np.mean((level - mean) ** 2, axis=1))
-    return bool(apart[0] > _UNSETTLED * np.median(apart[1:]))
+    late = level[len(level) // 2 :]
+    apart = np.sqrt(np.mean((level - late.mean(axis=0)) ** 2, axis=1))
+    usual = max(float(np.median(apart[len(level) // 2 :])), _EXACT * float(np.sqrt(np.mean(late**2))))
+    settled = np.flatnonzero(apart <= _UNSETTLED * usual)
+    return min(int(settled[0]), len(blocks) // 2)
 
 
 def carrying_lines(signals: list[FloatArray]) -> IntArray:

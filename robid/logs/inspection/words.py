@@ -55,9 +55,12 @@ def describe_period(found: Findings) -> str:
     if shared is None:
         return "nothing that drives repeats" if found.periods else "nothing was found that drives"
     lines = f"; lines with energy: {format_lines(found.lines)}" if len(found.lines) else ""
-    transient = f"; the first period of {', '.join(shared.transient)} differs" if shared.transient else ""
+    first = f"the first {shared.settling} periods" if shared.settling > 1 else "the first period"
+    transient = (
+        f"; {first} of {', '.join(shared.transient)} differ{'s' * (shared.settling == 1)}" if shared.transient else ""
+    )
     period_s = shared.samples * found.step_s
-    return f"repeats every {shared.samples:.7g} samples ({period_s:.6g} s), {shared.held:.4g} periods{lines}{transient}"
+    return f"repeats every {shared.samples:.7g} samples ({period_s:.9g} s), {shared.held:.4g} periods{lines}{transient}"
 
 
 def remarks(found: Findings, signal: Signal) -> list[str]:
@@ -78,7 +81,12 @@ def remarks(found: Findings, signal: Signal) -> list[str]:
         )
     if quality.saturated:
         told.append(f"flat at its highest or lowest value for {100 * quality.saturated:.2g} % of the time: saturated?")
-    if quality.turns:
+    if signal.wrap is not None:
+        unit = "" if signal.wrap.unit == "counts" else f" {signal.wrap.unit}"
+        told.append(
+            f"starts again after {signal.wrap.size:.6g}{unit} {signal.wrap.count} times: proposed with `unwrap`"
+        )
+    elif quality.turns:
         told.append(f"jumps by its whole range {quality.turns} times: an angle that wraps? (`unwrap: true`)")
     measured = found.periods.get(signal.name)
     if measured is not None and found.shared is not None and signal.name not in found.shared.names:

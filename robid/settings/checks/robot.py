@@ -12,12 +12,13 @@ from pydantic import BaseModel
 from robid.robot.description import Inertial
 from robid.robot.inertia import remove
 from robid.robot.parameters import PARAMETER_KINDS
+from robid.settings.checks.couplings import check_independence
 from robid.settings.checks.pose import check_pose_interface
 from robid.settings.checks.rigid import check_counterbalances, check_loop_links
 from robid.settings.checks.robot_missing import missing
 from robid.settings.checks.sensed import check_sensed
 from robid.settings.checks.stiffness import check_shaft, check_stiffness_over
-from robid.settings.plausible import implausible
+from robid.settings.plausible import HALVED, implausible
 from robid.settings.problems import SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile, assumed_sections
 from robid.settings.robot_sections import Body, FrictionSection, JointSection, SpringSection
@@ -55,6 +56,7 @@ def check_robot(
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
     found += check_counterbalances(robot)
     found += check_pose_interface(robot)
+    found += check_independence(robot)
     # Whether loops close is asked of a robot that is otherwise right.
     found += check_loop_links(robot) if not found else []
     found += implausible(robot)
@@ -94,7 +96,7 @@ def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
         if lower >= upper:
             yield (*field, joint.limits_key), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
         if joint.link is not None:
-            yield from _body((*field, "link"), joint.link)
+            yield from _link(field, joint, joint.link)
         if joint.motor is not None:
             yield from _friction((*field, "motor", "friction"), joint.motor.friction)
         yield from _units(field, joint)
@@ -132,6 +134,18 @@ def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> It
         yield (*field, "name"), message if transmissions else f"{message} (`rigid: true` does without)"
     if joint.rigid and robot.rotor == "on_link":
         yield (*field, "rigid"), "needs `rotor: spong`: the rotor of a rigid joint is part of its arm"
+
+
+def _link(field: FieldPath, joint: JointSection, link: Body) -> Iterator[tuple[FieldPath, str]]:
+    if link.inertial().inertia_kgm2.any() or joint.motor is None or joint.motor.ratio is None:
+        yield from _body((*field, "link"), link)
+        return
+    half = joint.motor.inertia_kgm2 * joint.motor.ratio**2 / 2
+    shown = f"`inertia_kgm2: {{xx: {half / 2:.4g}, yy: {half / 2:.4g}, zz: {half:.4g}}}`"
+    if joint.slides:
+        shown = f"`mass_kg: {half:.4g}` with any inertia that a body has"
+    rotor = f"the rotor's inertia is {joint.motor.inertia_kgm2:g} kg m^2; {HALVED}: {shown}"
+    yield (*field, "link", "inertia_kgm2"), f"must be positive definite, and is zero; {rotor}"
 
 
 def _body(field: FieldPath, body: Body) -> Iterator[tuple[FieldPath, str]]:

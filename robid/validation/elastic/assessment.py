@@ -27,8 +27,10 @@ from robid.validation.plausible.doubts import data_doubts
 def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: ElasticOptions, delay_s: float) -> Grade:
     """Gathers the doubts about a fit and grades it by itself.
 
-    First to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains the
-    residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are
+    Where units or other scales are wrong, nothing else is looked for: all of it would be their doing.
+
+    Else first to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains
+    the residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are
     looked for only where it holds more than noise explains.
 
     The fit's own data are held to the limits of a validation. Responses or resonances beyond them are a decisive
@@ -46,6 +48,8 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
         The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
     """
     seen = _data_doubts(robot, solution.estimate, frf, delay_s)
+    if any(doubt.scales for doubt in seen):
+        return grade_fit(solution, ordered(seen))
     band_hz = float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
     differenced = any(one.quantity == "speed" and "difference" in one.sampled for one in frf.measured_channels)
     read = parameter_doubts(

@@ -15,6 +15,7 @@ from robid.validation.plausible.angles import judge_angles
 from robid.validation.plausible.carrier import Fitted
 from robid.validation.plausible.evidence import CLEAR, Evidence, gather_evidence
 from robid.validation.plausible.gravity import gravity_signs, judge_gravity, judge_places, weigh
+from robid.validation.plausible.scales import judge_scales
 from robid.validation.plausible.signs import judge_signs
 from robid.validation.saturated import saturation_doubts
 
@@ -23,7 +24,7 @@ _HALF_TURN = 0.5
 
 
 def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0, fitted: Fitted | None = None) -> tuple[Doubt, ...]:
-    """Returns what of a campaign's data contradicts the robot file, strongest first, before any fit.
+    """Returns what of a campaign's data contradicts the robot file, before any fit: a wrong scale, then the strongest.
 
     Args:
         robot: The robot file's, with the campaign's payload.
@@ -37,10 +38,14 @@ def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0, fitted: Fitted | N
 def evidence_doubts(
     robot: Robot, evidence: Evidence, delay_s: float = 0.0, fitted: Fitted | None = None
 ) -> tuple[tuple[Doubt, ...], tuple[str, ...]]:
-    """Returns doubts about a campaign's data, strongest first, and notes on what its data cannot tell."""
+    """Returns doubts about a campaign's data and notes on what its data cannot tell.
+
+    A wrong scale spoils all the rest: it comes first, and the rest is judged as if it were right.
+    """
     if not evidence.belongs_to(robot):
         return (), ()
-    evidence, late = _without_delay(evidence, delay_s)
+    scales = judge_scales(robot, evidence, delay_s)
+    evidence, late = _without_delay(scales.evidence, delay_s)
     angles = judge_angles(robot, evidence)
     weights = weigh(robot, evidence, angles.ratio_fits, fitted) if angles.placed else None
     none: FloatArray = np.zeros(len(evidence.names))
@@ -58,7 +63,8 @@ def evidence_doubts(
         doubt for doubt in signs.doubts if doubt.cause != "angle_sign" or doubt.message.partition(":")[0] not in told
     ]
     doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence), *saturation_doubts(evidence.saturated))
-    return tuple(sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength))), angles.notes
+    rest = sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength))
+    return (*scales.doubts, *rest), angles.notes
 
 
 def _without_delay(evidence: Evidence, declared_s: float) -> tuple[Evidence, list[Doubt]]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +12,13 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals
 from robid.robot.description import Robot
-from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE
+from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE, QUANTITIES, Channel
 
 CLEAR = 10.0
 """Power over variance from which a response counts as seen (10 dB)."""
 
 _LOW_LINES = 16
+_SPREAD_LINES = 40
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,12 @@ class Evidence:
         hold_period_s: Period for which the torque is held; None where it is not [s].
         saturated: Share of the time (n_conf,) in which each input and output saturates, by what it is; empty where it
             is unknown.
+        moved: What each motor and arm, as far as it was recorded, was measured as.
+        spread_hz (n_spread,): Lines all over the band [Hz].
+        spread (n_conf, n_spread, n_moved, n_motor): Response of these motors and arms there [rad/(s^2 N m)].
+        uncompensated (n_conf, n_spread, n_moved, n_motor): The same before torques were compensated.
+        spread_clear (n_conf, n_spread, n_moved, n_motor): Which of it stands out of its noise.
+        torque_rms (n_conf, n_motor): RMS of the torques about their means, None in old files [N m].
     """
 
     names: tuple[str, ...]
@@ -58,11 +66,45 @@ class Evidence:
     sampling_period_s: float
     hold_period_s: float | None
     saturated: Mapping[str, FloatArray]
+    moved: tuple[Channel, ...]
+    spread_hz: FloatArray
+    spread: ComplexArray
+    uncompensated: ComplexArray
+    spread_clear: BoolArray
+    torque_rms: FloatArray | None
 
     def joints(self, robot: Robot) -> IntArray:
         """Indices of the motors among a robot's joints."""
         names = [joint.name for joint in robot.joints]
         return np.array([names.index(name) for name in self.names], int)
+
+    def undone(self, torque: FloatArray, motion: FloatArray, time: float) -> Evidence:
+        """Returns what the motors would have shown without wrong scales.
+
+        Args:
+            torque (n_motor,): Read over true torques.
+            motion (n_motor,): Read over true motions.
+            time: Read over true time.
+        """
+        kinds = {one.name: QUANTITIES[one.quantity].derivatives or 0 for one in self.moved}
+        faster = time ** np.array([kinds.get(name, 0) for name in self.names], float)
+        factor = (faster / motion)[:, None] * torque
+
+        def over(values: FloatArray | None, scale: FloatArray) -> FloatArray | None:
+            return None if values is None else values / scale
+
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz * time,
+            lines_hz=self.lines_hz * time,
+            response=self.response * factor,
+            driving=self.driving * np.diagonal(factor),
+            mean_angle=over(self.mean_angle, motion),
+            motion_rms=over(self.motion_rms, motion),
+            mean_torque=over(self.mean_torque, torque),
+            sampling_period_s=self.sampling_period_s / time,
+            hold_period_s=None if self.hold_period_s is None else self.hold_period_s / time,
+        )
 
     def belongs_to(self, robot: Robot) -> bool:
         """Whether there are motors, and all of them are the robot's."""
@@ -97,7 +139,37 @@ def gather_evidence(frf: Frf) -> Evidence:
         sampling_period_s=frf.sampling_period_s,
         hold_period_s=frf.hold_period_s,
         saturated=saturated_signals(frf),
+        **_spread(frf, names, inputs),
     )
+
+
+def _spread(frf: Frf, names: tuple[str, ...], inputs: list[int]) -> dict[str, Any]:
+    """What lines all over the band show of motors and of arms beside them."""
+    known = {*names, *(f"{name}.arm" for name in names)}
+    outputs = [index for index, one in enumerate(frf.output_channels) if one.name in known and _moves(one)]
+    measured = frf.measured_channels or frf.output_channels
+    order = np.argsort(frf.frequency_hz, kind="stable")
+    at = order[np.unique(np.linspace(0, order.size - 1, min(order.size, _SPREAD_LINES)).round().astype(int))]
+    pick = np.ix_(np.arange(len(frf.configurations)), at, np.array(outputs, int), np.array(inputs, int))
+    ratio, raw = _signal_to_noise(frf), frf.uncompensated_response
+    return {
+        "moved": tuple(measured[index] for index in outputs),
+        "spread_hz": frf.frequency_hz[at],
+        "spread": frf.response[pick],
+        "uncompensated": (frf.response if raw is None else raw)[pick],
+        "spread_clear": np.ones(frf.response[pick].shape, bool) if ratio is None else ratio[pick] > CLEAR,
+        "torque_rms": None if frf.input_amplitude is None else _rms(frf.input_amplitude[:, :, inputs]),
+    }
+
+
+def _moves(channel: Channel) -> bool:
+    return ACCELERATION.accepts([channel])
+
+
+def _rms(amplitude: ComplexArray) -> FloatArray:
+    """RMS (n_conf, n_in) of half complex amplitudes (n_conf, n_freq, n_in, n_block), mean over the experiments."""
+    power = 2 * np.nansum(np.abs(amplitude) ** 2, axis=(1, 3))
+    return np.asarray(np.sqrt(power / np.maximum(np.isfinite(amplitude).all(axis=1).sum(axis=-1), 1)))
 
 
 def join_evidence(parts: Sequence[Evidence]) -> Evidence:
@@ -128,6 +200,12 @@ def join_evidence(parts: Sequence[Evidence]) -> Evidence:
             for signal in first.saturated
             if all(signal in part.saturated for part in parts)
         },
+        moved=first.moved,
+        spread_hz=first.spread_hz,
+        spread=np.concatenate([part.spread for part in parts]),
+        uncompensated=np.concatenate([part.uncompensated for part in parts]),
+        spread_clear=np.concatenate([part.spread_clear for part in parts]),
+        torque_rms=joined("torque_rms"),
     )
 
 

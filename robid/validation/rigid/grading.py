@@ -10,9 +10,14 @@ from robid.validation.grade import Grade, forbidding, grade_alone, grade_held, o
 from robid.validation.rigid.plausible import parameter_doubts
 
 
-def assess_rigid(solution: RigidSolution) -> Grade:
-    """Gathers the doubts about a rigid fit and grades it by itself: it predicts at best."""
-    doubts = ordered(parameter_doubts(solution))
+def assess_rigid(solution: RigidSolution, scales: Sequence[Doubt] = ()) -> Grade:
+    """Gathers the doubts about a rigid fit and grades it by itself: it predicts at best.
+
+    Args:
+        solution: What the fit found.
+        scales: Wrong units and other scales of its record; nothing else is looked for beside them.
+    """
+    doubts = ordered(scales or parameter_doubts(solution))
     return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
 
 

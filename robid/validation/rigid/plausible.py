@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robid.arrays import FloatArray
 from robid.fit.estimate import Estimate
 from robid.fit.rigid.solution import RigidSolution, Travel
 from robid.validation.doubt import Doubt, two_digits
@@ -20,13 +19,7 @@ _FAR, _TOO_FAR = 2.0, 5.0  # times the robot file's
 _ALIKE, _UNLIKE = 0.8, 0.5  # correlation with the robot file's
 _TO_BLAME = 100.0
 _VISIBLE = 0.1  # of a motor's torque
-_MISTAKES = {
-    1e3: "torques in mN m were read as N m",
-    1e-3: "torques in N m were read as mN m",
-    180 / np.pi: "positions in rad were read as deg",
-    np.pi / 180: "positions in deg were read as rad",
-}
-_ROUGHLY = 2.5
+_TOLD, _UNFELT = 0.1, 0.3  # of a rotor's inertia: its deviation where it is told, and what is none
 _BEYOND, _FAR_BEYOND = 0.05, 1.0  # of a joint's range
 _MOVED = 3.0  # deviations
 _POOR_CONDITION = 200.0
@@ -39,6 +32,7 @@ def parameter_doubts(solution: RigidSolution) -> tuple[Doubt, ...]:
         *_estimators(solution),
         *_places(solution.travel),
         *_sizes(solution),
+        *_unfelt_rotors(solution),
         *_unexplained(solution),
         *_negative(solution.estimate),
         *_excitation(solution),
@@ -82,7 +76,7 @@ def _varies(solution: RigidSolution) -> bool:
 
 
 def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
-    """Torques of links that are nothing like the robot file's: units, or a gear ratio."""
+    """Torques of links that are nothing like the robot file's, whose links are often drawn, not weighed."""
     if solution.torque_unit == "A":
         return  # ratios to a torque constant that nobody knows
     found = solution.against_nominal
@@ -91,11 +85,8 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
     worst = int(np.argmax(size))
     if size[worst] > np.log(_FAR):
         ratio = float(found.ratio[worst])
-        told = (
-            f"the links that joint {worst + 1} moves come out {two_digits(ratio)} times the robot file's"
-            f"{_as_if(found.whole_ratio)}"
-        )
-        yield Doubt("units", told, bool(size[worst] > np.log(_TOO_FAR)), float(size[worst] / np.log(_FAR)))
+        told = f"the links that joint {worst + 1} moves come out {two_digits(ratio)} times the robot file's"
+        yield Doubt("masses", told, bool(size[worst] > np.log(_TOO_FAR)), float(size[worst] / np.log(_FAR)))
     unlike = int(np.argmin(np.where(visible, found.likeness, 1.0)))
     likeness = float(found.likeness[unlike])
     if visible[unlike] and likeness < _ALIKE:
@@ -103,20 +94,27 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
             f"what the links do to joint {unlike + 1} along this motion is not what the robot file's would do "
             f"(correlation {likeness:.2g})"
         )
-        yield Doubt("units", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)
+        yield Doubt("masses", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)
 
 
-def _as_if(ratio: FloatArray) -> str:
-    """The mistake of units that gives about this ratio of torques, in words."""
-    usual = float(np.exp(np.nanmedian(np.log(ratio))))
-    for known, mistake in _MISTAKES.items():
-        if 1 / _ROUGHLY < usual / known < _ROUGHLY:
-            return f", as if {mistake}"
-    return ""
+def _unfelt_rotors(solution: RigidSolution) -> Iterator[Doubt]:
+    """Torques that hold no rotor's inertia where the links are those of the robot file: a sensor behind the gear."""
+    estimate, ratio = solution.estimate, solution.against_nominal.ratio
+    usual = float(np.exp(np.nanmedian(np.log(ratio)))) if np.isfinite(ratio).any() else float("nan")
+    if solution.torque_unit == "A" or not 1 / _FAR < usual < _FAR:
+        return  # all is off alike
+    std = np.sqrt(np.diag(estimate.covariance))
+    told = (np.array(estimate.kinds) == "motor_inertia") & (estimate.nominal > 0) & (std < _TOLD * estimate.nominal)
+    size = (np.abs(estimate.value) + _MOVED * std) / np.where(told, estimate.nominal, np.inf)
+    if told.any() and size[told].max() < _UNFELT:
+        names = [name for name, is_told in zip(estimate.names, told.tolist(), strict=True) if is_told]
+        worst = two_digits(100 * float(size[told].max()))
+        message = f"the torques hold at most {worst} % of the rotors' inertias ({', '.join(names)})"
+        yield Doubt("torque_sensor", message, decisive=True, strength=_TO_BLAME)
 
 
 def _places(travel: Travel) -> Iterator[Doubt]:
-    """Positions beyond the joints' limits: units, a gear ratio, or a zero."""
+    """Positions beyond the joints' limits: a zero, or, where more was moved over than there is, a gear ratio."""
     reach = travel.upper_limit - travel.lower_limit
     beyond = np.maximum(travel.lower_limit - travel.lowest, travel.highest - travel.upper_limit)
     share = np.where(np.isfinite(reach), beyond / reach, 0.0)
@@ -126,7 +124,9 @@ def _places(travel: Travel) -> Iterator[Doubt]:
             f"joint {worst + 1} would have moved from {travel.lowest[worst]:.3g} to {travel.highest[worst]:.3g}, but "
             f"its limits are {travel.lower_limit[worst]:.3g} and {travel.upper_limit[worst]:.3g} (rad, or m)"
         )
-        yield Doubt("units", told, bool(share[worst] > _FAR_BEYOND), float(share[worst] / _BEYOND))
+        wider = bool((travel.highest - travel.lowest)[worst] > (1 + _FAR_BEYOND) * reach[worst])
+        cause = "gear_ratio" if wider else "zero"
+        yield Doubt(cause, told, bool(share[worst] > _FAR_BEYOND), float(share[worst] / _BEYOND))
 
 
 def _unexplained(solution: RigidSolution) -> Iterator[Doubt]:

@@ -2,8 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from robid.logs.lines import check_found, check_lines, find_lines, found_note, is_found_note
+from robid.design.excitation.lines import choose_lines
+from robid.design.excitation.options import MultisineOptions
+from robid.logs.lines import band_of, check_found, check_lines, find_lines, found_note, is_found_note
 
 N_SAMPLE = 2000
 BAND = np.arange(2, 400)
@@ -92,3 +96,18 @@ def test_single_silent_lines_are_no_refusal_and_wrong_bands_are():
     (problem,) = check_lines("log.mat", signal, np.arange(301, 399))
     assert "0 of 98 carry some" in str(problem)
     assert "The energy is at lines 11-250" in str(problem)
+
+
+@given(
+    period_s=st.floats(1e-3, 2e3),
+    first=st.integers(1, 300),
+    count=st.integers(2, 4000),
+)
+def test_a_band_that_is_printed_holds_its_lines_and_no_others(period_s, first, count):
+    period_s = float(f"{period_s:.9g}")
+    last = first + count - 1
+    low, high = (float(f"{end:.9g}") for end in band_of(first, last, period_s))
+    options = MultisineOptions(period_s=period_s, low_hz=low, high_hz=high, lines="all", grid="full")
+    lines, _ = choose_lines(options, period_s / (3 * last + 3))
+    assert lines[0] == first
+    assert lines[-1] == last

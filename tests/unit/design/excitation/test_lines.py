@@ -1,5 +1,8 @@
 """Numbers, grid, band, spread and refusals of the excited and detection lines."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -90,3 +93,15 @@ def test_impossible_lines_are_refused_with_every_reason(changes, words):
     for word in words:
         assert word in str(caught.value)
     assert caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("period_s", "count", "low_hz", "high_hz"), [(4, 300, 2, 80), (0.7, 97, 3.3, 91.7), (1, 11, 5, 9)]
+)
+def test_a_period_that_is_advised_holds_the_lines(period_s, count, low_hz, high_hz):
+    options = MultisineOptions(period_s=period_s, count=count, low_hz=low_hz, high_hz=high_hz)
+    with pytest.raises(SettingsError) as error:
+        choose_lines(options, 1e-3)
+    advised = float(re.search(r"lengthen the period to ([\d.e-]+) s", error.value.what)[1])
+    excited, _ = choose_lines(replace(options, period_s=advised), 1e-3)
+    assert len(excited) == count

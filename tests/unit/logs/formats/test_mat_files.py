@@ -9,6 +9,7 @@ from scipy.io import savemat
 from scipy.io.matlab import MatlabObject
 from scipy.sparse import eye
 
+from log_files import WRITERS
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import find_variable
@@ -25,7 +26,7 @@ def test_fields_of_structures_are_named_as_in_matlab(tmp_path):
     np.testing.assert_array_equal(np.ravel(find_variable(variables, "meas(1).X(1).Data")), np.arange(5.0) / 10)
     np.testing.assert_array_equal(np.ravel(find_variable(variables, "meas(1).Y(1).Data")), np.arange(5.0))
     np.testing.assert_array_equal(np.ravel(find_variable(variables, "c{1}")), np.ones(4))
-    assert variables.units == {"meas.Y(1).Data": "rad", "meas.Y(2).Data": "rpm"}
+    assert variables.units == {"meas.X.Data": "s", "meas.Y(1).Data": "rad", "meas.Y(2).Data": "rpm"}
     assert variables.texts["meas.Y(2).Name"] == "speed"
     for name in ("meas.Y(3).Data", "meas.Y.Data", "meas", "c"):
         with pytest.raises(KeyError):
@@ -42,6 +43,76 @@ def test_columns_of_matrices_have_numbers(tmp_path):
         for name in ("rec.tau(:,4)", "rec.tau(:,0)", "tau(:,1)"):
             with pytest.raises(KeyError):
                 find_variable(variables, name)
+
+
+@pytest.mark.parametrize("kind", ["mat", "mat 7.3", "hdf5"])
+def test_a_channel_may_be_a_row_of_a_matrix_or_lie_deeper(tmp_path, kind):
+    wide, deep = np.arange(24.0).reshape(3, 8), np.arange(40.0).reshape(5, 1, 8)
+    path, _ = WRITERS[kind][0](tmp_path / f"log.{'h5' if kind == 'hdf5' else 'mat'}", {"x": np.ones(4)})
+    if kind == "mat":
+        savemat(path, {"wide": wide, "deep": deep})
+    else:
+        with h5py.File(path, "r+") as file:
+            for name, x in (("wide", wide), ("deep", deep)):
+                # MATLAB writes the axes in reverse.
+                file.create_dataset(name, data=x.T if kind == "mat 7.3" else x).attrs["MATLAB_class"] = np.bytes_(
+                    "double"
+                )
+    asked = ["wide(3,:)", "wide(:, 2)", "deep(4, 1, :)"]
+    for variables in (load_variables(path), load_variables(path, None, asked)):
+        np.testing.assert_array_equal(find_variable(variables, "wide(3,:)"), wide[2])
+        np.testing.assert_array_equal(find_variable(variables, "wide(:, 2)"), wide[:, 1])
+        np.testing.assert_array_equal(find_variable(variables, "deep(4, 1, :)"), deep[3, 0])
+        for name in ("wide(4,:)", "wide(0,:)", "wide(1,1,:)", "deep(1,:)", "none(1,:)"):
+            with pytest.raises(KeyError):
+                find_variable(variables, name)
+    assert set(load_variables(path, None, asked)) == {"wide(3,:)", "wide(:,2)", "deep(4,1,:)"}
+
+
+def test_times_of_what_simulink_and_controldesk_save_are_known(tmp_path):
+    time = np.linspace(0, 1, 50)
+    channels = [{"values": np.stack([time, time**2], 1), "label": "torque [Nm]"}, {"values": time, "label": ""}]
+    rasters = [{"Data": time, "Raster": "1 ms"}, {"Data": time[:20], "Raster": "5 ms"}]
+    recorded = [{"Name": "tau", "Data": time, "XIndex": 1.0}, {"Name": "phi", "Data": time[:20], "XIndex": 2.0}]
+    savemat(
+        tmp_path / "log.mat",
+        {
+            "out": {"time": time, "signals": np.array(channels, object), "blockName": "arm/scope"},
+            "ans": np.stack([time, np.sin(9 * time), np.cos(9 * time)]),
+            "rec": {"X": np.array(rasters, object), "Y": np.array(recorded, object)},
+            "ts": {"Time": time, "Data": time, "TimeInfo": {"Units": "seconds"}, "DataInfo": {"Units": "rad"}},
+            "both": np.stack([time, 2 * time]),
+        },
+    )
+    variables = load_variables(tmp_path / "log.mat")
+    units = {name: unit for name, unit in variables.units.items() if name.partition("(1,:)")[0] in variables.sizes}
+    times = {name for name, unit in units.items() if unit in ("s", "seconds")}
+    times -= {"rec.Y{1}.Data.time", "rec.Y{2}.Data.time"}
+    assert times == {"out.time", "ans(1,:)", "rec.X{1}.Data", "rec.X{2}.Data", "ts.Time"}
+    assert {name: unit for name, unit in units.items() if unit not in ("s", "seconds")} == {
+        "out.signals{1}.values": "Nm",
+        "ts.Data": "rad",
+    }
+
+
+@pytest.mark.parametrize("kind", ["structures", "cells"])
+def test_channels_of_several_rasters_have_times_of_their_own(tmp_path, kind):
+    fast, slow = np.linspace(0, 1, 50), np.linspace(0, 1, 20)
+    rasters = [{"Data": fast}, {"Data": slow}]
+    recorded = [{"Name": "tau", "Data": fast**2, "XIndex": 1.0}, {"Name": "phi", "Data": slow**2, "XIndex": 2.0}]
+    if kind == "structures":
+        rasters, recorded = (np.array([tuple(one.values()) for one in each], [(key, object) for key in each[0]])
+                             for each in (rasters, recorded))  # fmt: skip
+    else:
+        rasters, recorded = np.array(rasters, object), np.array(recorded, object)
+    savemat(tmp_path / "log.mat", {"rec": {"X": rasters, "Y": recorded}})
+    opening, closing = "()" if kind == "structures" else "{}"
+    second = f"rec.Y{opening}2{closing}.Data"
+    for names in (None, [second, f"{second}.time"]):
+        variables = load_variables(tmp_path / "log.mat", None, names)
+        np.testing.assert_array_equal(np.ravel(find_variable(variables, f"{second}.time")), slow)
+        assert variables.units[f"{second}.time"] == "s"
+        assert names is None or set(variables) == set(names)
 
 
 def refuse(variables, name, what, remedy=""):

@@ -24,14 +24,29 @@ def write_table(path, rows=N):
 def test_signals_numbers_texts_and_what_is_neither(tmp_path):
     savemat(
         tmp_path / "log.mat",
-        {"q": X, "t": X[:, 0], "Ts": 1e-3, "note": "today", "cube": np.zeros((4, 4, 4)), "wide": X.T, "two": [1.0, 2]},
+        {"q": X, "t": X[:, 0], "Ts": 1e-3, "note": "today", "cube": np.zeros((4, 4, 4)), "wide": X.T, "two": [1.0, 2]}
+        | {"deep": X.T[:, None]},
     )
     found = read_contents(tmp_path / "log.mat")
-    assert {one.name for one in found.columns} == {"q(:,1)", "q(:,2)", "q(:,3)", "t"}
-    assert np.array_equal(next(one for one in found.columns if one.name == "q(:,2)").values, X[:, 1])
+    assert {one.name for one in found.columns} == {
+        *(f"q(:,{i})" for i in (1, 2, 3)),
+        *(f"wide({i},:)" for i in (1, 2, 3)),
+        *(f"deep({i},1,:)" for i in (1, 2, 3)),
+        "t",
+    }
+    for name in ("q(:,2)", "wide(2,:)", "deep(2,1,:)"):
+        assert np.array_equal(next(one for one in found.columns if one.name == name).values, X[:, 1])
     assert found.scalars == {"Ts": 1e-3}
     assert found.texts == ("note",)
-    assert {"cube", "wide"} <= set(found.unreadable)
+    assert {"cube", "two"} <= set(found.unreadable)
+
+
+def test_a_log_without_signals_says_why_each_variable_is_none(tmp_path):
+    savemat(tmp_path / "log.mat", {"note": "today", "cube": np.zeros((4, 4, 4)), "two": [1.0, 2], "Ts": 1e-3})
+    with pytest.raises(DataError, match="no signals") as caught:
+        read_contents(tmp_path / "log.mat")
+    for name, reason in (("note", "text"), ("cube", "(4, 4, 4)"), ("two", "2 values"), ("Ts", "single number")):
+        assert next(line for line in str(caught.value).splitlines() if f"`{name}`" in line).count(reason) == 1
 
 
 @pytest.mark.parametrize("name", ["log.csv", "log.csv.gz"])
