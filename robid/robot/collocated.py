@@ -145,7 +145,7 @@ class Collocated:
             folding, by_delay = make_folding(self._line_omega, delay_s, self._period, self._rate)
             sampled = sampled + folding.fast[:, 0] * self._fast + self._folded(folding, seen)
         self._solved = _Solved(parameters, torque, self._fast, seen, sampled, folding, by_delay)
-        return sampled
+        return np.asarray(sampled)
 
     def derivatives(self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], scale: ComplexArray) -> ComplexArray:
         """Derivatives at the point of the last response with respect to plain values.
