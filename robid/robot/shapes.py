@@ -47,9 +47,9 @@ class Shapes:
 
 def _shapes_of(path: Path) -> mujoco.MjModel:
     root = ET.fromstring(path.read_bytes())
-    if root.tag == "robot":
-        return mujoco.MjSpec.from_string(read_urdf(root, with_shapes=True).text).compile()
-    spec = mujoco.MjSpec.from_file(str(path))
+    is_urdf = root.tag == "robot"
+    text = read_urdf(root, with_shapes=True).text if is_urdf else ""
+    spec = mujoco.MjSpec.from_string(text) if is_urdf else mujoco.MjSpec.from_file(str(path))
     name_everything(spec)
     for geom in list(spec.geoms):
         if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
