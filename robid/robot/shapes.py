@@ -11,7 +11,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.foreign import name_everything
-from robid.robot.quiet import quiet_warnings
+from robid.robot.quiet import quiet_reading
 from robid.robot.urdf import read_urdf
 
 
@@ -26,7 +26,7 @@ class Shapes:
             joints: Names of the driven joints, base to flange.
             locked: Positions of other joints [rad, or m].
         """
-        with quiet_warnings():
+        with quiet_reading():
             self._model = _shapes_of(path)
         self._data = mujoco.MjData(self._model)
         for name, angle in locked.items():
