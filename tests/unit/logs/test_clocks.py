@@ -3,12 +3,14 @@
 import json
 import re
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
+from log_files import write_tdms
 from robid.errors import DataError
 from robid.logs.importing import import_log, import_shot
 from robid.logs.mapping import LogMapping
@@ -239,7 +241,7 @@ def test_groups_of_a_tdms_file_are_brought_to_one_clock_by_their_starts(tmp_path
         tmp_path / "log.tdms",
         sampling_period_s=step_s,
         time=None,
-        inputs=(InputChannel("motor", "drive/u", "N m"),),
+        inputs=(InputChannel("motor", "drive/u", "N m", hold="band_limited"),),
         outputs=(OutputChannel("motor", "sensor/q"),),
     )
     with pytest.raises(DataError, match="clocks of their own") as caught:
@@ -270,3 +272,82 @@ def test_groups_of_an_mdf_file_are_brought_to_one_clock(tmp_path):
         import_waves(mapping)
     time = re.search(r'variable: "([^"]+)"', caught.value.remedy)[1]
     assert wrong_by(import_waves(replace(mapping, time=TimeChannel(time, "s"))), STEP) < 1e-5
+
+
+@pytest.mark.parametrize("unit", ["s", "ms"])
+def test_a_time_that_is_a_channel_belongs_to_the_channels_beside_it(tmp_path, unit):
+    time_s = np.arange(PERIOD * PERIODS) * STEP
+    torque, motion = waves(time_s)
+    # Each channel of this file has times of its own, in seconds from the first sample.
+    columns = {"t": (12.5 + time_s) * {"s": 1.0, "ms": 1e3}[unit], "u": torque, "q": motion}
+    path, names = write_tdms(tmp_path / "log.tdms", columns)
+    mapping = mapping_of(
+        path,
+        time=TimeChannel(names["t"], unit),
+        inputs=(InputChannel("motor", names["u"], "N m"),),
+        outputs=(OutputChannel("motor", names["q"]),),
+    )
+    assert wrong_by(import_waves(mapping)) < 1e-9
+    one = replace(mapping, time=TimeChannel(f"{names['u']}.time", "s"))
+    assert wrong_by(import_waves(one)) < 1e-9
+
+
+def test_rasters_of_one_recording_come_to_one_clock(tmp_path):
+    fast = np.arange(PERIOD * PERIODS) * STEP
+    slow = fast[::2]
+    kinds = [("Name", object), ("Data", object), ("XIndex", object)]
+    recorded = [("u", waves(fast)[0][None], 1.0), ("q", waves(slow)[1][None], 2.0)]
+    rasters = np.array([(fast[None],), (slow[None],)], [("Data", object)])
+    savemat(tmp_path / "log.mat", {"rec": {"X": rasters, "Y": np.array(recorded, kinds)}})
+    # Of the slow raster, lines from 125 on fold down upon those from 51 on.
+    lines = LINES[LINES < 50]
+    mapping = mapping_of(
+        tmp_path / "log.mat",
+        time=TimeChannel("rec.X(1).Data", "s"),
+        inputs=(InputChannel("motor", "rec.Y(1).Data", "N m"),),
+        outputs=(OutputChannel("motor", "rec.Y(2).Data"),),
+    )
+    found = response(import_waves(mapping, lines=lines))[lines]
+    wanted = np.exp(1j * (PHASES[1] - PHASES[0]))[: len(lines)]
+    np.testing.assert_allclose(found, wanted, atol=2e-3)
+
+
+def test_two_columns_of_dates_count_from_one_moment(tmp_path):
+    first, other = instants(), instants(5.31e-3)
+    begun = datetime(2024, 9, 24, 14, 5, 15, tzinfo=UTC)
+
+    def dates(moments):
+        return [(begun + timedelta(seconds=one)).strftime("%Y-%m-%d %H:%M:%S.%f") for one in moments.tolist()]
+
+    cells = zip(dates(first), waves(first)[0], dates(other), waves(other)[1], strict=True)
+    rows = [f"{one},{torque:.9g},{late},{motion:.9g}" for one, torque, late, motion in cells]
+    (tmp_path / "log.csv").write_text("\n".join(["Time1,A,Time2,B", *rows]) + "\n")
+    mapping = mapping_of(
+        tmp_path / "log.csv",
+        time=TimeChannel("Time1", "s"),
+        inputs=(InputChannel("motor", "A", "N m"),),
+        outputs=(OutputChannel("motor", "B", time="Time2"),),
+    )
+    assert wrong_by(import_waves(mapping), 6 * STEP) < 1e-6
+
+
+@pytest.mark.parametrize("ticks", [False, True])
+def test_groups_of_a_twincat_scope_are_brought_to_one_clock(tmp_path, ticks):
+    first, other = instants(), instants(5.31e-3)
+
+    def told(moment):
+        return f"{133_700_000_000_000_000 + round(1e7 * moment)}" if ticks else f"{1e3 * moment:.4f}"
+
+    cells = zip(first.tolist(), waves(first)[0], other.tolist(), waves(other)[1], strict=True)
+    rows = [
+        f"{told(one)};{torque:.9g};{told(late)};{motion:.9g}".replace(".", ",") for one, torque, late, motion in cells
+    ]
+    head = ["Name;Torque;Name;Angle", "SampleTime[ms];1;SampleTime[ms];1", "Data-Type;REAL64;Data-Type;REAL64"]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *rows, "EOF"]) + "\n")
+    mapping = mapping_of(
+        tmp_path / "log.csv",
+        time=TimeChannel("Torque.time", "ms"),
+        inputs=(InputChannel("motor", "Torque", "N m"),),
+        outputs=(OutputChannel("motor", "Angle"),),
+    )
+    assert wrong_by(import_waves(mapping), 6 * STEP) < (1e-2 if ticks else 1e-6)
