@@ -109,8 +109,10 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
         stamps, clock, problems = _own_stamps(mapping, channel, path, name, variables)
         found.problems += problems
         if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
-            values, jumps = unwrapped(values, channel.wrap)
-            found.notes += jump_notes([(channel, name, jumps)])
+            finite = values[np.isfinite(values)].astype(float)
+            wrap = channel.wrap(float(np.ptp(finite)) if len(finite) else 0.0)
+            values, jumps = unwrapped(values, wrap)
+            found.notes += jump_notes(channel, name, wrap, jumps)
         found.streams.append(Stream(column, name, weight, values, stamps, clock, held))
 
 

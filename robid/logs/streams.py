@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -111,10 +110,8 @@ def unwrapped(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:
     return found, int(np.count_nonzero(np.abs(np.diff(kept)) > wrap / 2))
 
 
-def jump_notes(jumps: Sequence[tuple[LogChannel, str, int]]) -> Iterator[str]:
-    """Says which variables jumped, by what, and how often."""
-    for channel, name, count in jumps:
-        if count:
-            turns = channel.unwrap is None or isinstance(channel.unwrap, bool)
-            told = "a turn" if turns else f"its range of {channel.wrap:g}"
-            yield f"`{name}` jumped by {told} {count} times; the jumps were taken out."
+def jump_notes(channel: LogChannel, name: str, wrap: float, jumps: int) -> list[str]:
+    """Says that a variable jumped, by what, and how often; nothing where it did not."""
+    turns = channel.unwrap is None or isinstance(channel.unwrap, bool)
+    told = "a turn" if turns else f"its range of {wrap:g}"
+    return [f"`{name}` jumped by {told} {jumps} times; the jumps were taken out."] if jumps else []

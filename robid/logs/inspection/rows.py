@@ -10,7 +10,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.logs.clocks import on_one_clock, own_rows
 from robid.logs.inspection.contents import Column, Contents
-from robid.logs.inspection.names import DRIVING, MOVING, read_names, tokens, unit_of_name
+from robid.logs.inspection.names import DRIVING, MOVING, read_names, unit_of_name
+from robid.logs.inspection.vocabulary import tokens
 from robid.logs.mapping import LogMapping
 from robid.logs.streams import Stream
 from robid.signals.log_channels import InputChannel, OutputChannel
