@@ -93,11 +93,12 @@ def _roughness(steps: FloatArray, span: float, size: float) -> float | None:
         return None
     jumps = np.abs(steps) > size / 2
     rest = steps - size * np.round(steps / size)
-    odd = np.count_nonzero(np.abs(rest) > _FASTEST * size)
-    if odd > _ODD * np.count_nonzero(jumps) or not jumps.any():
+    odd = np.abs(rest) > _FASTEST * size
+    if np.count_nonzero(odd) > _ODD * np.count_nonzero(jumps) or not jumps.any():
         return None
     changes = np.abs(np.diff(rest))
     beside = jumps[1:] | jumps[:-1]
-    usual = float(changes[~beside].max(initial=0.0)) if (~beside).any() else float(np.abs(rest).max())
+    plain = ~(beside | odd[1:] | odd[:-1])
+    usual = float(changes[plain].max(initial=0.0)) if plain.any() else float(np.abs(rest).max())
     at_jumps = float(np.median(changes[beside]))
     return at_jumps if at_jumps <= _SMOOTH * max(usual, 1e-9 * size) else None
