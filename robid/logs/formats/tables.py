@@ -17,9 +17,10 @@ from robid.errors import DataError
 from robid.logs.formats.across import read_across
 from robid.logs.formats.cells import is_missing, is_number, is_row, split_all, without_groups
 from robid.logs.formats.known import UNPACKING_ERRORS, open_bytes
-from robid.logs.formats.layout import REMEDY, Layout, tell_layout
+from robid.logs.formats.layout import Layout
 from robid.logs.formats.moments import Moments
 from robid.logs.formats.recorders import tell_recorder
+from robid.logs.formats.telling import REMEDY, tell_layout
 from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted, number_repeated
 from robid.signals.log_dialect import Dialect
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.formats.cells import is_missing, is_number, split
-from robid.logs.formats.layout import Body, Layout, tell_kinds
+from robid.logs.formats.layout import Body, Layout
+from robid.logs.formats.telling import tell_kinds
 
 _NAMES = ("Name", "SymbolName")
 """Rows of the head that name the channels; where they have a time, the row's own name stands above it."""
