@@ -48,7 +48,8 @@ def tell_twincat(lines: Sequence[str]) -> Layout | None:
         return None
     full = [row + [""] * (width - len(row)) for row in rows]
     kinds = tell_kinds(full[-_TAIL:], full, comma=comma)[: len(columns)]
-    told = {row[0]: row for row in cells[at:start] if len(row) == len(names)}
+    whole = (row for row in cells[at:start] if len(row) >= len(names) and all(row[i] == row[0] for i in timed))
+    told = {row[0]: row for row in whole}
     body = _Body(names, columns, told, times=has_times)
     units = tuple(body.unit(column) for column in range(len(columns)))
     # Slow groups end above the others, by empty cells or by shorter rows.
