@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from robid.logs.formats.cells import (
+    AROUND,
     has_decimal_commas,
     is_missing,
     is_number,
@@ -72,7 +73,9 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
             return replace(tell_layout(joined, dialect), join=join)
     if len(names) != len(kinds):
         raise _no_fit(start, width, len(names), header)
-    headers = frozenset(line for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma))
+    headers = frozenset(
+        line.strip(AROUND) for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma)
+    )
     groups = _groups([c for _, c in cells[first:] if len(c) == width], len(kinds), comma=comma, dialect=dialect)
     return Layout(separator, comma, tuple(names), tuple(units), start, kinds, width, headers=headers, groups=groups)
 
