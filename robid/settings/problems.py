@@ -115,11 +115,15 @@ def _at_tag(detail: Any) -> Any:  # noqa: ANN401
 def _written_field(data: Any, loc: FieldPath, *, missing: bool) -> tuple[FieldPath, bool]:  # noqa: ANN401
     """Drops what pydantic adds to a path (members of unions, `[key]`); says whether something was dropped."""
     field: list[str | int] = []
-    node, dropped = data, False
+    node, dropped, tagged = data, False, False
     for position, part in enumerate(loc):
+        if isinstance(node, dict) and node.get("kind") == part and not tagged:
+            # The member of a union may be called like one of its fields.
+            dropped = tagged = True
+            continue
         inside = part in node if isinstance(node, dict) else isinstance(node, list) and part in range(len(node))
         if inside:
-            node = node[part]
+            node, tagged = node[part], False
         elif not (missing and position == len(loc) - 1):
             dropped = dropped or part != "[key]"
             continue

@@ -15,6 +15,7 @@ from robid.settings.external_study import OliveiraStudy
 from robid.settings.fleet_study import FleetStudy
 from robid.settings.lpv_study import TurkStudy
 from robid.settings.trust_study import TrustStudy
+from robid.settings.unit_mistakes import UnitMistakes
 from robid.validation.step_options import StepOptions
 
 PaperFile: TypeAlias = Annotated[
@@ -194,6 +195,13 @@ class SeedChoice(Section):
     mistakes: int = Field(default=5, description="Seeds with which each mistake is made, from the first.", ge=1)
     heavy: int = Field(default=40, description="Sound robots of this file.", ge=1)
     light: int = Field(default=10, description="Sound robots of `light`.", ge=0)
+    units: int = Field(default=5, description="Seeds with which each log is read in wrong units.", ge=1)
+    rough: int = Field(default=20, description="Sound logs of each robot of `units`, their robot files rough.", ge=0)
+
+    def end(self, *, units: bool) -> int:
+        """Returns the first seed that is none of them, where a study reads `units`, or not."""
+        read = (self.units, self.rough) if units else ()
+        return self.first + max(self.mistakes, self.heavy, self.light, *read)
 
 
 class Seeds(Section):
@@ -216,6 +224,20 @@ class MistakesStudy(Section):
     seeds: Seeds = Field(description="Seeds of the robots.")
     use: Literal["judge", "choose"] = Field(default="judge", description="Which of the seeds are used.")
     mistakes: dict[Name, Mistake] = Field(description="The mistakes, by name.", min_length=1)
+    units: UnitMistakes | None = Field(default=None, description="Logs that are read in wrong units.")
+    only: Literal["mistakes", "units"] | None = Field(
+        default=None, description="What is done alone: `mistakes`, or `units`; both when not given."
+    )
+
+    @property
+    def makes_mistakes(self) -> bool:
+        """Whether `mistakes` are made."""
+        return self.only != "units"
+
+    @property
+    def reads_units(self) -> bool:
+        """Whether `units` is done."""
+        return self.units is not None and self.only != "mistakes"
 
     @property
     def chosen(self) -> SeedChoice:

@@ -98,3 +98,74 @@ def test_what_cannot_be_made_is_told_before_anything_is_made(study, old, new, me
     assert answer.code == 2
     assert message in answer.flat
     assert not [path for path in study.runs.rglob("*") if path.is_file() and path.name != ".lock"]
+
+
+UNITS = """\
+  only: units
+  units:
+    robots:
+      arm:
+        experiment: light.yaml
+        fit: elastic
+        torque_constant_nm_a: 0.05
+        variants: [{imperfections: {friction: tanh}}]
+    mistakes:
+      in_deg: {scale: motor_angle x 180/pi, same: {arm: [torque / 180/pi]}}
+      stamps_in_ms: {scale: time x 1000, refusals: [time unit]}
+  mistakes:
+"""
+
+
+@pytest.fixture
+def units(study):
+    study.change("  mistakes:\n", UNITS, "mistakes.yaml")
+    study.change("mistakes: 1, heavy: 2, light: 1}", "mistakes: 1, units: 1, rough: 1}", "mistakes.yaml")
+    study.change("choose: {first: 11", "choose: {first: 111", "mistakes.yaml")
+    return study
+
+
+def test_logs_in_wrong_units_are_read_through_the_whole_chain(units):
+    answer = units.robid("study", "mistakes.yaml", "--json")
+    assert answer.code == 0, answer.err
+    summary, tasks = answer.json["summary"], units.runs / "tasks"
+    assert names(tasks / "units") == {"arm_units_1", "arm_rough_1"}
+    assert not names(tasks / "cases")
+    assert (summary["units.cases"], summary["units.sound"], summary["units.false"]) == (2, 1, 0)
+    assert summary["units.stamps_in_ms.named"] == 1
+    assert summary["units.named"] == summary["units.arm.named"] >= 0.5
+    held = read_artifact(next((tasks / "units").glob("arm_units_1.*")), TASK)
+    refusals = dict(zip(held.datasets["case"].values.tolist(), held.datasets["refusal"].values.tolist(), strict=True))
+    assert "time unit" in refusals["stamps_in_ms"]
+    assert "/tmp" not in refusals["stamps_in_ms"]
+    page = (units.runs / "report.html").read_text()
+    for text in ("in deg", "Wrong units", "Rough robot files"):
+        assert text in page
+    before = times(tasks)
+    units.change("same: {arm: [torque / 180/pi]}", "same: {}", "mistakes.yaml")
+    assert units.robid("study", "mistakes.yaml").code == 0
+    assert times(tasks) == before, "another group asks for no other reading"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("motor_angle x 180/pi,", "motor_angle x 179,", "study.units.mistakes.in_deg.scale"),
+        (
+            "fit: elastic\n        torque",
+            "fit: rigid\n        torque",
+            "study.units.robots.arm.fit: there is no fit `rigid`",
+        ),
+        ("{friction: tanh}", "{frickion: tanh}", "study.units.robots.arm.variants[0].imperfections.frickion"),
+        ("180/pi, same", "180/pi, log: {arm: [angle, arm]}, same", "the campaigns' `outputs` lack"),
+        ("same: {arm: ", "same: {arn: ", "there is no robot `arn`"),
+        ("  units:\n    robots", "  units:\n    only: [arn]\n    robots", "study.units.only: there is no robot `arn`"),
+        ("choose: {first: 111", "choose: {first: 3", "the seeds of `judge` and `choose` overlap"),
+    ],
+)
+def test_units_that_cannot_be_made_wrong_are_told_before_anything_is_made(units, old, new, message):
+    units.change("units: 1, rough: 1", "units: 3, rough: 1", "mistakes.yaml")
+    units.change(old, new, "mistakes.yaml")
+    answer = units.robid("study", "mistakes.yaml")
+    assert answer.code == 2
+    assert message in answer.flat
+    assert not [path for path in units.runs.rglob("*") if path.is_file() and path.name != ".lock"]

@@ -1,4 +1,4 @@
-"""The study of mistakes. Read `check`, `study`, `mistaken`, `responses`, `cases`, `grades`, `report`."""
+"""The study of mistakes. Read `check`, `study`, `mistaken`, `responses`, `cases`, `grades`, `units`, `report`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from robid.studies.study import Procedure, Step, Study
 
 def _procedure() -> Procedure:
     from robid.studies.mistakes import cases, report, responses, study
+    from robid.studies.mistakes.units.cases import read_individual, unit_tasks
+    from robid.studies.mistakes.units.robots import needed_by_units
 
     return Procedure(
         study.needs,
@@ -15,9 +17,10 @@ def _procedure() -> Procedure:
             Step("responses", responses.response_tasks, responses.measure),
             Step("models", cases.model_tasks, cases.fit_case),
             Step("cases", cases.case_tasks, cases.judge_case),
+            Step("units", unit_tasks, read_individual),
         ),
         report.conclude,
-        study.further,
+        lambda run: (*study.further(run), *needed_by_units(run)),
     )
 
 

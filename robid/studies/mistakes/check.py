@@ -33,10 +33,25 @@ def check_mistakes(experiment: Experiment, robot: RobotFile | None) -> Iterator[
         if mistake.robot == "heavy":
             found = mistake_problems(mistake, experiment, study.fit, robot)
             yield from (((*field, *place), message) for place, message in found)
+    yield from _check_units(study)
     judge, choose = study.seeds.judge, study.seeds.choose
     first, last = sorted((judge, choose), key=lambda seeds: seeds.first)
-    if first.first + max(first.mistakes, first.heavy, first.light) > last.first:
+    if first.end(units=study.units is not None) > last.first:
         yield ("study", "seeds"), "the seeds of `judge` and `choose` overlap"
+
+
+def _check_units(study: MistakesStudy) -> Iterator[tuple[FieldPath, str]]:
+    """Yields robots that a mistake of units names and that are not there."""
+    if study.units is None:
+        if study.only == "units":
+            yield ("study", "only"), "the study has no `units`"
+        return
+    robots = study.units.robots
+    yield from _unknown(("study", "units", "only"), study.units.only or (), "robot", list(robots))
+    for name, mistake in study.units.mistakes.items():
+        for key in ("log", "same"):
+            field = ("study", "units", "mistakes", name, key)
+            yield from _unknown(field, list(getattr(mistake, key)), "robot", list(robots))
 
 
 def fit_problem(experiment: Experiment, name: str) -> str:

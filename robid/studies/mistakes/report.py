@@ -17,6 +17,7 @@ from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
 from robid.studies.mistakes.grades import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
 from robid.studies.mistakes.study import SOUND, study_of
+from robid.studies.mistakes.units.figures import summarise_units, unit_rows, unit_sections, unit_verdicts
 from robid.studies.study import Earlier
 
 ASKED = {"graded": 0.9, "named": 0.8, "false_alarms": 0.1}
@@ -96,20 +97,23 @@ def read_row(held: Artifact) -> CaseRow:
 
 def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns the cases into figures, the table of mistakes and the verdict."""
-    rows = [read_row(held) for held in results[2]]
-    summary = summarise(rows)
-    sections = (_mistake_section(rows), _sound_section(rows))
-    reached = [name for name in ASKED if name in summary and _is_reached(name, summary[name])]
-    sentences = [_sentence(name, summary[name]) for name in ASKED if name in summary]
+    rows, units = [read_row(held) for held in results[2]], unit_rows(run, results[3])
+    summary = {**summarise(rows), **summarise_units(units)}
+    sections = (*((_mistake_section(rows), _sound_section(rows)) if rows else ()), *unit_sections(units))
+    asked = [name for name in ASKED if name in summary]
+    clauses = [(_sentence(name, summary[name]), _is_reached(name, summary[name])) for name in asked]
+    clauses += unit_verdicts(units)
     seeds = study_of(run.loaded).use
-    level = "ok" if len(reached) == len(sentences) and seeds == "judge" else "warn"
-    text = f"{'; '.join(sentences)}."
+    is_good = all(reached for _, reached in clauses) and seeds == "judge"
+    text = f"{'; '.join(sentence for sentence, _ in clauses)}."
     warnings = () if seeds == "judge" else ("These seeds are for choosing thresholds: their shares flatter.",)
-    return Conclusion(Verdict(text, "ok" if level == "ok" else "warn"), summary, sections, warnings)
+    return Conclusion(Verdict(text, "ok" if is_good else "warn"), summary, sections, warnings)
 
 
 def summarise(rows: Sequence[CaseRow]) -> dict[str, float]:
     """Returns the figures of summary.json; what is not known is left out."""
+    if not rows:
+        return {}
     sound = [row for row in rows if row.name == SOUND]
     mistaken = [row for row in rows if row.name != SOUND]
     found = {

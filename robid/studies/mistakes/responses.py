@@ -71,6 +71,8 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     groups: dict[str, list[Case]] = {}
     for case in cases(run):
         groups.setdefault(case.simulation, []).append(case)
+    if not groups:
+        return []
     fit = study_of(run.loaded).fit
     played = {
         (robot.name, name): excitation_from_artifact(

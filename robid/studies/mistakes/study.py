@@ -93,6 +93,8 @@ def campaigns_of(loaded: LoadedExperiment, fit: str) -> dict[str, str]:
 
 def needs(loaded: LoadedExperiment, fit: str | None = None) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read."""
+    if fit is None and not study_of(loaded).makes_mistakes:
+        return ()
     names = campaigns_of(loaded, fit or study_of(loaded).fit)
     return tuple(f"{name}/excitation.h5" for name in names.values())
 
@@ -112,6 +114,8 @@ def subjects(run: Run) -> dict[str, Subject]:
 def further(run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
     """Returns the other experiments whose chains must be there, with the outputs that the tasks read."""
     study = study_of(run.loaded)
+    if not study.makes_mistakes:
+        return ()
     return tuple((one.run, needs(one.loaded, study.fit)) for name, one in subjects(run).items() if name != "heavy")
 
 
@@ -130,7 +134,10 @@ def _light(loaded: LoadedExperiment, study: MistakesStudy, name: str) -> LoadedE
 
 def cases(run: Run) -> list[Case]:
     """Returns every case: the sound individuals, then each mistake with the first of them."""
-    study, robots = study_of(run.loaded), subjects(run)
+    study = study_of(run.loaded)
+    if not study.makes_mistakes:
+        return []
+    robots = subjects(run)
     nothing = Mistake()
     found = [Case(SOUND, nothing, robot, seed) for robot in robots.values() for seed in robot.sound]
     seeds = range(study.chosen.first, study.chosen.first + study.chosen.mistakes)

@@ -1,0 +1,226 @@
+"""Each individual is simulated once; its logs are read with each mistake, through the whole chain of its fit."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.artifact import Dataset
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.model import MODEL
+from robid.artifacts.store import read_artifact, read_header
+from robid.artifacts.validation import VALIDATION
+from robid.errors import DataError, SettingsError
+from robid.families.files import load_experiment
+from robid.fleet.row import Told
+from robid.pipeline import Run, run_all
+from robid.settings.acquire import Acquire
+from robid.settings.experiment import Campaign, Source
+from robid.settings.load import LoadedExperiment
+from robid.settings.plain import plain_settings
+from robid.settings.robot import RobotFile
+from robid.settings.robot_parts import require_controller
+from robid.settings.unit_mistakes import Rough, UnitMistake, UnitRobot
+from robid.simulate.experiment import simulate
+from robid.stages.simulate_or_acquire import simulated_experiment
+from robid.studies.changed import changed_simulation
+from robid.studies.mistakes.study import campaigns_of, study_of
+from robid.studies.mistakes.units.logs import Log, Sizes, log_of, mapping_of, mistaken_log, stamps, write_log
+from robid.studies.mistakes.units.robots import Individual, individuals, unit_subjects
+from robid.studies.mistakes.units.rough import rough_robot, rough_torque_constants
+from robid.studies.mistakes.units.scales import Said
+from robid.studies.study import Earlier
+from robid.studies.tasks import Content, Task
+from robid.validation.scale import read_scale
+
+ROUGH = "rough"
+"""Name of the case in which nothing is wrong but the robot file."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """An individual, and the mistakes with which its logs are read.
+
+    Attributes:
+        of: The individual.
+        experiment: The experiment file of its robot.
+        settings: What the study says of its robot.
+        played: Where the excitation of each campaign lies, by `estimation` and `validation`.
+        mistakes: The mistakes by name; none where its robot file is rough.
+        rough: How rough that is.
+    """
+
+    of: Individual
+    experiment: Path
+    settings: UnitRobot
+    played: Mapping[str, Path]
+    mistakes: Mapping[str, UnitMistake]
+    rough: Rough
+
+
+def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
+    """Returns one task for each individual."""
+    study, subjects = study_of(run.loaded), unit_subjects(run)
+    if study.units is None:
+        return []
+    found = []
+    for one in individuals(study):
+        subject = subjects[one.robot]
+        played = {name: subject.run.path(f"{owner}/excitation.h5") for name, owner in subject.campaigns.items()}
+        mistakes = {} if one.rough else study.units.mistakes
+        loaded = subject.run.loaded
+        decides: dict[str, Any] = {
+            "experiment": {key: value for key, value in loaded.plain.items() if key != "execution"},
+            "settings": plain_settings(subject.settings),
+            "individual": plain_settings(one),
+            "mistakes": {name: _read_with(mistake, one.robot) for name, mistake in mistakes.items()},
+            "rough": plain_settings(study.units.rough) if one.rough else None,
+            "played": {name: read_header(path, EXCITATION).content_sha256 for name, path in played.items()},
+        }
+        reading = Reading(one, loaded.path, subject.settings, played, mistakes, study.units.rough)
+        found.append(Task(one.key, decides, reading))
+    return found
+
+
+def _read_with(mistake: UnitMistake, robot: str) -> dict[str, Any]:
+    """What of a mistake decides how logs are read; not what it is to be called."""
+    plain: dict[str, Any] = plain_settings(mistake)
+    return {**{key: plain[key] for key in ("scale", "one_joint", "stamps")}, "log": plain["log"].get(robot)}
+
+
+def read_individual(reading: Reading) -> Content:
+    """Simulates an individual and reads its logs with each mistake, or soundly with a rough robot file."""
+    loaded = load_experiment(reading.experiment)
+    logs = dict(_logs(reading, loaded))
+    loaded = replace(loaded, robot=_with_torque_constant(loaded.robot, reading.settings.torque_constant_nm_a))
+    if reading.of.rough:
+        factors = rough_torque_constants(len(loaded.robot.joints), reading.rough, reading.of.seed)
+        torque = read_scale("torque x 1000")
+        logs = {name: mistaken_log(log, torque, factors) for name, log in logs.items()}
+        rough = replace(loaded, robot=rough_robot(loaded.robot, reading.rough, reading.of.seed))
+        said = {ROUGH: _chain(reading, rough, logs, None)}
+    else:
+        said = {name: _chain(reading, loaded, logs, mistake) for name, mistake in reading.mistakes.items()}
+    rows = [{"case": name, **one.texts()} for name, one in said.items()]
+    columns = {key: np.array([row[key] for row in rows], dtype=str) for key in rows[0]}
+    datasets = {key: Dataset(values, "1", ("case",)) for key, values in columns.items()}
+    return Content(datasets, {"robot": reading.of.robot, "seed": reading.of.seed, "rough": reading.of.rough})
+
+
+def _with_torque_constant(robot: RobotFile, constant_nm_a: float) -> RobotFile:
+    """The robot file that states it of all motors."""
+    stated = {"torque_constant_nm_a": constant_nm_a}
+    joints = tuple(
+        joint if joint.motor is None else joint.model_copy(update={"motor": joint.motor.model_copy(update=stated)})
+        for joint in robot.joints
+    )
+    return robot.model_copy(update={"joints": joints})
+
+
+def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log]]:
+    """The logs of both campaigns of an individual, in SI units, by the campaign's name."""
+    seed, physics = reading.of.seed, reading.of.physics(reading.settings)
+    joints = [joint.name for joint in loaded.robot.joints]
+    for number, (name, owner) in enumerate(campaigns_of(loaded, reading.settings.fit).items()):
+        campaign = loaded.experiment.campaigns[owner]
+        content = excitation_from_artifact(read_artifact(reading.played[name], EXCITATION))
+        options = changed_simulation(campaign, physics, seed, 2 * seed + number)
+        experiment = simulated_experiment(loaded, campaign, options, content)
+        log: Log = {}
+        for index, configuration in enumerate(content.configurations):
+            log |= log_of(simulate(experiment, configuration, index, 1), joints, index)
+        yield owner, log
+
+
+def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], mistake: UnitMistake | None) -> Said:
+    """What the chain says of logs that are read with a mistake, or with none."""
+    fit = reading.settings.fit
+    with tempfile.TemporaryDirectory() as folder:
+        read = _as_read(reading, loaded, logs, mistake, Path(folder))
+        told = Told()
+        try:
+            run_all(Run(read, Path(folder), "serial", 1), told.of, lambda _: None, [f"fits/{fit}/validation.h5"])
+        except (DataError, SettingsError) as error:
+            return Said((), (), str(error).replace(f"{folder}/", ""))
+        made = Path(folder) / "fits" / fit
+        # A fit that has not converged is validated nowhere: its own grade is all that is said.
+        held = next(
+            read_artifact(made / name, kind)
+            for name, kind in (("validation.h5", VALIDATION), ("model.h5", MODEL))
+            if (made / name).exists()
+        )
+    doubts = grade_from_artifact(held).doubts
+    return Said(tuple(doubt.cause for doubt in doubts), doubts[0].scales if doubts else (), "")
+
+
+def _as_read(
+    reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], mistake: UnitMistake | None, folder: Path
+) -> LoadedExperiment:
+    """The experiment that reads the logs, which are written with what is wrong in them."""
+    settings, joints = reading.settings, [joint.name for joint in loaded.robot.joints]
+    signals = settings.log if mistake is None else mistake.log.get(reading.of.robot, settings.log)
+    stretch, campaigns = 1.0, {}
+    for name, log in logs.items():
+        written = log
+        if mistake is not None:
+            factors = _factors(reading, loaded, mistake)
+            if read_scale(mistake.scale).channel == "time" and not mistake.stamps:
+                stretch = float(factors[0])
+            else:
+                written = mistaken_log(log, read_scale(mistake.scale), factors)
+        path = folder / f"{name}.mat"
+        write_log(path, written)
+        period_s = stretch * require_controller(loaded).sampling_period_s
+        stamped = mistake is None or mistake.stamps
+        campaign = loaded.experiment.campaigns[name]
+        options = {"time": stamps() if stamped else None, "one_shot": campaign.is_trajectory}
+        acquire = mapping_of(path, joints, signals, period_s, options)
+        read = reading_campaign(campaign, acquire, stretch)
+        campaigns[name] = read if "angle" in signals else _without_angles(read)
+    experiment = loaded.experiment.model_copy(update={"campaigns": campaigns, "designs": {}, "study": None})
+    return replace(loaded, experiment=experiment)
+
+
+def _factors(reading: Reading, loaded: LoadedExperiment, mistake: UnitMistake) -> FloatArray:
+    """What the channel of each joint is multiplied by (n_joint,)."""
+    ratios = np.array([abs(joint.plain_motor.gear_ratio) for joint in loaded.robot.joints])
+    counts = reading.settings.counts_per_turn / (2 * np.pi)
+    factors = Sizes(ratios, counts, reading.settings.torque_constant_nm_a).factors(read_scale(mistake.scale))
+    if mistake.one_joint:
+        factors = np.where(np.arange(len(ratios)) == reading.of.joint(len(ratios)), factors, 1.0)
+    return factors
+
+
+def reading_campaign(campaign: Campaign, acquire: Acquire, stretch: float) -> Campaign:
+    """Returns a campaign that reads logs; with all times that it states stretched, where its clock's unit is wrong."""
+    source = Source(acquire=acquire)
+    if campaign.is_trajectory:
+        return Campaign(source=source, realizations=campaign.realizations, payload_kg=campaign.payload_kg)
+    changed = {"source": source, "excitation": _stretched(campaign.excitation, stretch), "outputs": ("motors",)}
+    return campaign.model_copy(update=changed)
+
+
+def _without_angles(campaign: Campaign) -> Campaign:
+    """A campaign whose friction cannot be subtracted, as that follows the motors' angles."""
+    return campaign.model_copy(update={"estimate": replace(campaign.estimate, compensation="none")})
+
+
+def _stretched(excitation: Any, stretch: float) -> Any:  # noqa: ANN401
+    """An excitation whose times [s] are longer, and whose frequencies [Hz] are lower, by a factor."""
+    if stretch == 1 or not is_dataclass(excitation) or isinstance(excitation, type):
+        return excitation
+    powers = {"_s": 1, "_hz": -1}
+    changed = {
+        field.name: getattr(excitation, field.name) * stretch**power
+        for field in fields(excitation)
+        for suffix, power in powers.items()
+        if field.name.endswith(suffix) and isinstance(getattr(excitation, field.name), int | float)
+    }
+    return replace(excitation, **changed)
