@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,17 @@ from robid.signals.record import Record
 JOINTS = ("turn", "lift")
 FIRST, N_PERIOD = 2, 6
 """The period that the record begins with, and those that were played in all."""
+STAMPS = {
+    "iso": "%Y-%m-%dT%H:%M:%S.%fZ",
+    "German": "%d.%m.%Y %H:%M:%S,%f",
+    "US": "%m/%d/%Y %I:%M:%S.%f %p",
+    "British": "%d/%m/%y %H:%M:%S.%f",
+    "month": "%b %d %Y %H:%M:%S.%f",
+    "clock": "%H:%M:%S.%f",
+}
+MIDNIGHT = datetime(2024, 5, 3, tzinfo=UTC)
+"""In no order of its numbers another date is as close to the one before."""
+TURNS = {"rad": 2 * np.pi, "mrad": 2e3 * np.pi, "deg": 360.0, "turn": 1.0}
 MESSAGES = ("mcap", "rosbag")
 """Formats whose messages hold six numbers and a stamp each millisecond."""
 INPUT_UNITS = {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3, "A": 1.0, "mA": 1e-3}
@@ -55,6 +67,10 @@ class Plan:
             which the last periods are taken, or which are found by the references), or `anywhere` in the period.
         rest: Whether the robot rests in what is before.
         time: Unit of the log's own time, or nothing.
+        stamp: How its time is written as date or time of day, or nothing where it is a number.
+        named: What is written behind the names of columns: their unit in some form, or nothing.
+        matrix: Whether all channels are `columns` or `rows` of a matrix, or nothing.
+        wraps: Whether the outputs, angles, begin anew after a turn.
         gaps: Whether samples are missing outside of what is used, and whole periods inside.
         estimator: What estimates the response.
         seed: Of units, signs, scales, offsets, order and extra columns.
@@ -77,6 +93,10 @@ class Plan:
     start: str = "record"
     rest: bool = False
     time: str = ""
+    stamp: str = ""
+    named: str = ""
+    matrix: str = ""
+    wraps: bool = False
     gaps: bool = False
     estimator: str = "logarithmic"
     seed: int = 1
@@ -209,6 +229,7 @@ def lay_out(plan: Plan, played: Played) -> Logs:
     # What is in one file has one length.
     common = None if plan.places == "file" else _part(plan, drop, generator)
     order = generator.permutation(12)
+    turns = _wrap(plan, channels["outputs"], offsets) if plan.wraps else {}
     for index in plan.blocks:
         begin, lead, tail = common or _part(plan, drop, generator)
         cut = slice(begin - lead, begin + plan.periods * N_SAMPLE + tail)
@@ -219,6 +240,8 @@ def lay_out(plan: Plan, played: Played) -> Logs:
             still = max(lead - drop * N_SAMPLE, 0) if plan.rest else 0
             values[:still] = values[still] if name.startswith("q") else 0.0
             columns[name] = _rounded(plan, values / factors[name] + offsets[name], units[name], name)
+            if name in turns:
+                columns[name] = (columns[name] + turns[name] / 2) % turns[name] - turns[name] / 2
         if plan.time and plan.kind not in MESSAGES:
             columns["t"] = _time(plan, lead, plan.periods * N_SAMPLE, tail, generator)
         columns |= _extra(plan, len(values))
@@ -259,6 +282,17 @@ def _channels(plan: Plan, played: Played, generator: np.random.Generator) -> tup
     return settings, factors, offsets, units
 
 
+def _wrap(plan: Plan, outputs: list[dict[str, Any]], offsets: dict) -> dict[str, float]:
+    """Has angles begin anew in the middle of their range; returns the turn of each, as it is logged."""
+    turns = {}
+    for channel in outputs:
+        if channel["unit"] in TURNS:
+            name, channel["unwrap"] = channel["variable"], True
+            turns[name] = TURNS[channel["unit"]] / channel["scale"]
+            offsets[name] = turns[name] * (0.5 + 2 * (plan.seed % 3))
+    return turns
+
+
 def _part(plan: Plan, drop: int, generator: np.random.Generator) -> tuple[int, int, int]:
     """First sample that is used, of all that were played, and how many the log has before and after that part."""
     any_, begin = int(generator.integers(1, N_SAMPLE)), FIRST * N_SAMPLE
@@ -293,7 +327,7 @@ def _rounded(plan: Plan, values: np.ndarray, unit: str, name: str) -> np.ndarray
     return values
 
 
-def _time(plan: Plan, lead: int, used: int, tail: int, generator: np.random.Generator) -> np.ndarray:
+def _time(plan: Plan, lead: int, used: int, tail: int, generator: np.random.Generator) -> Any:
     """The log's own time; samples are missing before and after what is used, and whole periods inside."""
     steps = np.ones(lead + used + tail)
     if plan.gaps:
@@ -302,6 +336,9 @@ def _time(plan: Plan, lead: int, used: int, tail: int, generator: np.random.Gene
         if tail > 2:
             steps[lead + used + generator.integers(1, tail)] += 2.9
         steps[lead + N_SAMPLE] += 2 * N_SAMPLE
+    if plan.stamp:
+        since = np.cumsum(steps) * plan.step_s - 0.75 * plan.step_s * len(steps)
+        return [(MIDNIGHT + timedelta(seconds=round(float(x), 6))).strftime(STAMPS[plan.stamp]) for x in since]
     factor = {"s": 1.0, "ms": 1e3, "us": 1e6}[plan.time]
     return factor * (plan.step_s * (np.cumsum(steps) - 1) + float(generator.choice([0.0, 12.5])))
 

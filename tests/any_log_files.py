@@ -7,7 +7,9 @@ import gzip
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
+from scipy.io import savemat
 
 from any_log import MESSAGES, Logs, Plan, numbers
 from linear_loop import LINES, N_SAMPLE
@@ -63,7 +65,7 @@ def _acquire(logs: Logs, variables: dict[str, str]) -> dict[str, Any]:
     if plan.time and plan.kind in MESSAGES:
         acquire["time"] = {"variable": variables["time"], "unit": "s"}
     elif plan.time:
-        acquire["time"] = {"variable": variables["t"], "unit": plan.time}
+        acquire["time"] = {"variable": variables["t"], "unit": "s" if plan.stamp else plan.time}
     if logs.drop_periods:
         acquire["drop_periods"] = logs.drop_periods
     if logs.take != "first":
@@ -100,11 +102,38 @@ def _write_tables(logs: Logs, folder: Path) -> dict[str, str]:
     return variables
 
 
+NAMED = {"brackets": " [{}]", "parentheses": " ({})", "comma": ", {}", "underscore": "_{}"}
+"""How a unit may stand behind a name."""
+
+
+def _write_matrix(plan: Plan, path: Path, table: dict[str, np.ndarray]) -> dict[str, str]:
+    """Writes all columns as one matrix; returns what each is called."""
+    matrix = np.stack([np.asarray(values, float) for values in table.values()], axis=1)
+    matrix = matrix.T if plan.matrix == "rows" else matrix
+    if plan.kind == "mat":
+        savemat(path, {"all": matrix}, do_compression=True)
+    else:
+        WRITERS[plan.kind][0](path, {})
+        with h5py.File(path, "r+") as file:
+            # MATLAB writes the axes in reverse.
+            data = file.create_dataset("all", data=matrix.T if plan.kind == "mat 7.3" else matrix)
+            data.attrs["MATLAB_class"] = np.bytes_("double")
+    return {name: f"all({i},:)" if plan.matrix == "rows" else f"all(:,{i})" for i, name in enumerate(table, start=1)}
+
+
 def _write_file(plan: Plan, path: Path, table: dict[str, np.ndarray], units: dict[str, str]) -> dict[str, str]:
     plain = path.with_suffix("") if plan.packed else path
     if plan.kind == "csv":
-        told = {name: units.get(name.rpartition("_")[2], "-").replace(" ", "") for name in table}
-        names = plan.text.write(plain, table, told)
+        own = {name: units.get(name.rpartition("_")[2], "-") for name in table}
+        called = {name: f"{name}{NAMED[plan.named].format(unit)}" if plan.named else name for name, unit in own.items()}
+        written = plan.text.write(
+            plain,
+            {called[name]: values for name, values in table.items()},
+            {called[name]: unit.replace(" ", "") for name, unit in own.items()},
+        )
+        names = {name: written[called[name]] for name in table}
+    elif plan.matrix:
+        names = _write_matrix(plan, plain, table)
     else:
         _, names = WRITERS[plan.kind][0](plain, table)
     if plan.packed:

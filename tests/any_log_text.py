@@ -22,22 +22,33 @@ class Text:
     encoding: str = "utf-8"
     trailing: bool = False
     stated: bool = False
+    quoted_cells: bool = False
+    gap: str = "nan"
+    again: bool = False
+    foot: str = ""
 
     def write(self, path: Path, columns: dict[str, np.ndarray], units: dict[str, str]) -> dict[str, str]:
         end = self.delimiter if self.trailing else ""
-        names = [f'"{name}"' if self.header == "quoted" else name for name in columns]
+        quoted = self.header == "quoted" or any(self.delimiter in name for name in columns)
+        names = [f'"{name}"' if quoted else name for name in columns]
         head = self.delimiter.join(names) + end
         lines = self.preface.splitlines()
         lines += {"none": [], "commented": [f"# {head}"]}.get(self.header, [head])
         if self.units_below:
             lines.append(self.delimiter.join(units.get(name, "-") for name in columns) + end)
         cells = [[self._cell(value) for value in values] for values in columns.values()]
-        lines += [self.delimiter.join(row) + end for row in zip(*cells, strict=True)]
+        rows = [self.delimiter.join(row) + end for row in zip(*cells, strict=True)]
+        if self.again:  # as where a recorder began anew
+            rows[len(rows) // 2 : len(rows) // 2] = lines
+        lines += [*rows, *self.foot.splitlines()]
         path.write_bytes((self.newline.join(lines) + self.newline).encode(self.encoding))
         return {name: str(i + 1) if self.header == "none" else name for i, name in enumerate(columns)}
 
     def _cell(self, value: Any) -> str:
-        return value if isinstance(value, str) else f"{value:.17g}".replace(".", self.decimal)
+        if isinstance(value, str):
+            return f'"{value}"' if self.delimiter in value or self.quoted_cells else value
+        text = self.gap if np.isnan(value) else f"{value:.17g}".replace(".", self.decimal)
+        return f'"{text}"' if self.quoted_cells else text
 
     @property
     def dialect(self) -> dict[str, Any]:

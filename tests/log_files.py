@@ -25,14 +25,8 @@ def write_twincat(path, columns):
         ["File", "C:\\scope.csv"],
         ["Starttime of export", "132959733843760000", "Montag, 2. Mai 2022"],
     ]
-    told = {
-        "Name": names,
-        "SymbolComment": [""] * 9,
-        "SampleTime[ms]": ["1"] * 9,
-        "Offset": ["0"] * 9,
-        "Unit": ["(None)"] * 9,
-    }
-    rows = [[cell for one, _ in zip(cells, names, strict=False) for cell in (key, one)] for key, cells in told.items()]
+    told = {"Name": names, "SampleTime[ms]": ["1"] * len(names), "Unit": ["(None)"] * len(names)}
+    rows = [[cell for one in cells for cell in (key, one)] for key, cells in told.items()]
     lines = [*head, [], [], *rows, []]
     for index, values in enumerate(zip(*columns.values(), strict=True)):
         lines.append([cell for x in values for cell in (f"{index * step_ms:g}", f"{x:.17g}".replace(".", ","))])
@@ -40,7 +34,7 @@ def write_twincat(path, columns):
     return path, dict(zip(columns, columns, strict=True))
 
 
-def write_lvm(path, columns):
+def write_lvm(path, columns, units=None):
     """A LabVIEW measurement file of two segments, each with a head, without columns of time."""
     names, length = list(columns), len(next(iter(columns.values())))
     lines = ["LabVIEW Measurement\t", "Separator\tTab", "Decimal_Separator\t,", "Multi_Headings\tYes", "X_Columns\tNo"]
@@ -51,11 +45,12 @@ def write_lvm(path, columns):
             "Date": "2022/05/02",
             "Time": f"15:56:{24.376 + first * 1e-3:.9f}".replace(".", ","),
         }
-        told |= {"Y_Unit_Label": "V", "X_Dimension": "Time", "X0": "0,0000E+0", "Delta_X": "0,001000"}
+        told |= {"X_Dimension": "Time", "X0": "0,0000E+0", "Delta_X": "0,001000"}
         lines += [
             f"Channels\t{len(names)}\t",
             *("\t".join([key, *[str(one)] * len(names), ""]) for key, one in told.items()),
         ]
+        lines.append("\t".join(["Y_Unit_Label", *((units or {}).get(name, "V") for name in names), ""]))
         lines += ["***End_of_Header***" + "\t" * len(names), "\t".join(["X_Value", *names, "Comment"])]
         rows = zip(*(x[first:stop] for x in columns.values()), strict=True)
         lines += ["\t".join(["", *(f"{x:.17g}".replace(".", ",") for x in row)]) for row in rows]
@@ -80,10 +75,12 @@ def write_mat_hdf5(path, columns):
     return path, {name: f"log.{name}" for name in columns}
 
 
-def write_hdf5(path, columns):
+def write_hdf5(path, columns, units=None):
     with h5py.File(path, "w") as file:
         for name, x in columns.items():
-            file.create_dataset(f"drive/{name}", data=x, compression="gzip").attrs["units"] = "V"
+            file.create_dataset(f"drive/{name}", data=x, compression="gzip").attrs["units"] = (units or {}).get(
+                name, "V"
+            )
     return path, {name: f"drive/{name}" for name in columns}
 
 
@@ -93,11 +90,11 @@ def write_parquet(path, columns):
     return path, dict(zip(columns, columns, strict=True))
 
 
-def write_tdms(path, columns):
+def write_tdms(path, columns, units=None):
     nptdms = pytest.importorskip("nptdms")
     with nptdms.TdmsWriter(path) as writer:
-        told = {"wf_increment": 1e-3, "unit_string": "V"}
-        writer.write_segment([nptdms.ChannelObject("drive", name, x, told) for name, x in columns.items()])
+        told = {name: {"wf_increment": 1e-3, "unit_string": (units or {}).get(name, "V")} for name in columns}
+        writer.write_segment([nptdms.ChannelObject("drive", name, x, told[name]) for name, x in columns.items()])
     return path, {name: f"drive/{name}" for name in columns}
 
 

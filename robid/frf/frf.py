@@ -185,8 +185,8 @@ class Frf:
 
     @property
     def output_rates(self) -> tuple[Rate, ...]:
-        """How many times each output was differentiated before it was sampled, see `Channel.rate`."""
-        return tuple(channel.rate for channel in self.measured_channels or self.output_channels)
+        """How many times each output was differentiated before it was sampled, see `Channel.rate`; empty if unknown."""
+        return tuple(channel.rate for channel in self.measured_channels)
 
     @property
     def hold_period_s(self) -> float | None:
@@ -249,7 +249,9 @@ class Frf:
         if self.noise_covariance is None:
             return None
         variance = self.element_variance(noise_only=True)
-        return np.asarray(np.abs(self.response) ** 2 / np.maximum(variance, np.finfo(float).tiny))
+        square = np.abs(self.response) ** 2
+        # Periods without any noise, as of a simulation, have a variance of nothing.
+        return np.asarray(square / np.maximum(variance, 1e-300 * square + np.finfo(float).tiny))
 
     def residual_level(self, kind: Level) -> FloatArray | None:
         """Level of the silent lines, brought to the excited lines: mean power of the nearest ones.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,18 @@ from robid.logs.formats.known import tell_format
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import Variables, find_variable, series_of
 from robid.logs.mapping import LogMapping
-from robid.signals.log_channels import LogChannel
+from robid.logs.streams import (
+    Stream,
+    apart_without_time,
+    is_of_other_topic,
+    jump_notes,
+    own_times,
+    topic_of,
+    topic_time,
+    unwrapped,
+)
+from robid.logs.terms import NoSumError, UnknownNameError, may_be_sum, parse_sum
+from robid.signals.log_channels import LogChannel, OutputChannel
 from robid.signals.record import Record
 
 _SHOWN = 8
@@ -26,36 +38,154 @@ _ABSURD = 1e6
 """Ranges of all others by which a lone sample must lie beyond them to be refused; no sensor resolves as much."""
 
 
-def read_columns(mapping: LogMapping) -> tuple[dict[str, NDArray[Any]], list[DataError]]:
-    """Reads every column that the mapping names from its log, with every problem on the way.
+@dataclass
+class Read:
+    """What was read of the logs of a recording.
+
+    Attributes:
+        streams: The variables of the channels.
+        stamps (n_sample,): The log's own time, in its unit; None where it has none that can be read.
+        problems: What is wrong with any of them.
+        notes: What to say about them.
+    """
+
+    streams: list[Stream]
+    stamps: NDArray[Any] | None
+    problems: list[DataError]
+    notes: list[str]
+
+
+def read_columns(mapping: LogMapping) -> Read:
+    """Reads every variable that the mapping names from its log, with every problem on the way.
 
     The values themselves are looked at by `check_values`.
     """
-    columns: dict[str, NDArray[Any]] = {}
-    problems: list[DataError] = []
+    found = Read([], None, [], [])
+    channels = {channel.column: channel for channel in mapping.channels}
     named: dict[Path, list[str]] = {}
-    for path, variable in mapping.variables.values():
+    for column, (path, variable) in mapping.variables.items():
         named.setdefault(path, []).append(variable)
+        if column in channels:
+            named[path] += own_times(mapping, channels[column], path, variable)
+    times = apart_without_time(mapping)
+    named[mapping.file] = [*named.get(mapping.file, []), *(one for one in times if one)]
     logs = {path: load_variables(path, mapping.format, names, mapping.dialect) for path, names in named.items()}
-    for name, (path, _) in mapping.variables.items():
-        column, found = read_column(mapping, logs[path], name)
-        problems += found
-        if column is not None:
-            columns[name] = column
-    return columns, problems
+    for column, (path, variable) in mapping.variables.items():
+        if column in channels:
+            _read_channel(mapping, channels[column], logs[path], found)
+            continue
+        found.stamps, problems = read_column(mapping, logs[path], column, variable)
+        found.problems += problems
+    found.problems += _untold_clocks(mapping, logs[mapping.file], times)
+    return found
 
 
-def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[NDArray[Any] | None, list[DataError]]:
-    """Returns the variable of a column as real numbers, or why it is none."""
-    where, variable = mapping.place(name), mapping.variables[name][1]
+def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables, found: Read) -> None:
+    """Reads the variable of a channel, or those of which it is the sum, each with its own stamps and without jumps."""
+    column = channel.column
+    path, _ = mapping.variables[column]
+    try:
+        weights, variables = _weights(mapping, channel, path, variables)
+    except NoSumError as e:
+        remedy = (
+            "Write a weighted sum of variables, as `a + b` or `0.5*a - 2*b`; names in quotes are taken as they are."
+        )
+        if isinstance(e, UnknownNameError):
+            remedy = _which_name(e.name, variables.sizes)
+        found.problems.append(
+            DataError(f"{str(e)[0].upper()}{str(e)[1:]}.", where=mapping.place(column), remedy=remedy)
+        )
+        return
+    held = getattr(channel, "hold", "zoh") == "zoh" and not isinstance(channel, OutputChannel)
+    for name, weight in weights.items():
+        values, problems = read_column(mapping, variables, column, name)
+        found.problems += problems
+        if values is None:
+            continue
+        stamps, clock, problems = _own_stamps(mapping, channel, path, name, variables)
+        found.problems += problems
+        if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
+            values, jumps = unwrapped(values, channel.wrap)
+            found.notes += jump_notes([(channel, name, jumps)])
+        found.streams.append(Stream(column, name, weight, values, stamps, clock, held))
+
+
+def _weights(
+    mapping: LogMapping, channel: LogChannel, path: Path, variables: Variables
+) -> tuple[dict[str, float], Variables]:
+    """The variables of a channel with their weights, and the log with them.
+
+    Raises:
+        NoSumError: If it is a sum that cannot be read.
+    """
+    name = channel.variable
+    try:
+        find_variable(variables, name)
+    except DataError:
+        return {name: 1.0}, variables
+    except KeyError:
+        if not may_be_sum(name):
+            return {name: 1.0}, variables
+    else:
+        return {name: 1.0}, variables
+    known = [*variables.sizes, *variables.unreadable]
+    try:
+        weights = parse_sum(name, known).weights
+    except UnknownNameError:
+        if not any(one in name for one in known):
+            return {name: 1.0}, variables  # nothing in it is the log's: it is a name that is wrong
+        raise
+    wanted = [*weights, *(time for one in weights for time in own_times(mapping, channel, path, one))]
+    return weights, load_variables(path, mapping.format, wanted, mapping.dialect)
+
+
+def _own_stamps(
+    mapping: LogMapping, channel: LogChannel, path: Path, name: str, variables: Variables
+) -> tuple[NDArray[Any] | None, str, list[DataError]]:
+    """The time stamps that a variable has of its own, and which variable holds them."""
+    for time in own_times(mapping, channel, path, name):
+        if channel.time is not None:
+            stamps, problems = read_column(mapping, variables, channel.column, time)
+            return stamps, time, problems
+        try:
+            stamps = np.asarray(find_variable(variables, time))
+        except (KeyError, DataError):
+            continue
+        if stamps.dtype.kind in "fiu" and stamps.ndim == 1 and len(stamps) > 1:
+            return stamps, time, []
+    if is_of_other_topic(mapping, path, name):
+        what = (
+            f"Its messages have no `{topic_time(mapping)}`, by which they could be brought to the clock of the others."
+        )
+        remedy = f'Set time to {{variable: "{topic_of(name)}.log_time"}}.'
+        return None, "", [DataError(what, where=f"{path}: variable `{name}`", remedy=remedy)]
+    return None, "", []
+
+
+def _untold_clocks(mapping: LogMapping, variables: Variables, times: tuple[str, str]) -> list[DataError]:
+    """Refuses a log without `time` whose channels were sampled by clocks of their own."""
+    if not all(times):
+        return []
+    try:
+        first, other = (np.asarray(find_variable(variables, time)) for time in times)
+    except (KeyError, DataError):
+        return []
+    if np.array_equal(first, other):
+        return []
+    what = f"Its channels have clocks of their own, as `{times[0]}` and `{times[1]}` show."
+    remedy = f'Set time to {{variable: "{times[0]}"}}: all channels are then brought to one clock.'
+    return [DataError(what, where=str(mapping.file), remedy=remedy)]
+
+
+def read_column(
+    mapping: LogMapping, variables: Variables, column: str, variable: str
+) -> tuple[NDArray[Any] | None, list[DataError]]:
+    """Returns a variable of a column as real numbers, or why it is none."""
+    where = f"{mapping.variables[column][0]}: variable `{variable}`"
     try:
         raw = np.asarray(find_variable(variables, variable))
     except KeyError:
-        sizes = _every_size(mapping, name, variables)
-        close = difflib.get_close_matches(variable, sizes, n=3, cutoff=0.5)
-        columns = [key for key, size in sizes.items() if size > _SHOWN]
-        guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
-        remedy = f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
+        remedy = _which_name(variable, _every_size(mapping, column, variables))
         return None, [DataError("The log has no such variable.", where=where, remedy=remedy)]
     except DataError as error:
         return None, [DataError(error.what, where=where, remedy=error.remedy)]
@@ -66,6 +196,14 @@ def read_column(mapping: LogMapping, variables: Variables, name: str) -> tuple[N
         what = f"It has shape {raw.shape}, not one column."
         return None, [DataError(what, where=where, remedy=_which_series(variable, raw))]
     return raw.ravel(), []
+
+
+def _which_name(name: str, sizes: Mapping[str, int]) -> str:
+    """Names the variables that may have been meant, and those that there are."""
+    close = difflib.get_close_matches(name, sizes, n=3, cutoff=0.5)
+    columns = [key for key, size in sizes.items() if size > _SHOWN]
+    guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
+    return f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
 
 
 def _which_series(variable: str, matrix: NDArray[Any]) -> str:
@@ -170,7 +308,8 @@ def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> l
         DataError(
             f"It has {len(column)} samples, the other channels have {usual}.",
             where=mapping.place(name),
-            remedy="Export all channels over the same time span and at the same rate.",
+            remedy="Export all channels over the same time span and at the same rate, or state the `time` of each"
+            " channel that has one of its own.",
         )
         for name, column in columns.items()
         if len(column) != usual

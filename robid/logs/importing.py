@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
 from robid.logs.checks import check_mapping, check_shot, still_note
+from robid.logs.clocks import on_one_clock
 from robid.logs.columns import check_lengths, check_motion, check_values, read_columns
 from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation
 from robid.logs.pieces import chosen_part, whole_piece
-from robid.logs.placing import Log, match_periods, place_periods, strongest_channel
+from robid.logs.placing import Log, check_band, match_periods, place_periods, strongest_channel
 from robid.logs.resample import resample_to_period, resample_to_time
 from robid.logs.samples import channel_values, sample_channels
 from robid.logs.stated import Stated
@@ -63,7 +64,8 @@ def import_log(
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
     step_s, dropped = mapping.sampling_period_s, mapping.drop_periods
     stated = Stated(step_s, samples_per_period, periods, dropped, excited_lines, find, listed)
-    log, problems, notes = _read(mapping)
+    log, problems, notes = _read(mapping, stated.period_s)
+    problems += check_band(mapping, log, excited_lines / stated.period_s)
     problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
     if mapping.resample == "period" and not problems:
         log, told = _to_period(mapping, log, stated)
@@ -145,6 +147,7 @@ def import_arbitrary(
     """
     check_shot(mapping)
     log, problems, notes = _read(mapping)
+    problems += check_band(mapping, log, np.asarray(lines) / (segment_samples * mapping.sampling_period_s))
     problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
     segments = log.n_sample // segment_samples
     problems += [] if segments or not log.n_sample else check_segment(mapping, log.n_sample, segment_samples)
@@ -162,11 +165,13 @@ def import_arbitrary(
     )
 
 
-def _read(mapping: LogMapping) -> tuple[Log, list[DataError], list[str]]:
+def _read(mapping: LogMapping, period_s: float | None = None) -> tuple[Log, list[DataError], list[str]]:
     """Reads the used part of a log, checks its columns and its time, and resamples it to that if asked to."""
-    columns, problems = read_columns(mapping)
-    problems += check_lengths(mapping, columns)
-    columns, notes = even_stamps(mapping, columns)
+    read = read_columns(mapping)
+    joined, problems = on_one_clock(mapping, read.streams, read.stamps, period_s)
+    problems = [*read.problems, *problems, *check_lengths(mapping, joined.columns)]
+    columns, even = even_stamps(mapping, joined.columns)
+    notes = [*read.notes, *joined.notes, *even]
     part = chosen_part(mapping, columns)
     whole = whole_piece(mapping, columns, part)
     columns = {name: column[part] for name, column in columns.items()}
@@ -185,7 +190,7 @@ def _read(mapping: LogMapping) -> tuple[Log, list[DataError], list[str]]:
     if mapping.resample == "time" and clock is not None and not problems:
         columns, clock, told = resample_to_time(mapping, columns, clock)
         notes += told
-    return Log(columns, clock), problems, notes
+    return Log(columns, clock, joined.slow, joined.slow_s), problems, notes
 
 
 def _cut_note(mapping: LogMapping, part: slice) -> str:
@@ -200,7 +205,7 @@ def _to_period(mapping: LogMapping, log: Log, stated: Stated) -> tuple[Log, list
     if found is None:
         return log, []
     columns, notes = resample_to_period(mapping, log.columns, found[1], stated, found[0])
-    return Log(columns, None), notes
+    return replace(log, columns=columns, clock=None), notes
 
 
 def _found_lines(

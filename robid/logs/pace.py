@@ -55,8 +55,11 @@ class Pace:
         step: Step of the samples, gaps left out, in the stamps' unit.
         unsure: Relative error that it may have for what the rounding hides and the stamps wander.
         rounding: What the stamps are rounded to; 0 where that is far below a step.
-        times (n_sample,): Time of each sample: the stamps, or where they are rounded the even times beneath them.
+        times (n_sample,): Time of each sample since the first: by the stamps, or where they are rounded the even times
+            beneath them.
         gaps (n_gap,): Samples after which others are missing.
+        first: Time of the first sample since its stamp, where stamps are cut off and not rounded up.
+        loose: How far off that may be for what the rounding hides.
     """
 
     step: float
@@ -64,6 +67,8 @@ class Pace:
     rounding: float
     times: FloatArray
     gaps: IntArray
+    first: float = 0.0
+    loose: float = 0.0
 
     @property
     def is_coarse(self) -> bool:
@@ -161,7 +166,7 @@ def _coarse(stamps: FloatArray, steps: FloatArray, rounding: float, stated: floa
     whole, gaps = _numbered(places, len(stamps), lost, repeats=repeats)
     pace = _on_line(whole, line, wide, gaps, stated)
     explained = repeats or (rounding and line.width <= _width(line.slope, rounding))
-    return pace if explained else replace(pace, rounding=0.0, times=stamps)
+    return pace if explained else replace(pace, rounding=0.0, times=stamps, first=0.0, loose=0.0)
 
 
 def _numbered(
@@ -233,12 +238,22 @@ def _agreed(at: FloatArray, values: FloatArray, rounding: float) -> tuple[float,
 
 @dataclass(frozen=True)
 class _Line:
-    """The line beside which points lie in the narrowest band: its slope, the band's width and lower edge."""
+    """The line beside which points lie in the narrowest band.
+
+    Attributes:
+        slope: Its slope.
+        width: The band's width.
+        beside: The band's edges beside the line through the first sample, for any slope.
+    """
 
     slope: float
     width: float
-    lowest: float
-    far: Callable[[float], float]
+    beside: Callable[[float], tuple[float, float]]
+
+    def far(self, slope: float) -> float:
+        """The width of the band for another slope."""
+        low, high = self.beside(slope)
+        return high - low
 
 
 def _width(step: float, rounding: float) -> float:
@@ -251,8 +266,13 @@ def _narrowest(at: FloatArray, values: FloatArray) -> _Line:
     start = float((values[-1] - values[0]) / (at[-1] - at[0]))
     points, heights = _extremes(at, values, start)
 
+    def edges(slope: float) -> tuple[float, float]:
+        apart = heights - slope * points
+        return float(apart.min()), float(apart.max())
+
     def width(slope: float) -> float:
-        return float(np.ptp(heights - slope * points))
+        low, high = edges(slope)
+        return high - low
 
     reach = 2 * max(width(start), abs(start) * 1e-12) / float(at[-1] - at[0])
     low, high = start - reach, start + reach
@@ -266,7 +286,7 @@ def _narrowest(at: FloatArray, values: FloatArray) -> _Line:
     slope = (low + high) / 2
     if width(start) <= width(slope) * (1 + 1e-9):
         slope = start
-    return _Line(slope, width(slope), float((heights - slope * points).min()), width)
+    return _Line(slope, width(slope), edges)
 
 
 def _extremes(at: FloatArray, values: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
@@ -288,8 +308,11 @@ def _on_line(whole: FloatArray, line: _Line, rounding: float, gaps: IntArray, st
     low, high = _still_within(line, allowed, -1), _still_within(line, allowed, 1)
     unsure = max(high / line.slope - 1, 1 - low / line.slope)
     step = stated if stated is not None and low <= stated <= high else roundest(low, high)
-    times = step * whole
-    return Pace(step, unsure, rounding, np.asarray(times - times[0]), gaps)
+    # A sample that changes a stamp is no earlier than it, and later by less than the band is wide.
+    lowest, highest = line.beside(step)
+    room = max(_width(step, rounding), highest - lowest)
+    first, loose = (lowest + highest + room) / 2, (room - (highest - lowest)) / 2
+    return Pace(step, unsure, rounding, np.asarray(step * (whole - whole[0])), gaps, first, loose)
 
 
 def _still_within(line: _Line, allowed: float, way: int) -> float:

@@ -26,15 +26,45 @@ _STILL = 1e-3
 
 @dataclass(frozen=True)
 class Log:
-    """The columns of a log, and its own time where it has one that can be read."""
+    """The columns of a log, and its own time where it has one that can be read.
+
+    Attributes:
+        columns: The columns, all of one clock.
+        clock: The log's own time.
+        slow: The variable with the longest sampling period of those that were brought to a shorter one; empty for none.
+        slow_s: That sampling period [s].
+    """
 
     columns: dict[str, NDArray[Any]]
     clock: Clock | None
+    slow: str = ""
+    slow_s: float = 0.0
 
     @property
     def n_sample(self) -> int:
         """Samples of the shortest column."""
         return min((len(column) for column in self.columns.values()), default=0)
+
+
+def check_band(mapping: LogMapping, log: Log, frequencies_hz: FloatArray) -> list[DataError]:
+    """Refuses lines of which a channel that was sampled more slowly than the others tells nothing.
+
+    Args:
+        mapping: The log mapping.
+        log: The log.
+        frequencies_hz (n_freq,): The lines [Hz].
+    """
+    if not log.slow or frequencies_hz.max(initial=0.0) < 0.5 / log.slow_s:
+        return []
+    below = frequencies_hz[frequencies_hz < 0.5 / log.slow_s]
+    what = (
+        f"`{log.slow}` was sampled every {log.slow_s:.6g} s: it shows nothing above {0.5 / log.slow_s:.6g} Hz, and the"
+        f" lines go up to {frequencies_hz.max():.6g} Hz."
+    )
+    remedy = (
+        f"Set excitation.high_hz to {below.max():.6g}, or leave out the lines above." if len(below) else "Log faster."
+    )
+    return [DataError(what, where=str(mapping.file), remedy=remedy)]
 
 
 def strongest_channel(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,21 @@ from robid.logs.timing import RESAMPLED_RATE, Clock
 
 _DEGREE = 7
 """Degree of the interpolating spline."""
+
+_UNEVEN = 2.0
+"""Longest time step over the shortest from which a spline of that degree would amplify noise many times."""
+
+_UNEVEN_DEGREE = 3
+"""Degree of the spline between uneven samples."""
+
+LONGEST = 10
+"""Usual time steps that are bridged at most."""
+
+_FOLLOWED = 0.02
+"""Error of a channel up to which a spline follows it across a longer step."""
+
+_MARGIN = 0.1
+"""Part of a usual time step by which steps scatter."""
 
 _COARSE = 2.0
 """Deviation of the time stamps from a straight line, in their own steps, up to which they are only rounded."""
@@ -47,6 +63,7 @@ def resample_to_time(
     if len(clock.time_s) <= _DEGREE:
         what = f"It has {len(clock.time_s)} samples, and resampling needs {_DEGREE + 1} at least."
         raise DataError(what, where=clock.where, remedy="Check that it was copied completely, or record longer.")
+    clock, bridged = _bridged(mapping, columns, clock)
     if len(clock.gaps):
         at, count = clock.first + clock.gaps[0], len(clock.gaps)
         told = "1 gap" if count == 1 else f"{count} gaps, the first"
@@ -54,11 +71,45 @@ def resample_to_time(
         remedy = clock.whole or "Cut the log to a part without a gap."
         raise DataError(what, where=f"{clock.where}, sample {at}", remedy=remedy)
     time = _unrounded(clock.time_s)
+    steps = np.diff(time)
+    degree = _DEGREE if steps.max() < _UNEVEN * steps.min() else _UNEVEN_DEGREE
     wanted = time[0] + stated * np.arange(int((time[-1] - time[0]) / stated * (1 + 1e-12)) + 1)
-    made, error = _interpolated(mapping, columns, time / stated, wanted / stated)
-    told = f"Resampled from time steps of {clock.told_step_s:.9g} s to {stated:g} s"
+    made, error = _interpolated(mapping, columns, time / stated, wanted / stated, degree)
+    told = f"Resampled from time steps of {clock.told_step_s:.9g} s to {stated:g} s{bridged}"
     resampled = Clock(clock.where, wanted, stated, stated, np.zeros(0, int))
     return made, resampled, [_error_note(mapping, told, error)]
+
+
+def _bridged(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock) -> tuple[Clock, str]:
+    """The clock without the gaps across which its channels are followed, and what to say about these."""
+    if not len(clock.gaps):
+        return clock, ""
+    steps = np.diff(clock.time_s)
+    time = mapping.time.variable if mapping.time is not None else ""
+    channels = [np.asarray(one[: len(clock.time_s)], float) for name, one in columns.items() if name != time]
+    longest = longest_bridged(clock.time_s, channels, clock.step_s)
+    left = clock.gaps[steps[clock.gaps] > longest]
+    if len(left) == len(clock.gaps):
+        return clock, ""
+    short = steps[np.setdiff1d(clock.gaps, left)]
+    told = f", {len(short)} longer ones, up to {short.max():.4g} s, bridged as the channels move little in them"
+    return replace(clock, gaps=left), told
+
+
+def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: float) -> float:
+    """Returns the longest time step across which a spline follows some channels [s].
+
+    Args:
+        time_s (n_sample,): Time of each sample [s].
+        channels: The channels (n_sample,).
+        step_s: Usual time step [s].
+    """
+    even = np.arange(time_s[0], time_s[-1], step_s)
+    moving = [np.interp(even, time_s, one) for one in channels if np.ptp(one) > 0]
+    for count in range(LONGEST, 1, -1):
+        if all(interpolation_error(one, _UNEVEN_DEGREE, count) < _FOLLOWED for one in moving):
+            return count * step_s * (1 + _MARGIN)
+    return step_s
 
 
 def resample_to_period(
@@ -102,7 +153,7 @@ def resample_to_period(
     return made, [_error_note(mapping, told, error)]
 
 
-def interpolation_error(values: FloatArray) -> float:
+def interpolation_error(values: FloatArray, degree: int = _DEGREE, step: float = 1.0) -> float:
     """Error that the spline makes between samples at worst, root mean square over that of the signal.
 
     A wave of `w` rad per sample leaks into its images, first of all that at `2 pi - w`, by `(w / (2 pi - w))^(d+1)`
@@ -110,33 +161,38 @@ def interpolation_error(values: FloatArray) -> float:
 
     Args:
         values (n_sample,): The signal.
+        degree: Degree of the spline.
+        step: Distance of the samples between which it goes, in those of the signal.
 
     Source:
         Unser, Splines: a perfect fit for signal and image processing (1999), frequency response of the cardinal spline.
     """
     power = np.abs(rfft((values - values.mean()) * hann(len(values)))) ** 2
     omega = np.pi * np.arange(len(power)) / max(len(power) - 1, 1)
-    leaked = np.minimum(2 * (omega / (2 * np.pi - omega)) ** (_DEGREE + 1), 2.0)
+    omega = np.minimum(step * omega, np.pi)
+    leaked = np.minimum(2 * (omega / (2 * np.pi - omega)) ** (degree + 1), 2.0)
     return float(np.sqrt((leaked**2 * power).sum() / max(float(power.sum()), np.finfo(float).tiny)))
 
 
 def _interpolated(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], have: FloatArray, wanted: FloatArray
+    mapping: LogMapping,
+    columns: Mapping[str, NDArray[Any]],
+    have: FloatArray,
+    wanted: FloatArray,
+    degree: int = _DEGREE,
 ) -> tuple[dict[str, NDArray[Any]], float]:
-    """The columns at other moments (in samples), and the largest error of a channel."""
+    """The columns at other moments (in samples) by a spline, and the largest error of a channel."""
+    step = float(np.diff(have).max()) if degree < _DEGREE else 1.0
     made: dict[str, NDArray[Any]] = {}
     error = 0.0
-    turning = {one.column: one.factor for one in mapping.channels if one.unwraps}
     for name, column in columns.items():
         values = column[: len(have)].astype(float)
         if mapping.time is not None and name == mapping.time.variable:
             made[name] = np.interp(wanted, have, values)
             continue
-        if name in turning:
-            values = np.unwrap(turning[name] * values) / turning[name]
         if np.ptp(values) > 0:
-            error = max(error, interpolation_error(values))
-        made[name] = np.asarray(make_interp_spline(have, values, k=_DEGREE)(wanted))
+            error = max(error, interpolation_error(values, degree, step))
+        made[name] = np.asarray(make_interp_spline(have, values, k=degree)(wanted))
     return made, error
 
 

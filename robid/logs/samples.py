@@ -1,8 +1,8 @@
-"""Samples of a log in the channels' units, angles without jumps and poses seen from home."""
+"""Samples of a log in the channels' units, and poses seen from home."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -17,10 +17,7 @@ from robid.signals.record import Record
 
 def channel_values(channels: Sequence[LogChannel], columns: Mapping[str, NDArray[Any]], used: slice) -> FloatArray:
     """Returns samples (n_sample, n_channel) in the channels' units."""
-    scaled = [channel.factor * columns[channel.column][used].astype(float) for channel in channels]
-    return np.stack(
-        [np.unwrap(values) if one.unwraps else values for one, values in zip(channels, scaled, strict=True)], axis=-1
-    )
+    return np.stack([channel.factor * columns[channel.column][used].astype(float) for channel in channels], axis=-1)
 
 
 def _seen_from_home(
@@ -54,14 +51,5 @@ def sample_channels(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], us
         output_channels=tuple(channel.channel for channel in mapping.outputs),
         input_hold=mapping.inputs[0].hold,
         input_relative_std=np.array([channel.torque_constant_relative_std for channel in mapping.inputs]),
-        notes=(*_unwrapped(mapping, columns, used), *told, *further),
+        notes=(*told, *further),
     )
-
-
-def _unwrapped(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice) -> Iterator[str]:
-    """Says which channels jumped by a turn."""
-    for one in (*mapping.inputs, *mapping.outputs):
-        values = one.factor * columns[one.column][used].astype(float)
-        jumps = np.count_nonzero(np.abs(np.diff(values)) > np.pi) if one.unwraps else 0
-        if jumps:
-            yield f"`{one.variable}` jumped by a turn {jumps} times; the jumps were taken out."

@@ -84,7 +84,7 @@ def _joint_faults(joint: ET.Element, links: set[str], joints: set[str]) -> Itera
         if link not in links:
             yield f"joint `{name}`: there is no link `{link}`, its {end}"
     mimic = joint.find("mimic")
-    if mimic is not None and mimic.get("joint", "") not in joints:
+    if mimic is not None and mimic.get("joint", "") not in joints - {name}:
         yield f"joint `{name}` mimics `{mimic.get('joint', '')}`, and there is no such joint"
 
 

@@ -61,12 +61,18 @@ class Acquire(LogOptions):
             *indices: Of configuration, realization and experiment, each from 0.
         """
         changed: dict[str, Any] = {
-            key: tuple(replace(one, variable=_numbered(one.variable, indices)) for one in getattr(self, key))
+            key: tuple(_in_place(one, indices) for one in getattr(self, key))
             for key in ("inputs", "outputs", "references")
         }
         if self.time is not None:
             changed["time"] = replace(self.time, variable=_numbered(self.time.variable, indices))
         return LogOptions(**{one.name: changed.get(one.name, getattr(self, one.name)) for one in fields(LogOptions)})
+
+
+def _in_place(channel: LogChannel, indices: Sequence[int]) -> LogChannel:
+    """A channel with numbers in the names of its variable and of its time."""
+    time = None if channel.time is None else _numbered(channel.time, indices)
+    return replace(channel, variable=_numbered(channel.variable, indices), time=time)
 
 
 def is_numbered(variable: str, place: str) -> bool:

@@ -80,7 +80,8 @@ def complete(document: Document, robot: RobotFile) -> Completed:
 
 def _as_written(joint: JointSection) -> JointSection:
     """Takes a joint for prismatic where its units say so: of a model that cannot be read, nothing else tells."""
-    slides = joint.motor.gear_ratio_rad_m is not None or joint.limits_m is not None
+    ratio = None if joint.motor is None else joint.motor.gear_ratio_rad_m
+    slides = ratio is not None or joint.limits_m is not None
     is_stated = "type" in joint.model_fields_set
     return joint if is_stated or not slides else joint.model_copy(update={"type": "prismatic"})
 

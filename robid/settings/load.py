@@ -16,6 +16,7 @@ from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
 from robid.settings.placeholders import Row, fill, refuse_placeholders
 from robid.settings.plain import plain_settings
+from robid.settings.plausible import absurd
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
 from robid.settings.sides import with_sides
@@ -158,6 +159,9 @@ def _checked_robot(document: Document) -> tuple[RobotFile | None, list[SettingsP
     robot, problems = validate_document(RobotFile, document)
     if robot is None:
         return None, [*problems, *missing_keys(document)]
+    beyond = [problem_at(document, field, message) for field, message in absurd(document.data)]
+    if beyond:
+        return None, beyond
     if robot.model is None:
         return robot, check_robot(document, robot, {})
     from robid.settings.foreign import complete

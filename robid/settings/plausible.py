@@ -12,6 +12,7 @@ from robid.settings.robot_sections import JointSection, MotorSection
 from robid.settings.yaml import FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
+_LARGEST = 1e18
 _LARGEST_RATIO = 2000.0
 _SMALLEST_RATIO_RAD_M, _LARGEST_RATIO_RAD_M = 5.0, 2e4
 _LONGEST_RUN_UP_S = 10.0
@@ -44,6 +45,18 @@ def implausible(robot: RobotFile) -> _Found:
             yield ("joints", index, "motor", "inertia_kgm2"), f"{value} is implausible: {reason}"
     if is_known:
         yield from _mass(robot)
+
+
+def absurd(data: object, field: FieldPath = ()) -> _Found:
+    """Yields numbers that nothing has, in a file as it is written: what is made of them would overflow."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from absurd(value, (*field, key))
+    elif isinstance(data, list):
+        for index, value in enumerate(data):
+            yield from absurd(value, (*field, index))
+    elif isinstance(data, int | float) and abs(data) > _LARGEST:
+        yield field, f"{data:g} is beyond anything that a robot has"
 
 
 def _ratios(robot: RobotFile) -> _Found:

@@ -137,7 +137,7 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
         keys = [key for node in nodes for key in node.get("properties", {})]
         return _other_member(nodes, *detail["loc"][-2:]) or f"unknown key; {suggest(str(field[-1]), keys)}"
     if detail["type"] == "missing":
-        return "is missing" + _wanted_entries(schema, field)
+        return "is missing" + (_wanted_entries(schema, field) or _meaning(schema, field))
     if detail["type"] in ("too_short", "tuple_type", "list_type") and not detail["input"]:
         wanted = _wanted_entries(schema, field)
         if wanted:
@@ -145,6 +145,10 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
     if detail["type"] == "value_error":
         return str(detail["ctx"]["error"])
     message = detail["msg"][0].lower() + detail["msg"][1:]
+    if detail["type"] == "literal_error" and field[-1] == "unit" and detail["input"]:
+        message = (
+            f"state what one `{detail['input']}` stands for as `unit` and `scale` (data sheets tell it); {message}"
+        )
     if detail["type"] == "string_pattern_mismatch" and detail["ctx"]["pattern"] == NAME_PATTERN:
         message = "a name has up to 64 letters, digits, `_` or `-`, and starts with a letter or digit"
     value = detail["input"]
@@ -161,6 +165,15 @@ def _wanted_entries(schema: dict[str, Any], field: FieldPath) -> str:
             entry = ", ".join(f"{key}: .." for key in dict.fromkeys(keys))
             return f": fill in one line `- {{{entry}}}` for each. {place.get('description', '')}".rstrip()
     return ""
+
+
+def _meaning(schema: dict[str, Any], field: FieldPath) -> str:
+    """Says what a key that is to be filled in means."""
+    told = [
+        node.get("properties", {}).get(field[-1], {}).get("description", "") for node in _nodes_at(schema, field[:-1])
+    ]
+    known = list(dict.fromkeys(one for one in told if one))
+    return f": {known[0][0].lower()}{known[0][1:].removesuffix('.')}" if len(known) == 1 else ""
 
 
 def _other_member(nodes: Sequence[dict[str, Any]], member: str | int, key: str | int = "") -> str | None:

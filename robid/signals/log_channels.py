@@ -69,7 +69,12 @@ class LogChannel:
             "pattern": r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}(\.[A-Za-z0-9_-]+)?$",
         }
     )
-    variable: str = field(metadata={"description": "Name of the variable in the log."})
+    variable: str = field(
+        metadata={
+            "description": "Name of the variable in the log, or a weighted sum of some, as `q2 + q3` or `0.5*a - 2*b`:"
+            " unit, scale and sign are those of the sum, `unwrap` and `time` of each variable."
+        }
+    )
     unit: UnitName = field(default="rad", metadata=_UNIT)
     sign: Literal[1, -1] = field(
         default=1, metadata={"description": "Sign that turns the log's direction into the joint's."}
@@ -91,15 +96,23 @@ class LogChannel:
     resolution_m: float | None = field(
         default=None, metadata={"description": "Length of one count, of a translation in counts [m].", "gt": 0}
     )
-    unwrap: bool | None = field(
+    unwrap: bool | float | None = field(
         default=None,
         metadata={
             "description": "Whether jumps by a turn are taken out, as from 180 to -180 degrees; of a tool's angles when"
-            " not given."
+            " not given. A number is the range after which the log's numbers begin again, as 65536 of a counter of 16"
+            " bits.",
         },
     )
     file: str | None = field(
         default=None, metadata={"description": "Its log, written as `file` above, where a recording has several."}
+    )
+    time: str | None = field(
+        default=None,
+        metadata={
+            "description": "Variable of its own time stamps, in the unit of `time`, where channels have clocks of their"
+            " own."
+        },
     )
 
     @property
@@ -131,8 +144,14 @@ class LogChannel:
 
     @property
     def unwraps(self) -> bool:
-        """Whether jumps by a turn are taken out."""
-        return (self.si_unit == "rad" and self.side == "tool") if self.unwrap is None else self.unwrap
+        """Whether jumps are taken out."""
+        return (self.si_unit == "rad" and self.side == "tool") if self.unwrap is None else bool(self.unwrap)
+
+    @property
+    def wrap(self) -> float:
+        """By how much the log's numbers jump where they begin again: a turn, or their range."""
+        turns = self.unwrap is None or isinstance(self.unwrap, bool)
+        return 2 * np.pi / abs(self.factor) if turns else float(self.unwrap or 0)
 
     @property
     def _usual(self) -> dict[str, QuantityName]:
@@ -146,14 +165,22 @@ class LogChannel:
         found = [] if self.sign in (-1, 1) else [f"sign {self.sign} is neither 1 nor -1"]
         sizes = [name for name in ("counts_per_turn", "resolution_m") if getattr(self, name) is not None]
         if self.unit in _COUNTS and len(sizes) != 1:
-            found.append("counts need either `counts_per_turn` or `resolution_m`")
+            found.append(
+                "counts need either `counts_per_turn` or `resolution_m`: the encoder's data sheet or the drive's"
+                " parameters tell it"
+            )
         elif self.unit not in _COUNTS and sizes:
             found.append(f"`{sizes[0]}` belongs to `unit: counts`, not to {self.unit}")
         if self.quantity is not None and self.si_unit not in QUANTITIES[self.quantity].units:
             known = " or ".join(units_of(self.quantity))
             found.append(f"{self.unit} is no unit of a {self.quantity.replace('_', ' ')}: use {known}")
-        if self.unwrap and self.si_unit != "rad":
-            found.append(f"only angles jump by a turn: `unwrap` does not belong to {self.unit}")
+        if self.unwrap is True and self.si_unit != "rad":
+            told = f"only angles jump by a turn: `unwrap: true` does not belong to {self.unit}"
+            found.append(f"{told}; where its numbers begin again after a range, state that, as `unwrap: 65536`")
+        elif not isinstance(self.unwrap, bool) and self.unwrap is not None and not 0 < self.unwrap < np.inf:
+            found.append(f"the range {self.unwrap:g} of `unwrap` is not above 0")
+        elif self.unwrap and self.si_unit not in ("rad", "m"):
+            found.append(f"only angles and positions begin again: `unwrap` does not belong to {self.unit}")
         return found
 
 

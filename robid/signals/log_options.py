@@ -62,7 +62,12 @@ class LogOptions:
     dialect: Dialect = field(
         default=Dialect(), metadata={"description": "How a table of text is written; told from it when not given."}
     )
-    sampling_period_s: float = field(metadata={"description": "Sampling period of the log [s].", "gt": 0})
+    sampling_period_s: float = field(
+        metadata={
+            "description": "Sampling period of the log [s]: the controller's cycle, or what the recorder was set to.",
+            "gt": 0,
+        }
+    )
     inputs: tuple[InputChannel, ...] = field(
         metadata={"description": "What drives the robot: motor torques in the order of the joints.", "min_length": 1}
     )

@@ -57,6 +57,9 @@ def test_a_channel_may_be_a_row(case):
     one = case("rows_not_columns")
     told = proposal(one, "robot.mat")
     assert told["source"]["acquire"]["inputs"][0]["variable"] == "u_train(1,:)"
+    # Nothing says what it is; a person does.
+    said = (one.folder / "p.yaml").read_text().replace("unit: V", "unit: N m")
+    (one.folder / "p.yaml").write_text(said)
     rows = response_of_proposal(one)
     listed = one.robid("inspect", "tofile.mat")
     assert listed.code == 0

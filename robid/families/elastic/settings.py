@@ -62,6 +62,7 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         told = without_motor_text(robot.without_motor)
         yield ("family",), f"an elastic model has a motor and a transmission at every joint: {told}"
         return
+    yield from _arm_torques(experiment, fit)
     known = kinds_by_name(robot, fit.kinds)
     if fit.freed and robot.is_complete:
         from robid.families.elastic.freed import freed_names, freed_problems
@@ -83,6 +84,17 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
             yield ("free",), message
     if "cubic" in fit.kinds and robot.is_complete:
         yield from missing_limits(("free",), "the scale of `cubic` needs", robot, (TORQUE,))
+
+
+def _arm_torques(experiment: Experiment, fit: ElasticFit) -> _Found:
+    """Yields logs whose torques are of the arm side: springs lie between motor and arm."""
+    for name in fit.campaigns:
+        source = experiment.campaigns[name].source if name in experiment.campaigns else None
+        inputs = () if source is None or source.acquire is None else source.acquire.inputs
+        felt = [one.name for one in inputs if one.side == "arm"]
+        if felt:
+            told = f"the inputs of `{name}` are of the arm side ({', '.join(f'`{one}.arm`' for one in felt)})"
+            yield ("from",), f"{told}: an elastic model reads torques or currents of motors, which go without `.arm`"
 
 
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:

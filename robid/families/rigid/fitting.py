@@ -24,6 +24,7 @@ from robid.simulate.rigid_loop import simulate_rigid
 from robid.simulate.truth import TrueRobot
 from robid.validation.rigid.grading import assess_rigid
 from robid.validation.rigid.scales import motions_of, rigid_scale_doubts
+from robid.validation.rigid.sums import sum_doubts
 from robid.validation.rigid.validating import validate_rigid
 
 
@@ -36,6 +37,7 @@ def fit(data: Data, work: Work) -> Artifact:
     loop = None if settings.instruments == "none" else _loop(data, robot, shots)
     refuse_unusable(robot, shots)
     scales = rigid_scale_doubts(robot, shots, motions_of(data.records[0], robot), settings.options())
+    scales = scales or sum_doubts(robot, shots, settings.options())
     try:
         solution = fit_rigid(robot, shots, settings.options(), loop)
     except DataError as error:

@@ -56,9 +56,14 @@ def blocks_of(inputs: Sequence[Channel], outputs: Sequence[Channel], options: Ex
     )
 
 
+def is_own(command: str, answer: str) -> bool:
+    """Whether an output is that of a command's own name, or of its arm side."""
+    return answer in (command, f"{command}.arm")
+
+
 def pair_name(command: str, answer: str, *, alone: bool = False) -> str:
     """Returns the name of one channel: its own, or `output/input` where these differ."""
-    if alone or command == answer.removesuffix(".arm"):
+    if alone or is_own(command, answer):
         return answer
     return f"{answer}/{command}"
 

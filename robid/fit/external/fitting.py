@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.fit.external.channels import Block, blocks_of
+from robid.fit.external.channels import Block, blocks_of, is_own
 from robid.fit.external.checks import (
     Finding,
     mixed_findings,
@@ -104,12 +104,12 @@ def own_pairs(blocks: Sequence[Block], ports: Ports) -> BoolArray:
     They are single channels that are fitted, and those of one name; a command that no output has the name of goes with
     all that is fitted to it.
     """
-    own = np.array([[one == other.removesuffix(".arm") for one in ports.inputs] for other in ports.outputs], bool)
+    own = np.array([[is_own(one, other) for one in ports.inputs] for other in ports.outputs], bool)
     for block in blocks:
         if block.is_single:
             own[block.outputs[0], block.inputs[0]] = True
         for one in block.inputs:
-            if not any(ports.inputs[one] == other.removesuffix(".arm") for other in ports.outputs):
+            if not any(is_own(ports.inputs[one], other) for other in ports.outputs):
                 own[list(block.outputs), one] = True
     return own
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.fit.external.agreement import Agreement, agreements
-from robid.fit.external.channels import Block, pair_name
+from robid.fit.external.channels import Block, is_own, pair_name
 from robid.fit.external.checks import Finding
 from robid.fit.external.choice import Choice
 from robid.fit.external.coupling import CouplingMap
@@ -114,7 +114,7 @@ def _excitation(found: Sequence[FittedBlock], transfers: Transfers, ports: Ports
     channels = {}
     for channel in range(len(transfers.names)):
         command, output = int(transfers.inputs[channel]), int(transfers.outputs[channel])
-        if command not in channels or ports.outputs[output].removesuffix(".arm") == ports.inputs[command]:
+        if command not in channels or is_own(ports.inputs[command], ports.outputs[output]):
             channels[command] = OwnChannel(transfers.names[channel], command, output)
     resolutions = ports.input_resolution, ports.output_resolution
     return show_excitation(shots, list(channels.values()), ports.floor, *resolutions)

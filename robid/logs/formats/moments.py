@@ -267,7 +267,7 @@ def _date(form: _Form, numbers: dict[str, IntArray]) -> IntArray:
         return numbers["a"] * 1_000_000 + numbers["b"] * 10_000 + numbers["c"]
     year = numbers.get("y", np.array([2000]))
     month = numbers.get("m", np.array([_month(form.words.get("month", ""))]))
-    return year * 1_000_000 + month * 10_000 + numbers["d"]
+    return np.asarray(year * 1_000_000 + month * 10_000 + numbers["d"])
 
 
 def _ordinal(code: int, order: str) -> int | None:
@@ -286,4 +286,4 @@ def _without_wraps(time: IntArray, turn: int) -> IntArray:
     """Times that go on where a clock begins again, as at midnight."""
     steps = np.diff(time)
     turns = np.where(steps < -turn // 2, -(steps // turn), 0)
-    return np.asarray(time + turn * np.concatenate([[0], np.cumsum(turns)])) if len(time) else time
+    return np.asarray(time + turn * np.concatenate([[0], np.cumsum(turns)]), np.int64) if len(time) else time

@@ -9,9 +9,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from robid.logs.inspection.names import DRIVING, MOVING, Role
+from robid.logs.inspection.names import DRIVING, MOVING
 from robid.logs.inspection.relations import response_at
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
+from robid.logs.inspection.sides import SIDES, Place, find_sides
+from robid.logs.inspection.units import CONVERTED
+from robid.logs.inspection.vocabulary import Role
 from robid.signals.quantities import UNITS
 
 _SENSED = 0.3
@@ -20,21 +23,19 @@ _SENSED = 0.3
 _COUNT = 0.25
 """Resolution from which an angle without a unit is in counts."""
 
-_NEARLY = 0.05
-"""Distance of a range from a turn in degrees, relative."""
-
 _SLOW = 0.1
 """Share of the sampling rate up to which delays leave the signs as they are."""
 
-_PLACEHOLDER_COUNTS = 4096
-_GRAVITY = 9.80665
+_COUNTS_OPEN = (
+    "add `counts_per_turn` (`resolution_m` for a slide): nothing in the log tells it; the encoder's data sheet or the"
+    " drive's parameters do"
+)
 
 _UNIT: dict[Role, str] = {
     **{"torque": "N m", "current": "A", "force": "N", "voltage": "N m", "angle": "rad", "position": "rad"},
     **{"speed": "rad/s", "acceleration": "rad/s^2"},
 }
 _PREFERRED: tuple[Role, ...] = ("torque", "current", "force", "voltage", "position", "angle", "speed", "acceleration")
-_SIDES = {"motor": 0, "": 1, "arm": 2, "tool": 3}
 _BY = {"file": "by the name of the log", "short": "by a single letter of its name"}
 
 Settings: TypeAlias = dict[str, str | float | int | bool]
@@ -49,12 +50,14 @@ class Entry:
         name: Name of the channel.
         settings: What else is said of it, by key.
         checks: What the user has to check.
+        is_open: Whether a person has to say what it is, so that it is proposed as a comment.
     """
 
     signal: Signal
     name: str
     settings: Settings
     checks: tuple[str, ...] = ()
+    is_open: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ def _one_kind(signals: list[Signal]) -> list[Signal]:
     ordered = sorted(signals, key=lambda one: (not one.is_sure, one.commanded, _PREFERRED.index(one.role)))
     for role, commanded in dict.fromkeys((one.role, one.commanded) for one in ordered):
         own: dict[str, Signal] = {}
-        for one in sorted(signals, key=lambda one: _SIDES[one.hint.side]):
+        for one in sorted(signals, key=lambda one: SIDES[one.hint.side]):
             if (one.role, one.commanded) == (role, commanded):
                 own.setdefault(one.hint.joint, one)
         if len(own) > len(best):
@@ -190,58 +193,79 @@ def _plain_entry(signal: Signal, name: str) -> Entry:
 
 
 def _unit_of(signal: Signal) -> tuple[Settings, list[str]]:
-    unit, quality = signal.hint.unit, signal.quality
+    """Unit, scale and unwrapping of a channel, with what to check; what nobody stated is left out, or stops the run."""
+    settings, checks = _size_of(signal)
+    if signal.hint.by_letter and "unit" in settings and not signal.column.name.rstrip().endswith(("]", ")")):
+        checks.append("unit by the last letter of the name")
+    if signal.wrap is not None:
+        turn = signal.wrap.unit != "counts" and settings["unit"] != "counts"
+        settings["unwrap"] = True if turn else signal.wrap.size
+        checks.append(f"it starts again after {signal.wrap.size:.6g}, which `unwrap` takes out")
+    return settings, checks
+
+
+def _size_of(signal: Signal) -> tuple[Settings, list[str]]:
+    unit, quality, along = signal.hint.unit, signal.quality, signal.role in ("angle", "position")
     if unit in UNITS:
         return {"unit": unit}, []
-    coarse = quality.resolution is not None and quality.resolution >= _COUNT
-    if signal.role in ("angle", "position") and (unit == "counts" or coarse):
-        told = "" if unit == "counts" else "unit not stated, its steps look like counts; "
-        check = f"{told}counts_per_turn is a placeholder (`resolution_m` for a slide)"
-        return {"unit": "counts", "counts_per_turn": _PLACEHOLDER_COUNTS}, [check]
-    if signal.role in ("angle", "position") and quality.turns and not unit:
-        turned = abs((quality.highest - quality.lowest) / 360 - 1) < _NEARLY
-        told = "unit not stated; it jumps by a turn, which is taken out"
-        return {"unit": "deg" if turned else "rad", "unwrap": True}, [told]
-    if signal.role == "acceleration" and signal.column.unit == "g":
-        return {"unit": "m/s^2", "scale": _GRAVITY}, []
+    if unit in CONVERTED:
+        known, factor = CONVERTED[unit]
+        return {"unit": known, "scale": factor}, [f"from {signal.hint.stated}"]
+    turn = "" if signal.wrap is None or signal.states_unit else signal.wrap.unit
+    if turn not in ("", "counts"):
+        return {"unit": turn}, [
+            f"unit by the range of {signal.wrap.size:.6g} after which it starts again" if signal.wrap else ""
+        ]
+    coarse = not unit and quality.resolution is not None and quality.resolution >= _COUNT
+    if unit.startswith("counts") or (along and (turn == "counts" or coarse)):
+        guess = [] if unit else ["unit not stated, its steps look like counts"]
+        return {"unit": unit or "counts"}, [*guess, _COUNTS_OPEN]
+    if signal.implied:
+        return {"unit": signal.implied}, [signal.implied_by]
     usual = _UNIT[signal.role]
-    if signal.role == "voltage" or unit == "V":
-        return {"unit": usual, "scale": 1}, [f"the log has volts: `scale` is a placeholder for {usual} per volt"]
-    stated = signal.column.unit or unit
-    told = f"unit `{stated}` not known" if stated else "unit not stated"
-    return {"unit": usual}, [f"{told}, {usual} assumed"]
+    stated = signal.hint.stated or signal.column.unit or ("V" if signal.role == "voltage" else "")
+    if stated:
+        told = f"state as `unit` and `scale` what one `{stated}` stands for: nothing in the log tells it"
+        return {"unit": stated}, [told]
+    return {"unit": usual}, [f"unit not stated, {usual} assumed"]
 
 
 def _of_axis(
     name: str, drive: Signal, own: tuple[Signal, ...], comparison: Comparison, band: tuple[float, float]
 ) -> list[Entry]:
     """Outputs of an axis: the motor's, its sign by its acceleration, then those behind it, their signs by the motor."""
+    if not own:
+        return []
     low, high = 2 * np.pi * band[0], 2 * np.pi * min(band[1], max(_SLOW / comparison.step_s, 2 * band[0]))
     middle = float(np.sqrt(low * high))
     torque = comparison.spectrum(drive)
-
-    def rank(one: Signal) -> tuple[int, float]:
-        _, size = response_at(torque, torque, comparison.spectrum(one), derivatives(one.role), (middle, high))
-        return _SIDES[one.hint.side], -size
-
+    places = find_sides(drive, own, comparison)
     entries: list[Entry] = []
-    turned = 1
-    for place, one in enumerate(sorted(own, key=rank)):
-        motion, channel = comparison.spectrum(one), [name, f"{name}.arm", f"{name}.{_short(one.column.name)}"]
-        entry = _plain_entry(one, channel[min(place, 2)])
-        if not place:
+    turned, motor = 1, places[0].signal
+    for place in places:
+        one = place.signal
+        motion = comparison.spectrum(one)
+        entry = _plain_entry(one, _channel_name(name, place))
+        entry = replace(entry, is_open=place.is_open, checks=(*entry.checks, *place.told))
+        if one is motor:
             sense, _ = response_at(torque, torque, motion, derivatives(one.role), (middle, high))
+            if place.side == "arm":  # behind the resonance a load moves against the torque
+                sense, _ = response_at(torque, torque, motion, derivatives(one.role), (low, middle))
             entries.append(_signed(entry, sense, f"its acceleration at high frequencies against `{drive.name}`"))
             turned = -1 if entries[0].settings.get("sign") == -1 else 1
             continue
-        motor = entries[0].signal
         order = derivatives(one.role) - derivatives(motor.role)
         sense, _ = response_at(torque, comparison.spectrum(motor), motion, order, (low, middle))
-        if not one.hint.side:
-            side = f"taken for the load's side: at high frequencies it moves less than `{motor.name}`"
-            entry = replace(entry, checks=(*entry.checks, side))
         entries.append(_signed(entry, turned * sense, f"how it goes with `{motor.name}` at low frequencies"))
     return entries
+
+
+def _channel_name(name: str, place: Place) -> str:
+    return (
+        name
+        if place.side == "motor"
+        else f"{name}.{'arm' if place.side == 'arm' else _short(place.signal.column.name)}"
+    )
 
 
 def _signed(entry: Entry, sense: float, by: str) -> Entry:
@@ -271,7 +295,7 @@ def _with_command_sign(
 
 def _unmatched(name: str, own: tuple[Signal, ...]) -> list[Entry]:
     """Outputs of a joint whose drive was not found."""
-    ordered = sorted(own, key=lambda one: _SIDES[one.hint.side])
+    ordered = sorted(own, key=lambda one: SIDES[one.hint.side])
     names = [name, f"{name}.arm", *(f"{name}.{_short(one.column.name)}" for one in ordered[2:])]
     return [_plain_entry(one, name) for one, name in zip(ordered, names, strict=False)]
 

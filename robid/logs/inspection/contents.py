@@ -33,15 +33,18 @@ _FEWEST = 8
 _COLUMNS = 64
 """Columns or rows of a matrix that are looked at."""
 
+_TOLD = 20
+"""Variables of which it is told why they are no signals."""
+
+_REMEDIES = 3
+"""Remedies that are told with them."""
+
 _TEXT = "It holds text, not numbers."
 _TITLES = {
     **dict.fromkeys(("Data", "Signal", "Value"), ("Name",)),
     "values": ("label", "title", "blockName"),
 }
 """Fields of a structure that say what the numbers in another one are."""
-
-_SHOWN = 20
-"""Variables that are told one by one where none is a signal."""
 
 _STREAMS = ("mcap", "rosbag")
 
@@ -118,7 +121,7 @@ def read_contents(file: Path, format_: str | None = None, dialect: Dialect | Non
     if not columns and damage is not None:
         raise DataError(damage.what, where=str(file), remedy=damage.remedy)
     if not columns:
-        raise _no_signals(file, {**{name: one.what for name, one in variables.unreadable.items()}, **odd}, scalars)
+        raise _without_signals(file, variables, scalars, odd)
     unreadable = {name: one.what for name, one in variables.unreadable.items() if name not in variables.texts}
     texts = [name for name, one in variables.unreadable.items() if name in variables.texts or one.what == _TEXT]
     unreadable = {name: what for name, what in unreadable.items() if what != _TEXT}
@@ -127,15 +130,22 @@ def read_contents(file: Path, format_: str | None = None, dialect: Dialect | Non
     return Contents(file, told, tuple(columns), scalars, tuple(texts), {**unreadable, **odd}, tuple(notes))
 
 
-def _no_signals(file: Path, reasons: Mapping[str, str], scalars: Mapping[str, float]) -> DataError:
-    """Says what a log without signals holds, and why that is none."""
-    told = [f"`{name}`: {what}" for name, what in reasons.items()]
-    told += [f"`{name}`: It has one value." for name in scalars]
-    lines = "".join(f"\n  {one}" for one in told[:_SHOWN]) + (
-        f"\n  and {len(told) - _SHOWN} more" if len(told) > _SHOWN else ""
-    )
-    remedy = "Check that it is the right file; state `--format` or `--dialect` where it is told wrongly."
-    return DataError(f"The log holds no signals.{lines}", where=str(file), remedy=remedy)
+def _without_signals(
+    file: Path, variables: Variables, scalars: Mapping[str, float], odd: Mapping[str, str]
+) -> DataError:
+    """Says why each variable of a log is no signal."""
+    found = [(name, one.what, one.remedy) for name, one in variables.unreadable.items()]
+    found += [(name, why, "") for name, why in odd.items()]
+    found += [(name, "It is a single number.", "") for name in scalars]
+    if not found:
+        remedy = "Check that it is the right file; state `--format` where it is told wrongly."
+        return DataError("The log holds no signals: it has no variables.", where=str(file), remedy=remedy)
+    told = [f"\n  `{name}`: {what}" for name, what, _ in found[:_TOLD]]
+    told += [f"\n  and {len(found) - _TOLD} more"] if len(found) > _TOLD else []
+    remedies = dict.fromkeys(remedy for _, _, remedy in found if remedy)
+    general = "Check that it is the right file; state `--format` or `--dialect` where it is told wrongly."
+    what = f"The log holds no signals, as none of its variables is one:{''.join(told)}"
+    return DataError(what, where=str(file), remedy=" ".join([*list(remedies)[:_REMEDIES], general]))
 
 
 def join_contents(read: Sequence[Contents]) -> Contents:
@@ -202,8 +212,8 @@ def _sort_out(variables: Variables) -> tuple[list[Column], dict[str, float], dic
         elif array.size == max(array.shape, default=0):
             if array.size >= _FEWEST:
                 columns.append(_column(variables, name, array.ravel()))
-            elif array.size:
-                odd[name] = f"It has {array.size} samples, fewer than {_FEWEST}."
+            else:
+                odd[name] = f"It has {array.size} values, and a signal has {_FEWEST} at least."
         elif (length := max(array.shape, default=0)) >= _FEWEST and array.size <= _COLUMNS * length:
             for index in series_of(array.shape):
                 place = series_place(index, array.shape)

@@ -27,7 +27,9 @@ from robid.logs.inspection.repetition import (
 )
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
 from robid.logs.inspection.sampling import Sampling, find_sampling
+from robid.logs.inspection.units import PER_SECOND
 from robid.logs.period import Repetition
+from robid.logs.resample import LONGEST
 from robid.signals.log_dialect import Dialect
 
 _MEASURED = 24
@@ -37,6 +39,9 @@ _JITTER = 0.05
 """Deviation of time steps from which samples are resampled to the log's time."""
 
 _UNKNOWN_STEP_S = 1e-3
+
+_SCATTERED = 0.5
+"""Share of the log in its longest part without a gap below which its gaps are those of an uneven clock."""
 
 _REST = 0.25
 """Share of a period beyond whole ones from which the periods are counted from the end."""
@@ -57,6 +62,7 @@ class Findings:
         proposal: The mapping that is proposed.
         n_sample: Samples of the signals.
         numbered: The recordings of which they are the first one; None where the log is a single one.
+        is_evened: Whether its signals were brought from an uneven clock to even steps, all over the log.
     """
 
     contents: Contents
@@ -69,6 +75,7 @@ class Findings:
     proposal: Proposal
     n_sample: int
     numbered: Numbered | None = None
+    is_evened: bool = False
 
     @property
     def step_s(self) -> float:
@@ -78,12 +85,17 @@ class Findings:
     @property
     def duration_s(self) -> float:
         """How long the log lasts, gaps included [s]."""
-        return (self.n_sample + self.sampling.missing) * self.step_s
+        return (self.n_sample + (0 if self.is_evened else self.sampling.missing)) * self.step_s
 
     @property
     def unbroken(self) -> slice:
         """The longest part without a gap."""
-        return slice(*self.sampling.longest) if self.sampling.gaps else slice(0, self.n_sample)
+        return slice(*self.sampling.longest) if self.has_gaps else slice(0, self.n_sample)
+
+    @property
+    def has_gaps(self) -> bool:
+        """Whether samples are missing that its other samples cannot make good."""
+        return bool(self.sampling.gaps) and not self.is_evened
 
 
 def inspect_log(
@@ -115,9 +127,14 @@ def inspect_log(
     others = tuple(one for one in contents.columns if one not in group)
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
     columns = [one for one in group if one.name != sampling.variable and one.key not in sampling.others]
+    judged = [judge(one.values) for one in columns]
+    uneven = _is_uneven(sampling, len(group[0].values))
+    if uneven:
+        clock = next(one for one in group if one.name == sampling.variable)
+        columns = _evened(columns, clock.values * PER_SECOND[sampling.unit], sampling)
     tell("comparing signals")
-    comparison = Comparison(sampling.step_s or _UNKNOWN_STEP_S)
-    signals = find_roles(columns, [judge(one.values) for one in columns], comparison)
+    comparison = Comparison(sampling.step_s or _UNKNOWN_STEP_S, is_known=sampling.step_s is not None)
+    signals = find_roles(columns, judged, comparison)
     chosen = choose(signals)
     tell("measuring periods")
     found = Findings(
@@ -129,11 +146,26 @@ def inspect_log(
         None,
         np.zeros(0, int),
         Proposal((), (), (), None),
-        len(group[0].values),
+        len(columns[0].values) if columns else len(group[0].values),
         numbered,
+        is_evened=uneven,
     )
     found = _with_periods(found, chosen)
     return replace(found, proposal=_propose(found, chosen, comparison))
+
+
+def _is_uneven(sampling: Sampling, n_sample: int) -> bool:
+    """Whether the time steps differ so much that the log is to be resampled, and so little that it can be."""
+    if not sampling.variable or sampling.step_s is None or sampling.backward or sampling.longest_step > LONGEST:
+        return False
+    scattered = sampling.longest[1] - sampling.longest[0] < _SCATTERED * n_sample
+    return sampling.jitter > _JITTER or bool(sampling.gaps and scattered)
+
+
+def _evened(columns: Sequence[Column], time_s: FloatArray, sampling: Sampling) -> list[Column]:
+    """Signals at even steps of an uneven clock, by straight lines: what is found in them is coarser than the import."""
+    even = np.arange(time_s[0], time_s[-1], sampling.step_s)
+    return [replace(one, values=np.asarray(np.interp(even, time_s, one.values))) for one in columns]
 
 
 def _main_group(columns: Sequence[Column]) -> list[Column]:
@@ -191,10 +223,10 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         propose_outputs(chosen, comparison, band),
         propose_references(chosen),
         None,
-        resample="time" if found.sampling.variable and found.sampling.jitter > _JITTER else "",
+        resample="time" if found.is_evened or (found.sampling.variable and found.sampling.jitter > _JITTER) else "",
     )
     repeats = found.shared is not None and len(found.lines)
-    if found.sampling.gaps and (made.resample or not repeats):
+    if found.has_gaps and found.sampling.step_s and (made.resample or not repeats):
         made = replace(made, part_s=found.sampling.longest_s)
     if found.shared is None or not len(found.lines):
         count, part = len(chosen.inputs), found.unbroken
@@ -225,7 +257,7 @@ def _place(found: Findings, shared: Shared, *, cut: bool) -> tuple[int, int, boo
     """
     part, whole = found.unbroken, shared.whole
     drop, count, last = 0, int(shared.held), from_end(shared)
-    if found.sampling.gaps and not cut:
+    if found.has_gaps and not cut:
         drop = -(-part.start // whole)
         inside = part.stop // whole - drop
         last = part.stop == found.n_sample and count > inside

@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 from robid.logs.inspection.contents import Column
+from robid.logs.inspection.units import CONVERTED, Stated, read_unit
+from robid.logs.inspection.vocabulary import COMMANDED, LETTERS, MEASURED, ROLES, SIDES, Role, Side, is_known, tokens
 from robid.signals.quantities import UNITS
-
-Role: TypeAlias = Literal[
-    "torque", "current", "force", "voltage", "angle", "position", "speed", "acceleration", "other", ""
-]
-"""What a signal is; `other` is none of a drive's, an empty one is unknown."""
 
 By: TypeAlias = Literal["unit", "name", "short", "file", ""]
 """What says so: its unit, its name, single letters of it, the log's name, or nothing."""
@@ -21,66 +19,14 @@ By: TypeAlias = Literal["unit", "name", "short", "file", ""]
 DRIVING: tuple[Role, ...] = ("torque", "current", "force", "voltage")
 MOVING: tuple[Role, ...] = ("angle", "position", "speed", "acceleration")
 
-_WORDS: dict[Role, str] = {
-    "torque": "torque torques tau trq tq tor moment mom moments drehmoment effort efforts",
-    "current": "current currents cur curr iq isq amp amps ampere strom",
-    "force": "force forces thrust kraft",
-    "voltage": "voltage volt volts uq ud vq vd spannung",
-    "angle": "angle angles ang theta phi rotation winkel",
-    "position": "position positions pos posn enc encoder lage displacement disp travel slide qpos",
-    "speed": "speed speeds vel velocity velocities omega qd dq qdot dqdt rpm drehzahl geschwindigkeit qvel tacho"
-    " tachometer",
-    "acceleration": "acceleration accelerations acc accel qdd ddq qddot beschleunigung qacc",
-    "other": "temperature temp status state flag mode counter count index seq error err warning vdc bus dclink id sec"
-    " secs nanosec nanosecs digital din dout msr mask valid quality humidity frame",
-}
-_ROLE = {word: role for role, words in _WORDS.items() for word in words.split()}
-_WEAK: dict[str, Role] = {
-    **{"q": "angle", "x": "position", "y": "position", "z": "position", "v": "speed", "w": "speed", "n": "speed"},
-    **{"a": "acceleration", "m": "torque", "f": "force", "i": "current", "c": "current", "u": "voltage"},
-}
-_COMMANDED = frozenset(
-    (
-        *("ref", "reference", "refs", "cmd", "command", "commanded", "set", "setpoint", "sp", "soll", "sollwert"),
-        *("des", "desired", "target", "tgt", "demand", "dem", "dmd", "input", "goal", "planned"),
-    )
-)
-_MEASURED = frozenset(("act", "actual", "meas", "measured", "ist", "istwert", "fb", "feedback", "ad", "adx", "sensor"))
-Side: TypeAlias = Literal["motor", "arm", "tool", ""]
-_SIDES: dict[str, Side] = {
-    **dict.fromkeys(("motor", "mot", "mtr", "rotor", "servo"), "motor"),
-    **dict.fromkeys(("load", "link", "arm", "output", "secondary", "second", "table", "last", "abtrieb"), "arm"),
-    **dict.fromkeys(("tcp", "tool", "flange", "tip", "tracker", "ee"), "tool"),
-}
-_BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
 _LABEL = re.compile(r"\[([A-Za-z][\w-]*)\]")
-_COLUMN = re.compile(r"\((?::,|(?=\d+,.*:))(\d+)[^)]*\)$")
+_BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
+_COLUMN = re.compile(r"\((?::,\s*(\d+)|(\d+)\s*,:)\)$")
 _AXES = re.compile(r"(^|\.)[XY]([({]\d+[)}])?\.Data$")
-_LABELLED = re.compile(r"(^|\.)signals([({]\d+[)}])?\.values$")
+_SIGNALS = re.compile(r"(^|\.)signals([({]\d+[)}])?\.values$")
+_LETTERED = re.compile(r"^(.*[A-Za-z]\d+)[\s_.]?[A-Z]$")
+"""A name that ends in the letter of a joint or a phase, as `J1_A`."""
 _SHORT = re.compile("[qi][a-z]")
-_TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
-_SPELLINGS = {
-    **{name.replace(" ", "").lower(): name for name in UNITS},
-    **dict.fromkeys(("n*m", "n·m", "newtonmeter", "newtonmetre"), "N m"),
-    **dict.fromkeys(("°", "degree", "degrees", "grad"), "deg"),
-    **dict.fromkeys(("°/s", "deg/sec", "degrees/s", "dps"), "deg/s"),
-    **dict.fromkeys(("1/min", "u/min", "r/min", "rev/min", "min^-1", "min-1"), "rpm"),
-    **dict.fromkeys(("rad/s²", "rad/s2", "rad/s/s"), "rad/s^2"),
-    **dict.fromkeys(("m/s²", "m/s2"), "m/s^2"),
-    **dict.fromkeys(("°/s²", "deg/s²", "deg/s2"), "deg/s^2"),
-    **dict.fromkeys(("amp", "amps", "ampere", "arms", "apk"), "A"),
-    **dict.fromkeys(("rev", "turns", "revolutions", "u", "r"), "turn"),
-    **dict.fromkeys(("radian", "radians"), "rad"),
-    **dict.fromkeys(("rad/sec", "radians/s"), "rad/s"),
-    **dict.fromkeys(("count", "counts", "inc", "incr", "increments", "ticks"), "counts"),
-    **dict.fromkeys(("µm", "μm"), "um"),
-    **dict.fromkeys(("µs", "μs", "usec"), "us"),
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec"), "ms"),
-    **dict.fromkeys(("ns", "nsec"), "ns"),
-    **dict.fromkeys(("v", "volt", "volts"), "V"),
-    **dict.fromkeys(("°c", "degc", "k"), "degC"),
-}
 _QUANTITIES: dict[str, Role] = {"N m": "torque", "A": "current", "N": "force", "rad": "angle", "m": "position"}
 _QUANTITIES |= {"rad/s": "speed", "m/s": "speed", "rad/s^2": "acceleration", "m/s^2": "acceleration"}
 
@@ -95,7 +41,9 @@ class Hint:
         commanded: Whether it was commanded; None where nothing says so.
         side: Its side, where the name says so.
         joint: What tells its joint from others, as a number or a label.
-        unit: Its unit as settings write it; empty where it is not stated, or they know none such.
+        unit: Its unit as settings or `CONVERTED` have it; empty where it is not stated, or is none such.
+        stated: Its unit as the log writes it; empty where it states none.
+        by_letter: Whether a single letter says so.
     """
 
     role: Role
@@ -104,36 +52,42 @@ class Hint:
     side: Side
     joint: str
     unit: str
-
-
-def tokens(name: str) -> tuple[str, ...]:
-    """Returns the words and numbers of a name, in lower case."""
-    return tuple(one.lower() for one in _TOKEN.findall(name))
+    stated: str = ""
+    by_letter: bool = False
 
 
 def unit_of_name(column: Column) -> str:
-    """Returns the unit that a signal states, or that its name ends with, as settings write it; else nothing."""
-    stated = column.unit
-    if not stated and not _COLUMN.search(column.name):
-        found = _BRACKET.search(column.name)
-        stated = found[1] if found else ""
-    known = _SPELLINGS.get(stated.lower().replace(" ", "").strip("[]()"), "")
-    if known or stated:
-        return known
-    last = re.split(r"[_.]", column.name)[-1].lower()
-    return _SPELLINGS.get(last, "") if last in _ENDINGS and "_" in column.name else ""
+    """Returns the unit that a signal's name or its log states, as settings write it; else nothing."""
+    return _stated(column).unit
 
 
-_ENDINGS = {"nm", "mnm", "knm", "kn", "rad", "mrad", "urad", "deg", "rpm", "mm", "ms", "us", "ns", "amps", "counts"}
-"""Last words of names, as in `torque_nm`, that are units."""
+def _stated(column: Column) -> Stated:
+    return read_unit(_called(column), column.unit, is_message=column.name.startswith("/"))
+
+
+def _called(column: Column) -> str:
+    """The title in place of a name that says nothing but where it lies, as Simulink's `out.signals(2).values`."""
+    index = _COLUMN.search(column.name)
+    lies = column.title and _SIGNALS.search(_COLUMN.sub("", column.name))
+    return f"{column.title}{index[0] if index else ''}" if lies else column.name
 
 
 def read_names(columns: Sequence[Column]) -> list[Hint]:
     """Reads what names, titles and units of the signals of a recording say.
 
-    Where the names of a log say nothing, as those of joints in a table, the log's own name may.
+    Where the names of a log say nothing, as those of joints in a table, the log's own name may. A letter is no unit
+    where the same name has other letters, too: they are joints.
     """
-    hints = [read_name(one) for one in columns]
+    stated = [_stated(one) for one in columns]
+    letters: dict[tuple[str, Path | None], set[str]] = {}
+    for column in columns:
+        stem, letter = _last_letter(column.name)
+        letters.setdefault((stem, column.file), set()).add(letter)
+    for place, (column, one) in enumerate(zip(columns, stated, strict=True)):
+        stem, letter = _last_letter(column.name)
+        if one.by_letter and not column.unit and len(letters[stem, column.file] - {""}) > 1:
+            stated[place] = Stated("", "", f"{stem}[{letter}]")
+    hints = [_hint(column, one) for column, one in zip(columns, stated, strict=True)]
     for file in dict.fromkeys(one.file for one in columns):
         own = [place for place, one in enumerate(columns) if one.file == file]
         if len(own) < 2 or any(hints[place].role for place in own):
@@ -141,23 +95,61 @@ def read_names(columns: Sequence[Column]) -> list[Hint]:
         role, _ = _role("", tokens(columns[own[0]].source))
         for place in own if role else ():
             hints[place] = replace(hints[place], role=role, by="file")
-    return hints
+    return _with_labels(columns, hints)
+
+
+def _last_letter(name: str) -> tuple[str, str]:
+    """A name without the single letter at its end, and the letter; an empty one where there is none."""
+    found = re.search(r"[\s_./(\[]+([A-Za-z])[\])]?$", name)
+    return (name[: found.start()], found[1]) if found else (name, "")
+
+
+def _with_labels(columns: Sequence[Column], hints: list[Hint]) -> list[Hint]:
+    """Joints by the words that differ among signals of a kind and recur among kinds, where no number tells them."""
+    if any(one.joint for one in hints if one.role in (*DRIVING, *MOVING)):
+        return hints
+    left = [_left_over(column, hint) for column, hint in zip(columns, hints, strict=True)]
+    kinds: dict[tuple[Role, bool | None], list[str]] = {}
+    for rest, hint in zip(left, hints, strict=True):
+        if hint.role in (*DRIVING, *MOVING):
+            kinds.setdefault((hint.role, hint.commanded), []).append(rest)
+    several = [set(one) for one in kinds.values() if len(one) > 1 and len(set(one)) == len(one) and "" not in one]
+    known = {rest for one in several for rest in one if sum(rest in other for other in several) > 1}
+    if len(known) < 2:
+        return hints
+    return [
+        replace(hint, joint=rest) if hint.role and rest in known else hint
+        for rest, hint in zip(left, hints, strict=True)
+    ]
+
+
+def _left_over(column: Column, hint: Hint) -> str:
+    """The words of a name that say neither quantity, unit, side nor command."""
+    words = [
+        word for word in tokens(_plain(_stated(column).rest if hint.stated else column.name)) if not word.isdigit()
+    ]
+    told = [word for word in words if word in ROLES or word in SIDES or word in COMMANDED or word in MEASURED]
+    if not any(word in ROLES for word in told):
+        told += [word for word in words if word in LETTERS or _SHORT.fullmatch(word)][:1]
+    for word in told:
+        words.remove(word)
+    return "_".join(words)
 
 
 def read_name(column: Column) -> Hint:
     """Reads what name, title and unit of a signal say."""
-    unit = unit_of_name(column)
-    name = column.name
-    if _LABELLED.search(_COLUMN.sub("", name)) and column.title:  # a name that says only where it lies
-        name = f"{column.title}{found[0]}" if (found := _COLUMN.search(name)) else column.title
-    text = f"{_BRACKET.sub('', name) if column.unit or unit else name}"
-    label = _LABEL.search(text)
-    own = tokens(_plain(_LABEL.sub("", text)))
+    return _hint(column, _stated(column))
+
+
+def _hint(column: Column, stated: Stated) -> Hint:
+    label = _LABEL.search(stated.rest)
+    label = None if label and any(map(is_known, tokens(label[1]))) else label
+    own = tokens(_plain(_LETTERED.sub(r"\1", _LABEL.sub("", stated.rest) if label else stated.rest)))
     words = own + tokens(column.title)
-    role, by = _role(unit, words, own)
-    side: Side = next((_SIDES[word] for word in words if word in _SIDES), "")
-    joint = label[1] if label else _joint(name)
-    return Hint(role, by, _commanded(words), side, joint, unit)
+    role, by = _role(stated.unit, words, own)
+    side: Side = next((SIDES[word] for word in words if word in SIDES), "")
+    joint = label[1] if label else _joint(stated.rest)
+    return Hint(role, by, _commanded(words), side, joint, stated.unit, stated.raw, stated.by_letter)
 
 
 def _plain(name: str) -> str:
@@ -168,11 +160,14 @@ def _plain(name: str) -> str:
 
 def _role(unit: str, words: tuple[str, ...], own: tuple[str, ...] = ()) -> tuple[Role, By]:
     """What a unit says, else words, else single letters of the signal's own name."""
+    unit = CONVERTED.get(unit, (unit,))[0]
     if unit in UNITS:
         return _QUANTITIES[UNITS[unit].si], "unit"
     if unit == "degC":
         return "other", "unit"
-    found = [_ROLE[word] for word in words if word in _ROLE]
+    found = [ROLES[word] for word in words if word in ROLES]
+    if unit == "counts/s" and not found:
+        return "speed", "unit"
     if unit == "V" and not found:  # recorders state volts, whatever was measured
         return "voltage", "unit"
     if "other" in found:
@@ -181,22 +176,22 @@ def _role(unit: str, words: tuple[str, ...], own: tuple[str, ...] = ()) -> tuple
     for role in [one for one in found if one != "position"][-1:] or found[-1:]:
         return role, "name"
     letters = [word if len(word) == 1 else word[:1] for word in own if len(word) == 1 or _SHORT.fullmatch(word)]
-    for role in [_WEAK[one] for one in letters if one in _WEAK][:1]:
+    for role in [LETTERS[one] for one in letters if one in LETTERS][:1]:
         return role, "short"
     return "", ""
 
 
 def _commanded(words: tuple[str, ...]) -> bool | None:
-    if any(word in _COMMANDED or re.fullmatch("(ref|cmd|soll|des)[a-z]?", word) for word in words):
+    if any(word in COMMANDED or re.fullmatch("(ref|cmd|soll|des)[a-z]?", word) for word in words):
         return True
-    return False if any(word in _MEASURED for word in words) else None
+    return False if any(word in MEASURED for word in words) else None
 
 
 def _joint(name: str) -> str:
     """The number that tells a joint: the last one of the name that is no index of a structure."""
     column = _COLUMN.search(name)
     if column:
-        return column[1]
+        return column[1] or column[2]
     index = _BRACKET.search(name)
     if index and index[1].isdigit():
         return index[1]

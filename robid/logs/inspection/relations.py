@@ -1,19 +1,43 @@
-"""How signals follow from each other: a speed is a derivative, a command comes first, a torque accelerates."""
+"""How signals follow from each other: a speed is a derivative, a command comes first, a torque accelerates.
+
+All functions take plain arrays, or the spectra that `spectrum_of` makes of them, and know neither logs nor mappings, so
+that whatever compares channels of one motion can use them: `relate_signals` says how much of a derivative of one signal
+another one is, and how surely.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import comb
 
 import numpy as np
 from scipy.fft import rfft
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import detrend
-from scipy.signal.windows import hann
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 
 _LOOKED = 1 << 17
 _CARRIED = 0.9
 """Share of a signal's energy in the frequencies that are compared."""
+
+_NEIGHBOURS = 9
+"""Lines over which cross and power spectra are averaged for a coherence."""
+
+_COHERENT = 0.9
+"""Coherence from which a line tells a factor."""
+
+_AVERAGES = 6.0
+"""Independent averages that these stand for, as a window correlates neighbours."""
+
+_SLOW = 0.2
+"""Share of the sampling rate up to which a factor is told: above, differences of samples are no derivatives."""
+
+_LINES = 5
+"""Lines from which a factor is told."""
+
+_SURE = 1e-6
+"""Smallest relative distance between the bounds of a factor at a line that counts."""
 
 
 @dataclass(frozen=True)
@@ -32,27 +56,71 @@ class Likeness:
 
 
 @dataclass(frozen=True)
+class Relation:
+    """How much of another signal's derivative a signal is, by the transfer function between the two.
+
+    Attributes:
+        factor: What the derivative is multiplied by towards low frequencies, its sign included.
+        relative_std: Relative standard deviation of it: scatter over the lines, and what noise may hide.
+        delay: By how many samples the signal comes later than the derivative.
+        carried: Share of the signal's energy at the lines that tell the factor.
+    """
+
+    factor: float
+    relative_std: float
+    delay: float
+    carried: float
+
+
+@dataclass(frozen=True, eq=False)
 class Spectrum:
     """Spectrum of a signal, windowed.
 
     Attributes:
-        values (n_freq,): The spectrum.
+        windowed (3, n_freq): Transforms of the signal times the window, and times its first and second derivative.
+        trends (2, n_freq): Orthonormal transforms of what a constant and a slope leave behind the window.
         omega (n_freq,): Angular frequencies [rad/s].
         strongest (n_strong,): Indices of the frequencies that carry most of its energy.
     """
 
-    values: ComplexArray
+    windowed: ComplexArray
+    trends: ComplexArray
     omega: FloatArray
     strongest: IntArray
+    _derivatives: dict[int, ComplexArray] = field(default_factory=dict)
+
+    @property
+    def values(self) -> ComplexArray:
+        """The spectrum (n_freq,)."""
+        return self.derivative(0)
+
+    def derivative(self, order: int) -> ComplexArray:
+        """Spectrum (n_freq,) of the signal's derivative of an order 0 to 2 behind the same window.
+
+        By parts, `w x' = (w x)' - w' x`: to multiply by `j omega` alone is wrong by the window's own derivative, which
+        is most of it where a motion lasts no longer than some of its periods. Constants and slopes are taken out of
+        every derivative by the same projection, which leaves the relation of two signals as it is.
+        """
+        if order not in self._derivatives:
+            made = np.zeros_like(self.windowed[0])
+            for part in range(order + 1):
+                made += (-1) ** part * comb(order, part) * (1j * self.omega) ** (order - part) * self.windowed[part]
+            self._derivatives[order] = _without(made, self.trends)
+        return self._derivatives[order]
 
 
 def spectrum_of(values: FloatArray, step_s: float) -> Spectrum:
-    """Returns the spectrum of a signal (n_sample,), its trend taken out."""
+    """Returns the spectrum of a signal (n_sample,) in the middle of which constants and slopes are taken out."""
     used = values[(len(values) - _LOOKED) // 2 :][:_LOOKED] if len(values) > _LOOKED else values
     level = np.asarray(detrend(used))
-    found = np.asarray(rfft(level * hann(len(level))))
-    omega = 2 * np.pi * np.arange(len(found)) / (len(level) * step_s)
-    return Spectrum(found, omega, _strongest(found))
+    phase = 2 * np.pi * np.arange(len(level)) / len(level)
+    rate = 2 * np.pi / (len(level) * step_s)
+    window = 0.5 - 0.5 * np.cos(phase)
+    turned = np.stack([window, 0.5 * rate * np.sin(phase), 0.5 * rate**2 * np.cos(phase)])
+    windowed = np.asarray(rfft(level * turned, axis=1))
+    omega = rate * np.arange(windowed.shape[1])
+    trends = _orthonormal(np.asarray(rfft(window * np.stack([np.ones(len(level)), phase - np.pi]), axis=1)))
+    return Spectrum(windowed, trends, omega, _strongest(_without(windowed[0], trends)))
 
 
 def compare(first: Spectrum, second: Spectrum, order: int, step_s: float) -> Likeness:
@@ -64,9 +132,8 @@ def compare(first: Spectrum, second: Spectrum, order: int, step_s: float) -> Lik
         order: Number of derivatives, 0 for none.
         step_s: Sampling period [s].
     """
-    derived = first.values * (1j * first.omega) ** order
     at = second.strongest
-    x, y = derived[at], second.values[at]
+    x, y = first.derivative(order)[at], second.values[at]
     size = float(np.sqrt(np.sum(np.abs(x) ** 2) * np.sum(np.abs(y) ** 2)))
     if size == 0:
         return Likeness(0.0, 0.0, 0.0)
@@ -76,6 +143,92 @@ def compare(first: Spectrum, second: Spectrum, order: int, step_s: float) -> Lik
     aligned = cross * np.exp(1j * first.omega[at] * slope)
     factor = float(np.sum(aligned).real / np.sum(np.abs(x) ** 2))
     return Likeness(abs(float(np.sum(aligned).real)) / size, factor, slope / step_s)
+
+
+def relate_signals(first: FloatArray, second: FloatArray, order: int, step_s: float) -> Relation | None:
+    """Says how much of a derivative of one signal another one is, None where the two do not tell.
+
+    Args:
+        first (n_sample,): The signal that is differentiated, without gaps.
+        second (n_sample,): The signal that it is compared with.
+        order: Number of derivatives, 0 to 2.
+        step_s: Sampling period [s].
+    """
+    return relate(spectrum_of(first, step_s), spectrum_of(second, step_s), order, step_s)
+
+
+def relate(first: Spectrum, second: Spectrum, order: int, step_s: float) -> Relation | None:
+    """Says how much of a derivative of one signal another one is, None where the two do not tell.
+
+    Noise of the first signal grows with its derivative and lowers a ratio of amplitudes; so the factor is that of the
+    transfer function, at lines with coherence alone. Between `H1 = S_xy / S_xx`, low by noise of x, and
+    `H2 = S_yy / S_yx`, high by noise of y, lies the true one: their geometric mean is taken, and half of their distance
+    counts as a deviation. Speeds that are filtered, or differences of samples, bend it by the square of the frequency.
+
+    Args:
+        first: The signal that is differentiated.
+        second: The signal that it is compared with.
+        order: Number of derivatives, 0 to 2.
+        step_s: Sampling period [s].
+    """
+    x, y = (one / max(float(np.linalg.norm(one)), 1e-300) for one in (first.derivative(order), second.values))
+    ratio = float(np.linalg.norm(second.values)) / max(float(np.linalg.norm(first.derivative(order))), 1e-300)
+    delay_s = _delay(*_strong_cross(x, y, second))
+    cross = np.conj(x) * y * np.exp(1j * first.omega * delay_s)
+    averaged = uniform_filter1d(cross.real, _NEIGHBOURS) + 1j * uniform_filter1d(cross.imag, _NEIGHBOURS)
+    power_x, power_y = (np.maximum(uniform_filter1d(np.abs(one) ** 2, _NEIGHBOURS), 1e-150) for one in (x, y))
+    coherence = np.minimum(np.abs(averaged) ** 2 / (power_x * power_y), 1.0)
+    useful = (coherence > _COHERENT) & (first.omega * step_s < 2 * np.pi * _SLOW)
+    useful &= power_y > np.finfo(float).eps * power_y.max()
+    useful[:2] = False
+    at = np.flatnonzero(useful)
+    energy = np.abs(y) ** 2
+    carried = float(energy[at].sum() / max(energy[2:].sum(), 1e-300))
+    if len(at) < _LINES:
+        return None
+    sign = float(np.sign(np.sum(averaged[at].real * power_y[at] / power_x[at] ** 0.5)))
+    size = 0.5 * np.log(power_y[at] / power_x[at])  # of the geometric mean of H1 and H2
+    apart = -0.5 * np.log(coherence[at])  # half of the distance between their logarithms
+    level, deviation = _towards_zero(size, np.hypot(apart, _SURE), energy[at], first.omega[at] * step_s)
+    return Relation(sign * ratio * float(np.exp(level)), deviation, delay_s / step_s, carried)
+
+
+def _towards_zero(size: FloatArray, apart: FloatArray, energy: FloatArray, omega: FloatArray) -> tuple[float, float]:
+    """Value towards zero frequency of an even curve over frequency, and its deviation.
+
+    A constant and a parabola are fitted to all lines and to the lower ones alone; the one counts that scatters least.
+
+    Args:
+        size (n_line,): Logarithm of the factor at each line.
+        apart (n_line,): How far noise may have moved it.
+        energy (n_line,): Energy of the signal at each line.
+        omega (n_line,): Frequency [rad per sample].
+    """
+    # Lines count by what they say, those with hardly any energy by that.
+    every = 1 / (apart**2 + 1e-6) * np.minimum(energy / (1e-4 * energy.max()), 1.0)
+    found: list[tuple[float, float]] = []
+    count = len(omega)
+    while count >= _LINES:
+        weight = every[:count] / every[:count].sum()
+        bias = float(np.sum(weight * apart[:count]))
+        # Of an averaged line, var log |H| = (1 - coherence) / (2 averages); neighbours share most of it.
+        chance = bias / _AVERAGES / max(1 / float(np.sum(weight**2)) / _NEIGHBOURS, 1.0)
+        relative = (omega[:count] / omega[count - 1]) ** 2
+        for basis in (np.ones((count, 1)), np.stack([np.ones(count), relative], axis=1)):
+            normal = basis.T @ (weight[:, None] * basis)
+            if basis.shape[1] > 1 and (count < 2 * _LINES or np.linalg.cond(normal) > 1e9):
+                continue
+            inverse = np.linalg.inv(normal)
+            solution = inverse @ (basis.T @ (weight * size[:count]))
+            rest = float(np.sum(weight * (size[:count] - basis @ solution) ** 2))
+            found.append((float(solution[0]), float(np.sqrt((rest + chance) * inverse[0, 0] + bias**2))))
+        count //= 2
+    return min(found, key=lambda one: one[1])
+
+
+def _strong_cross(x: ComplexArray, y: ComplexArray, second: Spectrum) -> tuple[ComplexArray, FloatArray]:
+    at = second.strongest
+    return np.conj(x[at]) * y[at], second.omega[at]
 
 
 def response_at(
@@ -94,12 +247,29 @@ def response_at(
         Mean cosine of the phase between them, and the usual size of the second's derivative per size of the first.
     """
     at = drive.strongest[(drive.omega[drive.strongest] >= band[0]) & (drive.omega[drive.strongest] <= band[1])]
-    x, y = first.values[at], second.values[at] * (1j * second.omega[at]) ** order
+    x = first.values[at]
+    y = second.derivative(order)[at] if order >= 0 else second.values[at] * (1j * second.omega[at]) ** order
     told = (np.abs(x) > 0) & (np.abs(y) > 0)
     if not told.any():
         return 0.0, 0.0
     ratio = y[told] / x[told]
     return float(np.mean(np.cos(np.angle(ratio)))), float(np.median(np.abs(ratio)))
+
+
+def _without(values: ComplexArray, trends: ComplexArray) -> ComplexArray:
+    """A spectrum without what lies along orthonormal ones, with real factors."""
+    return np.asarray(values - (np.conj(trends) @ values).real @ trends)
+
+
+def _orthonormal(trends: ComplexArray) -> ComplexArray:
+    """Spectra (n, n_freq) turned into orthonormal ones, with real factors."""
+    made: list[ComplexArray] = []
+    for one in trends:
+        rest = one
+        for other in made:
+            rest = rest - float(np.sum(np.conj(other) * rest).real) * other
+        made.append(rest / max(float(np.linalg.norm(rest)), np.finfo(float).tiny))
+    return np.stack(made)
 
 
 def _strongest(values: ComplexArray) -> IntArray:

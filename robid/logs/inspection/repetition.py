@@ -114,16 +114,21 @@ def share_period(periods: Mapping[str, Repetition], leading: Sequence[str], n_sa
         leading: Signals that say what was played, the best first.
         n_sample: Samples of the log.
     """
-    known = [(name, periods[name]) for name in leading if periods[name].samples is not None]
+    known = [periods[name] for name in leading if periods[name].samples is not None]
     if not known:
         return None
-    _, first = known[0]
+
+    def shares(one: Repetition, length: float) -> bool:
+        """Whether whole periods of a signal make up a length."""
+        samples = float(one.samples or 0)
+        return abs(samples * max(round(length / samples), 1) / length - 1) < _SAME
+
+    # Signals that repeat by chance, each with a length of its own, have no period in common.
+    first = max(known, key=lambda one: sum(shares(other, float(one.samples or 0)) for other in known))
     length = float(first.samples or 0)
-    alike = tuple(
-        name
-        for name, one in periods.items()
-        if one.samples is not None and abs(one.samples * max(round(length / one.samples), 1) / length - 1) < _SAME
-    )
+    if 2 * sum(shares(one, length) for one in known) <= len(known):
+        return None
+    alike = tuple(name for name, one in periods.items() if one.samples is not None and shares(one, length))
     held, count = n_sample / length, round(n_sample / length)
     whole = abs(held - count) < _WHOLE and count * round(length) <= n_sample
     return Shared(length, first.std_samples, count if whole else held, alike)

@@ -11,9 +11,13 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
-from robid.logs.inspection.names import DRIVING, MOVING, Hint, Role, read_names
+from robid.logs.inspection.names import DRIVING, MOVING, Hint, read_names
 from robid.logs.inspection.quality import Quality
-from robid.logs.inspection.relations import Likeness, Spectrum, compare, spectrum_of
+from robid.logs.inspection.relations import Likeness, Relation, Spectrum, compare, relate, spectrum_of
+from robid.logs.inspection.sampling import is_ramp
+from robid.logs.inspection.vocabulary import Role
+from robid.logs.inspection.wraps import Wrap, find_wrap, unwrapped
+from robid.signals.quantities import UNITS
 
 Evidence: TypeAlias = Literal["unit", "name", "short", "file", "relation", ""]
 
@@ -35,8 +39,21 @@ _FACTORS = {
 }
 """What a factor between an angle's derivative and a speed speaks for."""
 
-_MEANT = 0.03
-"""Relative distance of a factor from these."""
+_TURNS = [(angle, speed) for angle in ("rad", "deg", "turn") for speed in ("rad/s", "deg/s", "rpm")]
+_TRAVELS = [(way, speed) for way in ("m", "mm", "um") for speed in ("m/s", "mm/s")]
+"""Units of an angle or a position and of its speed that go together."""
+
+_MEANT = 0.01
+"""Relative distance of a factor from these that its deviation does not have to explain."""
+
+_TOLD = 0.02
+"""Relative deviation up to which a factor is told."""
+
+_APART = 0.2
+"""Relative distance from which a factor is another one than two stated units give, rather than a poor calibration."""
+
+_MOST = 0.5
+"""Share of a signal's energy at the lines that tell a factor, at least."""
 
 _DRIVES = 0.5
 """Correlation with an acceleration from which an unnamed signal is taken for what drives."""
@@ -64,7 +81,7 @@ class Signal:
     """What a signal was taken for.
 
     Attributes:
-        column: The signal.
+        column: The signal, without jumps where it wraps.
         hint: What its name and unit say.
         quality: What is to be said of it by itself.
         role: What it is.
@@ -72,6 +89,9 @@ class Signal:
         commanded: Whether it was commanded.
         reasons: What else speaks for it.
         twin: Another signal with the same samples; empty where there is none.
+        implied: Its unit, where none is stated but the factor to another signal's derivative tells it.
+        implied_by: What tells that.
+        wrap: How it wraps, None where it does not; its samples are then without that.
     """
 
     column: Column
@@ -82,6 +102,14 @@ class Signal:
     commanded: bool = False
     reasons: tuple[str, ...] = ()
     twin: str = ""
+    implied: str = ""
+    implied_by: str = ""
+    wrap: Wrap | None = None
+
+    @property
+    def states_unit(self) -> bool:
+        """Whether the log states a unit, whether a mapping knows it or not."""
+        return bool(self.hint.unit or self.column.unit)
 
     @property
     def name(self) -> str:
@@ -97,8 +125,9 @@ class Signal:
 class Comparison:
     """Spectra of the signals of a log, and how they follow from each other."""
 
-    def __init__(self, step_s: float) -> None:
+    def __init__(self, step_s: float, *, is_known: bool = True) -> None:
         self.step_s = step_s
+        self.is_known = is_known
         self._spectra: dict[str, Spectrum] = {}
 
     def spectrum(self, signal: Signal) -> Spectrum:
@@ -113,6 +142,13 @@ class Comparison:
         """How a signal follows from another one's derivative."""
         return compare(self.spectrum(first), self.spectrum(second), order, self.step_s)
 
+    def factor(self, first: Signal, second: Signal, order: int) -> Relation | None:
+        """How much of another signal's derivative a signal is; None where the data do not tell."""
+        if order and not self.is_known:
+            return None  # no time, no derivative
+        found = relate(self.spectrum(first), self.spectrum(second), order, self.step_s)
+        return found if found is not None and found.relative_std < _TOLD and found.carried > _MOST else None
+
 
 def find_roles(columns: Sequence[Column], qualities: Sequence[Quality], comparison: Comparison) -> list[Signal]:
     """Finds what each signal is, of signals that share their samples.
@@ -124,7 +160,10 @@ def find_roles(columns: Sequence[Column], qualities: Sequence[Quality], comparis
     """
     found: list[Signal] = []
     for column, quality, hint in zip(columns, qualities, read_names(columns), strict=True):
-        found.append(Signal(column, hint, quality, hint.role, hint.by, commanded=hint.commanded is True))
+        one = Signal(column, hint, quality, hint.role, hint.by, commanded=hint.commanded is True)
+        if not one.is_sure and is_ramp(column.values):
+            one = replace(one, role="other", reasons=("it changes evenly all along, as a clock or a counter",))
+        found.append(_without_wraps(one))
     moving = [one for one in found if not (one.quality.is_dead or one.quality.is_still or one.role == "other")]
     signals = {one.name: one for one in moving[:_COMPARED]}
     _find_twins(signals)
@@ -133,6 +172,22 @@ def find_roles(columns: Sequence[Column], qualities: Sequence[Quality], comparis
     _find_drives(signals, comparison)
     _find_commands(signals, comparison)
     return [signals.get(one.name, one) for one in found]
+
+
+def _without_wraps(signal: Signal) -> Signal:
+    """A signal without jumps by a turn or by a counter's range; with a role where these alone say it."""
+    if signal.role not in ("angle", "position", "") or signal.quality.is_still:
+        return signal
+    stated = signal.hint.unit or ("?" if signal.states_unit else "")
+    wrap = find_wrap(signal.column.values, stated)
+    if wrap is None:
+        return signal
+    column = replace(signal.column, values=unwrapped(signal.column.values, wrap.size))
+    if signal.role:
+        return replace(signal, column=column, wrap=wrap)
+    return replace(
+        signal, column=column, wrap=wrap, role="angle", by="relation", reasons=("it starts again as angles do",)
+    )
 
 
 def same_joint(first: Signal, second: Signal) -> bool:
@@ -181,18 +236,57 @@ def _find_derivatives(signals: dict[str, Signal], comparison: Comparison) -> Non
         named = a.is_sure and b.is_sure
         if like.correlation < (_NAMED if named else _DERIVED) or abs(like.delay) > _LATE:
             continue
-        told = f"{_times(like.factor)} the derivative of `{first}` (correlation {like.correlation:.2f})"
+        found = comparison.factor(a, b, 1)
+        told = f"{_times(found)}the derivative of `{first}` (correlation {like.correlation:.2f})"
         role, by = (b.role, b.by) if b.is_sure else ("speed", "relation")
-        signals[second] = replace(b, role=role, by=by, reasons=(*b.reasons, told))
+        a, b = _with_units(a, replace(b, role=role, by=by, reasons=(*b.reasons, told)), found)
+        signals[first], signals[second] = a, b
         if not a.is_sure:
             own: Role = a.role if a.role in ("angle", "position") else "angle"
             signals[first] = replace(a, role=own, by="relation", reasons=(*a.reasons, f"`{second}` is its derivative"))
 
 
-def _times(factor: float) -> str:
-    """A factor between a derivative and a speed, with the units that it speaks for."""
-    meant = [text for size, text in _FACTORS.items() if abs(abs(factor) / size - 1) < _MEANT]
-    return f"{factor:.4g} times{f' ({meant[0]})' if meant else ''}"
+def _times(found: Relation | None) -> str:
+    """A factor between a derivative and a speed, with the units that it speaks for; empty where none is told."""
+    if found is None:
+        return ""
+    reach = max(3 * found.relative_std, _MEANT)
+    meant = [text for size, text in _FACTORS.items() if abs(abs(found.factor) / size - 1) < reach]
+    return f"{found.factor:#.4g} times{f' ({meant[0]})' if meant else ''} "
+
+
+def _with_units(angle: Signal, speed: Signal, found: Relation | None) -> tuple[Signal, Signal]:
+    """An angle and its speed with the units that the factor between the two tells, where the log states none."""
+    if found is None:
+        return angle, speed
+    reach = max(3 * found.relative_std, _MEANT)
+
+    def fits(unit: str, other: str, width: float) -> bool:
+        return abs(UNITS[unit].factor / abs(found.factor) / UNITS[other].factor - 1) < width
+
+    angles, speeds = ([one.hint.unit] if one.hint.unit in UNITS else [] for one in (angle, speed))
+    length = any(one.hint.unit in UNITS and UNITS[one.hint.unit].si.startswith("m") for one in (angle, speed))
+    known = _TRAVELS if length else _TURNS
+    pairs = [
+        (one, other)
+        for one, other in known
+        if one in (angles or {one}) and other in (speeds or {other}) and fits(one, other, reach)
+    ]
+    if angles and speeds:
+        if pairs or fits(angles[0], speeds[0], max(reach, _APART)):
+            return angle, speed
+        size = UNITS[angles[0]].factor / abs(found.factor) / UNITS[speeds[0]].factor
+        told = f"units disagree: in them it is {size:.4g} times less than the derivative of `{angle.name}`"
+        return angle, replace(speed, reasons=(*speed.reasons, told))
+    if len(pairs) != 1:
+        return angle, speed
+    by = f"unit by the factor {found.factor:.4g} of its derivative to `{speed.name}`"
+    if not angle.states_unit:
+        angle = replace(angle, implied=pairs[0][0], implied_by=by)
+    if not speed.states_unit:
+        by = f"unit by the factor {found.factor:.4g} to the derivative of `{angle.name}`"
+        speed = replace(speed, implied=pairs[0][1], implied_by=by)
+    return angle, speed
 
 
 def _find_drives(signals: dict[str, Signal], comparison: Comparison) -> None:
@@ -203,8 +297,12 @@ def _find_drives(signals: dict[str, Signal], comparison: Comparison) -> None:
     for name, one in list(signals.items()):
         if one.is_sure or one.by == "relation" or one.twin or one.role in ("angle", "position"):
             continue
-        rated = [(comparison.like(m, one, derivatives(m.role)).correlation, m.name) for m in motions if m.name != name]
-        best, motion = max(rated, default=(0.0, ""))
+        rated = [
+            (same_joint(m, one), comparison.like(m, one, derivatives(m.role)).correlation, m.name)
+            for m in motions
+            if m.name != name
+        ]
+        _, best, motion = max((one for one in rated if one[1] > _DRIVES), default=(False, 0.0, ""))
         if best > _DRIVES:
             told = f"goes with the acceleration of `{motion}` (correlation {best:.2f})"
             role: Role = one.role if one.role in DRIVING else "torque"

@@ -9,7 +9,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
-from robid.logs.inspection.names import read_name, tokens, unit_of_name
+from robid.logs.inspection.names import read_name, unit_of_name
+from robid.logs.inspection.units import PER_SECOND
+from robid.logs.inspection.vocabulary import tokens
 from robid.logs.pace import GAP, Pace, measure_pace
 from robid.logs.pieces import limits_of
 from robid.logs.timing import UNSURE
@@ -20,13 +22,15 @@ _TIME = {
     "stamp": 4,
     "t": 2,
     "zeit": 3,
+    "zeitstempel": 3,
+    "temps": 3,
+    "horodatage": 3,
     "sec": 1,
     "seconds": 2,
     "log": 1,
     "clock": 2,
     "ms": 1,
 }
-_PER_SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _REGULAR = 0.5
 """Share of usual steps from which a variable can be a time."""
 _AGREES = 0.01
@@ -37,7 +41,12 @@ _SURELY = 3
 _REPEATED = 0.02
 """Share of samples with the stamp of the one before from which stamps are no times of single samples."""
 _LEAST = 100
-_USUAL_HZ = (10.0, 50e3)
+_USUAL_HZ = (10.0, 40e3)
+"""Rates at which robots are recorded."""
+_SLOWEST_HZ = 2.0
+"""Rate from which a time with fractions may be in seconds."""
+_STRAIGHT = 1.0
+"""Steps by which a ramp may be off a straight line: it is rounded."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +62,14 @@ class Sampling:
         gaps: Places where samples are missing.
         missing: Samples that are missing there, about.
         first_gap: Sample before the first of them.
+        longest_step: Longest step, in usual ones.
         longest: First sample of the longest part without one, and the sample after its last.
         longest_s: From where to where it lasts, since the first sample [s].
         backward: Steps at which time stands still or goes back.
         told_by: What else says so, as a number of the log.
         others: Further times, as of the moment of writing.
         doubt: Why a time that there is does not tell the time step.
+        likely: Units that its time may have, where several are as likely and nothing tells which.
     """
 
     variable: str
@@ -69,12 +80,14 @@ class Sampling:
     gaps: int = 0
     missing: int = 0
     first_gap: int = 0
+    longest_step: float = 1.0
     longest: tuple[int, int] = (0, 0)
     longest_s: tuple[float, float] = (0.0, 0.0)
     backward: int = 0
     told_by: str = ""
     others: tuple[str, ...] = ()
     doubt: str = ""
+    likely: tuple[str, ...] = ()
 
 
 def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], stated_s: float | None = None) -> Sampling:
@@ -95,8 +108,10 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
         return coarse or Sampling("", "s", bool(stated_s), known, told_by=told_by, doubt=doubt)
     column = columns[-index]
     pace = measure_pace(column.values)
-    unit, is_stated = _unit(column, float(np.median(np.diff(column.values))) if pace is None else pace.step, known)
-    found = _measure(column.name, column.values if pace is None else pace.times, pace, _PER_SECOND[unit])
+    usual = float(np.median(np.diff(column.values))) if pace is None else pace.step
+    likely, is_stated = _units(column, usual, known)
+    unit = likely[0]
+    found = _measure(column.name, column.values if pace is None else pace.times, pace, PER_SECOND[unit])
     others = tuple(
         columns[-place].key
         for score, place in rated
@@ -105,7 +120,8 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     )
     agrees = known is not None and found.step_s is not None and abs(found.step_s / known - 1) < _AGREES
     told_by = told_by if agrees else ""
-    return replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
+    found = replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
+    return found if len(likely) == 1 else replace(found, step_s=None, likely=likely)
 
 
 def _from_coarse(columns: Sequence[Column], known_s: float | None) -> tuple[Sampling | None, str]:
@@ -116,9 +132,9 @@ def _from_coarse(columns: Sequence[Column], known_s: float | None) -> tuple[Samp
     doubt = ""
     for column in columns:
         unit, values = unit_of_name(column), column.values
-        if unit not in _PER_SECOND or len(values) < _LEAST or not np.all(np.isfinite(values)):
+        if unit not in PER_SECOND or len(values) < _LEAST or not np.all(np.isfinite(values)):
             continue
-        to_s, pace = _PER_SECOND[unit], None
+        to_s, pace = PER_SECOND[unit], None
         if np.mean(np.diff(values) == 0) > _REPEATED:
             pace = measure_pace(values, None if known_s is None else known_s / to_s)
         if pace is None or not pace.rounding:
@@ -149,32 +165,48 @@ def _rate(column: Column, known_s: float | None) -> int:
     words = tokens(column.name.rpartition("/")[2])
     score = max((_TIME.get(word, 0) for word in words), default=0)
     score += 1 if known_s is not None and abs(usual / known_s - 1) < _AGREES else 0
-    score += 3 if unit_of_name(column) in _PER_SECOND else 0
+    score += 3 if unit_of_name(column) in PER_SECOND else 0
     return score or int(known_s is None and _is_clock(column, steps, float(usual)))
 
 
 def _is_clock(column: Column, steps: FloatArray, usual: float) -> bool:
-    """Whether a signal without a telling name rises in equal steps, as only clocks do; counters rise by one."""
-    if read_name(column).role or usual == 1 or np.abs(steps / usual - 1).max() > _EVEN:
+    """Whether what says nothing, or a letter only, rises in equal steps, as only clocks do; counters by one."""
+    hint = read_name(column)
+    if (hint.role and hint.by != "short") or usual == 1 or np.abs(steps / usual - 1).max() > _EVEN:
         return False
     return _USUAL_HZ[0] <= 1 / usual <= _USUAL_HZ[1]
 
 
-def _unit(column: Column, usual: float, known_s: float | None) -> tuple[str, bool]:
-    """Unit of a time, and whether the log says so."""
+def is_ramp(values: FloatArray) -> bool:
+    """Whether a signal (n_sample,) rises or falls evenly all along, as clocks and counters do and no motion."""
+    steps = np.diff(values)
+    if len(steps) == 0 or not np.all(np.isfinite(steps)) or steps.max() == steps.min() == 0:
+        return False
+    if steps.min() < 0 < steps.max():
+        return False
+    line = np.linspace(values[0], values[-1], len(values))
+    return bool(np.abs(values - line).max() <= _STRAIGHT * np.abs(steps).max() and np.mean(steps == 0) < 1 - _REGULAR)
+
+
+def _units(column: Column, usual: float, known_s: float | None) -> tuple[tuple[str, ...], bool]:
+    """Units that a time may have, and whether the log says so."""
     stated = unit_of_name(column)
-    if stated in _PER_SECOND:
-        return stated, True
-    rates = {unit: 1 / (usual * factor) for unit, factor in _PER_SECOND.items()}
+    if stated in PER_SECOND:
+        return (stated,), True
     if known_s is not None:
-        for unit, rate in rates.items():
-            if abs(rate * known_s - 1) < _AGREES:
-                return unit, True
+        for unit, factor in PER_SECOND.items():
+            if abs(known_s / (usual * factor) - 1) < _AGREES:
+                return (unit,), True
+    return _likely(column, usual) or ("s",), False
+
+
+def _likely(column: Column, usual: float) -> tuple[str, ...]:
+    """Units in which a time with such steps is that of a robot's log."""
     whole = bool(np.all(column.values == np.round(column.values)))
-    likely = [unit for unit, rate in rates.items() if _USUAL_HZ[0] <= rate <= _USUAL_HZ[1]]
-    if not whole and "s" in likely:
-        return "s", False
-    return (likely[0] if likely else "s"), False
+    rates = {unit: 1 / (usual * factor) for unit, factor in PER_SECOND.items()}
+    within = [unit for unit, rate in rates.items() if _USUAL_HZ[0] <= rate <= _USUAL_HZ[1]]
+    slow = not whole and _SLOWEST_HZ <= rates["s"] < _USUAL_HZ[0]
+    return ("s", *within) if slow else tuple(within)
 
 
 def _measure(variable: str, times: FloatArray, pace: Pace | None, to_s: float) -> Sampling:
@@ -196,6 +228,7 @@ def _measure(variable: str, times: FloatArray, pace: Pace | None, to_s: float) -
         gaps=len(gaps),
         missing=round(float(np.sum(steps[gaps] / mean - 1))),
         first_gap=int(gaps[0]) if len(gaps) else 0,
+        longest_step=float(steps.max() / mean),
         longest=(begin, end),
         longest_s=limits_of(to_s * (times - times[0]), begin, max(end - 1, begin + 1)),
         backward=int(np.count_nonzero(steps <= 0)),

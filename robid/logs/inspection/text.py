@@ -10,6 +10,7 @@ from pathlib import Path
 
 from robid.logs.inspection.channels import Entry
 from robid.logs.inspection.findings import Findings
+from robid.logs.lines import format_lines
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z]+)?")
 _WORDS = ("true", "false", "yes", "no", "on", "off", "null", "y", "n")
@@ -23,6 +24,10 @@ _PLACEHOLDERS = {
     "inputs": "{name: drive, variable: NAME, unit: N m}",
     "outputs": "{name: drive, variable: NAME, unit: rad}",
 }
+_CYCLE = (
+    "the controller's cycle or the recorder's settings do: then `robid inspect` with `--sampling-period SECONDS` writes"
+    " this and all times that follow from it"
+)
 _REFERENCES = "references are matched to an excitation that robid has designed; leave them out where others have"
 _ROBOT = "my_robot.yaml # for fits that need to know the robot: its joints' names are then those of the channels"
 
@@ -64,7 +69,7 @@ def write_experiment(
     lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
-        gaps = found.sampling.gaps and made.part_s is None
+        gaps = found.has_gaps and made.part_s is None
         reason = "the longest part without a gap is at its end" if gaps else _held(found)
         lines += [f"{inside}take: last # {reason}"]
     lines += _entries("inputs", made.inputs, inside, "a torque, a current or a command", path)
@@ -123,11 +128,23 @@ def _is_arbitrary(found: Findings) -> bool:
 def _campaign(found: Findings) -> list[str]:
     made = found.proposal
     lines = [] if made.one_shot else ["    # configurations: {list_deg: [[0]]} # with a robot file: where it stood"]
-    if made.excitation is not None:
+    if made.excitation is not None and found.sampling.step_s is None:
+        lines.append(_without_times(found))
+    elif made.excitation is not None:
         lines.append(f"    excitation: {_flow(made.excitation.settings)}{_comment(made.excitation.checks)}")
     if made.periods is not None:
         lines.append(f"    periods: {made.periods}")
     return lines
+
+
+def _without_times(found: Findings) -> str:
+    """What was played, without the numbers that follow from a sampling period which is not known."""
+    if found.shared is None or _is_arbitrary(found):
+        wanted = "low_hz, high_hz and resolution_hz follow from sampling_period_s"
+        return f"    excitation: {{signal: arbitrary}}{_comment((f'nothing repeats; {wanted}',))}"
+    repeats = f"it repeats every {found.shared.samples:.6g} samples, lines with energy: {format_lines(found.lines)}"
+    wanted = "period_s, low_hz and high_hz follow from sampling_period_s"
+    return f"    # excitation: {{period_s: .., low_hz: .., high_hz: ..}}{_comment((f'{repeats}; {wanted}',))}"
 
 
 def _part(part_s: tuple[float, float] | None) -> list[str]:
@@ -138,17 +155,18 @@ def _part(part_s: tuple[float, float] | None) -> list[str]:
 
 def _sampling(found: Findings) -> list[str]:
     sampling, step_s = found.sampling, found.step_s
-    checks: tuple[str, ...] = ()
     if sampling.step_s is None:
-        checks = (sampling.doubt or "nothing in the log tells it",)
-    elif sampling.unit not in _UNITS:
-        checks = (f"measured on `{sampling.variable}`, in {sampling.unit}, which a mapping cannot read",)
-    lines = [f"sampling_period_s: {_value(step_s)}{_comment(checks)}"]
+        # A number that nobody stated stays out, so that the import stops and asks for it.
+        units = " or ".join(sampling.likely)
+        which = f"whether `{sampling.variable}` is in {units}" if units else "it"
+        why = sampling.doubt or f"nothing in the log tells {which}"
+        return [f"# sampling_period_s: SECONDS # check: {why}; {_CYCLE}"]
+    lines = [f"sampling_period_s: {_value(step_s)}"]
     if sampling.variable and sampling.unit in _UNITS:
         told: tuple[str, ...] = (
             () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
         )
-        if sampling.gaps:
+        if found.has_gaps:
             count = "one place" if sampling.gaps == 1 else f"{sampling.gaps} places"
             places = f"samples are missing at {count}, first after {sampling.first_gap}"
             told += (f"{places}: the longest part without is used",)
@@ -160,7 +178,8 @@ def _sampling(found: Findings) -> list[str]:
 
 def _resampled(found: Findings) -> tuple[str, ...]:
     if found.proposal.resample == "time":
-        return (f"time steps deviate by up to {100 * found.sampling.jitter:.0f} %",)
+        longest = f", the longest is {found.sampling.longest_step:.2g} usual ones" if found.sampling.gaps else ""
+        return (f"time steps deviate by up to {100 * found.sampling.jitter:.0f} %{longest}",)
     return ("the period is no whole number of samples",)
 
 
@@ -179,6 +198,8 @@ def _entries(key: str, entries: tuple[Entry, ...], inside: str, none: str, path:
     if not entries:
         # An empty list would only be refused.
         return [f"{inside}# {key}: [{_PLACEHOLDERS[key]}] # check: {_NOTHING} {none}"]
+    if any(one.is_open for one in entries):
+        inside += "# "
     common = tuple(one for one in entries[0].checks if len(entries) > 1 and all(one in e.checks for e in entries))
     rest = [replace(one, checks=tuple(check for check in one.checks if check not in common)) for one in entries]
     head = f"{inside}{key}:{_comment(common)}"

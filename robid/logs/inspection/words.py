@@ -78,7 +78,12 @@ def remarks(found: Findings, signal: Signal) -> list[str]:
         )
     if quality.saturated:
         told.append(f"flat at its highest or lowest value for {100 * quality.saturated:.2g} % of the time: saturated?")
-    if quality.turns:
+    if signal.wrap is not None:
+        unit = "" if signal.wrap.unit == "counts" else f" {signal.wrap.unit}"
+        told.append(
+            f"starts again after {signal.wrap.size:.6g}{unit} {signal.wrap.count} times: proposed with `unwrap`"
+        )
+    elif quality.turns:
         told.append(f"jumps by its whole range {quality.turns} times: an angle that wraps? (`unwrap: true`)")
     measured = found.periods.get(signal.name)
     if measured is not None and found.shared is not None and signal.name not in found.shared.names:

@@ -39,7 +39,8 @@ def check_independence(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
 def _arm_per_motor(robot: RobotFile) -> FloatArray | None:
     """Returns arm motion per motor angle (n_joint, n_joint); None without couplings, or where a value is wrong."""
     names = [joint.name for joint in robot.joints]
-    ratios = [joint.motor.ratio for joint in robot.joints]
+    # A joint without a motor, whose torque is measured behind the gear, moves as it is.
+    ratios = [1.0 if not one.has_motor else None if one.motor is None else one.motor.ratio for one in robot.joints]
     if not all(ratios) or not any(joint.couplings for joint in robot.joints) or len(set(names)) < len(names):
         return None
     turns = np.diag([1 / ratio for ratio in ratios if ratio])

@@ -57,6 +57,9 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         for index, channel in enumerate(channels):
             if channel.name in names[:index]:
                 yield (*inside, key, index, "name"), f"`{channel.name}` is there twice"
+            if channel.time is not None and acquire.time is None:
+                message = "state `time` below `acquire` too: all channels are brought to one clock, in its unit"
+                yield (*inside, key, index, "time"), message
             if channel.file is not None:
                 yield from _file((*inside, key, index, "file"), channel.file, counts, [channel.variable])
             for problem in channel.problems():

@@ -13,8 +13,8 @@ from robid.validation.scale import COUNTS, SCALES, Scale
 
 _ACCUSED = 8.0
 _LEFT = 0.35
-_WITHIN = 2.2
-_FARTHEST = 3.5
+_WITHIN = 3.0
+_FARTHEST = 4.5
 _ALIKE = 5.0
 _MOST = 3
 _LEAST_RATIO = 3.0

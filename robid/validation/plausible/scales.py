@@ -21,6 +21,7 @@ _LEAST_LINES = 3
 _COMMON_STD, _CHANNEL_STD, _ELEMENT_STD, _COUPLING_STD = 0.4, 0.3, 0.4, 0.7
 """How far responses of robots with rough files are off, as logarithms: all alike, a motor's, an element's."""
 
+_TINY = 1e-300
 _USUAL_SCATTER, _LEAST_SCATTER = 0.3, 0.4
 
 _SLOPE_STD, _PAIR_STD, _GRAVITY_STD = 0.01, 0.03, 0.5
@@ -189,7 +190,7 @@ class _Scene:
         nominal = np.abs(response(self._linear, parameters, evidence.spread_hz * time, None).sampled[..., joints])
         usable = evidence.spread_clear[self._chosen] & (nominal > 0)
         found = [
-            np.log(np.maximum(np.abs(one[self._chosen]), 1e-300) / np.maximum(nominal, 1e-300))
+            np.log(np.maximum(np.abs(one[self._chosen]), _TINY)) - np.log(np.maximum(nominal, _TINY))
             for one in (evidence.spread, evidence.uncompensated)
         ]
         rows = [self._place(name) - self._n_motor for name in evidence.names if name in self._names]

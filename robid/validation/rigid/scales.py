@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.fit.rigid.cutoff import excited_band
-from robid.fit.rigid.options import RigidFitOptions
+from robid.fit.rigid.options import PreprocessingOptions, RigidFitOptions
 from robid.fit.rigid.preprocessing import prepare
 from robid.fit.rigid.shots import Shot, positions_of
 from robid.robot.description import Robot
@@ -24,7 +25,7 @@ from robid.validation.plausible.pairs import Pair, pairs_of
 from robid.validation.plausible.scales import named_doubt
 
 _ROWS = 300
-_WIDER = 4.0
+_WIDER, _HIGHEST = 4.0, 0.2
 _BODIES = ("inertia", "first_moment", "mass", "motor_inertia", "coupling_inertia")
 _VISIBLE = 0.1
 _COMMON_STD, _PART_STD = 0.35, 0.6
@@ -109,7 +110,7 @@ class _Scene:
         self._columns = self._model.only(base.columns.tolist())
         self._nominal = base.values(self._model.nominal)
         self._bodies = np.isin(np.array(self._columns.kinds), _BODIES)
-        self._rows = _thinned(shots, options)
+        self._rows = thinned(shots, options)
         self._pairs = self._paired()
         self._seen: dict[bytes, Seen] = {}
 
@@ -182,7 +183,7 @@ class _Scene:
         path = position / motion, velocity / motion * time, acceleration / motion * time**2
         whole, still = (self._columns.columns(*one) for one in (path, (path[0], 0 * path[1], 0 * path[2])))
         scale = np.maximum(torque.std(axis=0), 1e-300)
-        values = _solved(whole / scale[:, None], torque / scale)
+        values = solved(whole / scale[:, None], torque / scale)
         error = whole @ values - torque
         share = float(np.linalg.norm(error / scale) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
         rows, seen, parts = [self._row({})], [share / _ERROR_STD], [False]
@@ -216,35 +217,48 @@ class _Scene:
         return Seen(np.array(rows), np.array(seen), covariance)
 
 
-def _thinned(shots: Sequence[Shot], options: RigidFitOptions) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def thinned(shots: Sequence[Shot], options: RigidFitOptions) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Some hundred rows of filtered positions, speeds, accelerations and torques (n_row, n_joint)."""
     each = max(1, _ROWS // len(shots))
     parts: list[list[FloatArray]] = [[], [], [], []]
     for shot in shots:
-        period = shot.sampling_period_s
-        cut = options.filters.position_cut_hz
-        if cut is None:
-            cut = _WIDER * float(excited_band(shot.position, period).max())
-        filters = replace(options.filters, position_cut_hz=min(cut, 0.2 / period), drop_deviations=0.0)
-        made = prepare(shot.position, shot.torque, period, filters, held=shot.held)
-        ends = made.reach + 1
-        first, last = ends, len(shot.position) - ends
-        around = made.smooth(shot.position, first - 1, last + 1)
-        velocity, acceleration = central_differences(around, period)
-        torque = made.smooth(np.vstack([shot.torque[:1], made.centred_torque(1, len(shot.torque))]), first, last)
-        at = np.unique(np.linspace(0, len(velocity) - 1, each).round().astype(int))
-        for part, values in zip(parts, (around[1:-1], velocity, acceleration, torque), strict=True):
-            part.append(values[at])
+        for part, values in zip(parts, _filtered(shot, options.filters), strict=True):
+            part.append(values[np.unique(np.linspace(0, len(values) - 1, each).round().astype(int))])
     position, velocity, acceleration, torque = (np.concatenate(part) for part in parts)
     return position, velocity, acceleration, torque
 
 
-def _solved(columns: FloatArray, torque: FloatArray) -> FloatArray:
+def _filtered(shot: Shot, options: PreprocessingOptions) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Filtered positions, speeds, accelerations and torques (n_sample, n_joint) of a shot.
+
+    The cut-off is that of the fit, or, where a wrong time makes nonsense of it, some times the motion's band.
+    """
+    period = shot.sampling_period_s
+    band_hz = min(_WIDER * float(excited_band(shot.position, period).max()), _HIGHEST / period)
+    cut_hz = band_hz if options.position_cut_hz is None else options.position_cut_hz
+    for one in (cut_hz, band_hz):
+        if not 0 < one <= _HIGHEST / period:
+            continue
+        filters = replace(options, position_cut_hz=one, drop_deviations=0.0)
+        with suppress(ValueError):
+            made = prepare(shot.position, shot.torque, period, filters, held=shot.held)
+            first, last = made.reach + 1, len(shot.position) - made.reach - 1
+            around = made.smooth(shot.position, first - 1, last + 1)
+            torque = np.vstack([shot.torque[:1], made.centred_torque(1, len(shot.torque))])
+            return around[1:-1], *central_differences(around, period), made.smooth(torque, first, last)
+    message = "no filter fits the record"
+    raise ValueError(message)
+
+
+def solved(columns: FloatArray, torque: FloatArray) -> FloatArray:
     """Least squares over columns of size 1; what the motion hardly shows stays out."""
     matrix = columns.reshape(-1, columns.shape[-1])
     size = np.linalg.norm(matrix, axis=0)
     size = np.where(size > 0, size, 1.0)
-    return np.asarray(np.linalg.lstsq(matrix / size, torque.ravel(), rcond=_TRUNCATED)[0] / size)
+    matrix = matrix / size
+    power, turned = np.linalg.eigh(matrix.T @ matrix)
+    inverse = np.divide(1.0, power, out=np.zeros_like(power), where=power > _TRUNCATED**2 * power[-1])
+    return np.asarray(turned @ (inverse * (turned.T @ (matrix.T @ torque.ravel()))) / size)
 
 
 def _compare(estimated: FloatArray, stated: FloatArray, torque: FloatArray) -> tuple[float, float]:

@@ -125,3 +125,6 @@ def test_signal_to_noise_is_that_of_each_element():
     expected = np.abs(frf.response) ** 2 / frf.element_variance(noise_only=True)
     np.testing.assert_allclose(frf.signal_to_noise, expected)
     assert replace(frf, noise_covariance=None).signal_to_noise is None
+    silent = replace(frf, noise_covariance=0 * frf.noise_covariance).signal_to_noise
+    assert np.all(np.isfinite(silent))
+    assert silent.min() > 1e200

@@ -213,7 +213,7 @@ def test_what_predicts_stands_beside_what_is_there():
         "gear", "stiffness", "N m/rad", 1.0, 2.0, 1.9, 2.3, 0.05, physical=2.1, effective=(2.0, 1.99, 2.01)
     )
     line = parameter_line(row, 0.2)
-    assert (line.predicts, line.physical, line.half_width) == ("0.50 %", "2.100", "10 %")
+    assert (line.predicts, line.physical, line.half_width) == ("0.50 %", "2.100", "9.5 %")
     (section,) = parameter_section(Estimates((row,)))
     table = next(part for part in section.parts if hasattr(part, "columns"))
     assert table.columns[:5] == ("Parameter", "Estimate", "Predicts ±", "Physical", "95 % interval")

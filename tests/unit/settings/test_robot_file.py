@@ -371,3 +371,23 @@ def test_gravity_on_the_motors_of_the_puma():
     ratios = np.array([joint.motor.gear_ratio for joint in file.joints])
     np.testing.assert_allclose(found, arm / ratios, rtol=0, atol=RECOVERY * np.abs(arm / ratios).max())
     assert np.abs(arm[1:3]).min() > 1
+
+
+@pytest.mark.parametrize(
+    ("path", "field"),
+    [
+        (("joints", 0, "dh", "d_m"), "joints[0].dh.d_m"),
+        (("joints", 1, "limits_deg", 1), "joints[1].limits_deg[1]"),
+        (("springs", 2, "axis", 0), "springs[2].axis[0]"),
+        (("joints", 0, "motor", "gear_ratio"), "joints[0].motor.gear_ratio"),
+    ],
+)
+def test_a_number_that_nothing_has_is_told_and_overflows_nowhere(tmp_path, path, field):
+    data = _robot_data()
+    place = data
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = 1e308
+    told = _problems(tmp_path, data)
+    assert f"{field}: 1e+308 is beyond anything" in told
+    assert len(told.splitlines()) == 1

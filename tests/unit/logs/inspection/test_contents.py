@@ -45,7 +45,7 @@ def test_a_log_without_signals_says_why_each_variable_is_none(tmp_path):
     savemat(tmp_path / "log.mat", {"note": "today", "cube": np.zeros((4, 4, 4)), "two": [1.0, 2], "Ts": 1e-3})
     with pytest.raises(DataError, match="no signals") as caught:
         read_contents(tmp_path / "log.mat")
-    for name, reason in (("note", "text"), ("cube", "(4, 4, 4)"), ("two", "2 samples"), ("Ts", "one value")):
+    for name, reason in (("note", "text"), ("cube", "(4, 4, 4)"), ("two", "2 values"), ("Ts", "single number")):
         assert next(line for line in str(caught.value).splitlines() if f"`{name}`" in line).count(reason) == 1
 
 

@@ -13,8 +13,13 @@ from robid.fit.rigid.nominal import against_nominal
 from robid.fit.rigid.options import PreprocessingOptions, RigidFitOptions
 from robid.fit.rigid.travel import repeats, travel_of
 from robid.robot.regressor.model import build_rigid_model
+from robid.signals.quantities import motor_channels
+from robid.signals.record import Record
 from robid.validation.rigid.grading import assess_rigid
+from robid.validation.rigid.scales import motions_of, rigid_scale_doubts
+from robid.validation.rigid.sums import sum_doubts
 from robid.validation.rigid.validating import validate_rigid
+from robid.validation.scale import Scale
 
 OPTIONS = RigidFitOptions(filters=PreprocessingOptions(position_cut_hz=10.0), physical=False)
 N_SAMPLE = 5000
@@ -41,8 +46,27 @@ def _doubts(robot, shots, options=OPTIONS):
     return assess_rigid(fit_rigid(robot, shots, options)).doubts
 
 
-def _units(robot, shots):
-    return [doubt for doubt in _doubts(robot, shots) if doubt.cause == "units"]
+def _record(robot, shot):
+    """The record that a shot was cut from."""
+    names = [joint.name for joint in robot.joints]
+    return Record(
+        inputs=shot.torque[None, None, None, None],
+        outputs=shot.position[None, None, None, None],
+        output_offset=np.zeros((1, len(names))),
+        configurations=None,
+        sampling_period_s=shot.sampling_period_s,
+        excited_lines=np.zeros(0, int),
+        input_channels=motor_channels(names, "torque"),
+        output_channels=motor_channels(names, "angle"),
+    )
+
+
+def _units(robot, shot):
+    return rigid_scale_doubts(robot, [shot], motions_of(_record(robot, shot), robot), OPTIONS)
+
+
+def _sizes(robot, shots):
+    return [doubt for doubt in _doubts(robot, shots) if doubt.cause in ("masses", "gear_ratio", "zero")]
 
 
 @pytest.mark.parametrize("factors", [(1, 1, 1), (1.3, 0.7, 1.3), (0.7, 0.7, 0.7), (1.3, 1.3, 0.7)])
@@ -50,20 +74,27 @@ def test_a_sound_log_raises_no_doubt_although_masses_of_the_robot_file_are_off(r
     assert _doubts(with_masses(robot, factors), [shot]) == ()
 
 
+@pytest.mark.parametrize("factors", [(1, 1, 1), (2, 0.5, 2), (0.4, 0.4, 0.4), (2.5, 2.5, 0.5)])
+def test_a_sound_log_accuses_no_units_although_the_robot_file_is_rough(robot, shot, factors):
+    assert _units(with_masses(robot, factors), shot) == ()
+
+
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "scale"),
     [
-        ({"position": 180 / np.pi}, "joint 1 would have moved from -51.6 to 41.6"),
-        ({"position": np.pi / 180}, "as if positions in rad were read as deg"),
-        ({"torque": 1e3}, "as if torques in mN m were read as N m"),
-        ({"torque": 1e-3}, "as if torques in N m were read as mN m"),
+        ({"position": 180 / np.pi}, Scale("motor_angle", "180/pi")),
+        ({"position": np.pi / 180}, Scale("motor_angle", "180/pi", inverse=True)),
+        ({"position": np.array([1, 180 / np.pi, 1])}, Scale("motor_angle", "180/pi", joints=("joint_1",))),
+        ({"torque": 1e3}, Scale("torque", "1000")),
+        ({"torque": 1e-3}, Scale("torque", "1000", inverse=True)),
+        ({"sampling_period_s": 1e3}, Scale("time", "1000")),
+        ({"sampling_period_s": 1e-3}, Scale("time", "1000", inverse=True)),
     ],
 )
-def test_units_that_are_off_are_named_and_nothing_is_to_be_used(robot, shot, change, told):
+def test_units_that_are_off_are_named_and_nothing_is_to_be_used(robot, shot, change, scale):
     (key, factor), *_ = change.items()
-    found = _units(robot, [replace(shot, **{key: factor * getattr(shot, key)})])
-    assert found[0].decisive
-    assert any(told in doubt.message for doubt in found)
+    doubt, *more = _units(robot, replace(shot, **{key: factor * getattr(shot, key)}))
+    assert (doubt.cause, doubt.decisive, doubt.scales[0], more) == ("units", True, scale, [])
 
 
 @pytest.mark.parametrize(
@@ -71,14 +102,15 @@ def test_units_that_are_off_are_named_and_nothing_is_to_be_used(robot, shot, cha
     [(0, 10, True), (1, 10, True), (0, 0.1, True), (2, 0.1, True), (0, -1, True), (0, 2, False), (1, 0.5, False)],
 )
 def test_a_gear_ratio_that_is_off_is_named(robot, shot, joint, factor, decisive):
-    found = _units(_with_gear(robot, joint, factor), [shot])
+    found = _sizes(_with_gear(robot, joint, factor), [shot])
     assert found
     assert found[0].decisive == decisive
 
 
 def test_currents_say_nothing_of_sizes(robot, shot):
-    found = _units(robot, [replace(shot, torque=1e3 * shot.torque, torque_unit="A")])
-    assert found == []
+    current = replace(shot, torque=1e3 * shot.torque, torque_unit="A")
+    assert _sizes(robot, [current]) == []
+    assert _units(robot, current) == ()
 
 
 def test_a_motion_that_excites_too_little_names_what_suffers(robot):
@@ -95,7 +127,7 @@ def test_a_motion_that_excites_too_little_names_what_suffers(robot):
 
 def test_motors_that_stand_still_and_torques_that_never_change_are_refused(robot, shot):
     still = replace(shot, position=shot.position * [1, 0, 1])
-    with pytest.raises(DataError, match="the motors of joint_1 never move"):
+    with pytest.raises(DataError, match="joint_1 never moves"):
         fit_rigid(robot, [still], OPTIONS)
     fit_rigid(robot, [still, shot], OPTIONS)  # the remedy: it moves in another shot
     with pytest.raises(DataError, match="the torques of joint_2 never change although"):
@@ -234,3 +266,31 @@ def test_rows_that_are_all_dropped_are_refused_with_what_drops_them(robot, shot)
 def test_instruments_that_cannot_be_had_are_no_other_estimator(robot, shot):
     with pytest.raises(DataError, match="need the robot's loop"):
         fit_rigid(robot, [shot], replace(OPTIONS, estimator="instruments"))
+
+
+@pytest.mark.parametrize(("joint", "other", "sign"), [(2, 1, 1), (1, 2, -1)])
+def test_an_angle_that_counts_another_joints_too_is_named(robot, shot, joint, other, sign):
+    ratio = robot.gear_ratio
+    position = shot.position.copy()
+    position[:, joint] += sign * ratio[joint] / ratio[other] * position[:, other]
+    doubt, *more = sum_doubts(robot, [replace(shot, position=position)], OPTIONS)
+    assert (doubt.cause, doubt.decisive, more) == ("gear_coupling", True, [])
+    assert f"<joint_{joint}> " in doubt.message
+    assert f"{abs(ratio[joint] / ratio[other]):.6g}*<joint_{other}>" in doubt.message
+
+
+def test_a_coupling_that_only_the_logged_angle_has_is_named(robot, shot):
+    turns = 0.01
+    joints = list(robot.joints)
+    joints[2] = replace(joints[2], couplings={"joint_1": turns})
+    position = shot.position.copy()
+    position[:, 2] -= turns * robot.gear_ratio[2] * position[:, 1]
+    coupled = replace(robot, joints=tuple(joints))
+    doubt, *_ = sum_doubts(coupled, [replace(shot, position=position)], OPTIONS)
+    assert doubt.cause == "gear_coupling"
+    assert "leave `couplings` out" in doubt.message
+
+
+@pytest.mark.parametrize("factors", [(1, 1, 1), (2, 0.5, 2)])
+def test_a_sound_log_has_no_sums(robot, shot, factors):
+    assert sum_doubts(with_masses(robot, factors), [shot], OPTIONS) == ()

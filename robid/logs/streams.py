@@ -1,0 +1,125 @@
+"""The variables behind the channels of a log: weights in sums, jumps where numbers begin again, stamps of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.arrays import FloatArray
+from robid.logs.formats.known import tell_format
+from robid.logs.mapping import LogMapping
+from robid.signals.log_channels import LogChannel
+
+_MESSAGES = ("mcap", "rosbag")
+_TIMED = ("tdms", "mdf")
+_TIMES = ("header.stamp", "log_time")
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """The samples of a variable.
+
+    Attributes:
+        column: The column that it is, or is a part of.
+        name: Its name.
+        weight: Its weight in the column.
+        values (n_sample,): Its samples.
+        stamps (n_sample,): Its own time stamps, in the unit of the log's time; None where it has none.
+        clock: The variable that holds them.
+        held: Whether its numbers stay from one sample to the next, as a command does.
+    """
+
+    column: str
+    name: str
+    weight: float
+    values: NDArray[Any]
+    stamps: NDArray[Any] | None = None
+    clock: str = ""
+    held: bool = False
+
+
+def own_times(mapping: LogMapping, channel: LogChannel, path: Path, name: str) -> list[str]:
+    """Returns the variables that may hold the time stamps of one, the likeliest first.
+
+    Messages of a topic have times of their own, as have the channels of TDMS and MDF files and of other recorders that
+    say so by the name; a further log those of the same name as the first one's.
+    """
+    if channel.time is not None:
+        return [channel.time]
+    if mapping.time is None:
+        return []
+    told, found = mapping.time.variable, [f"{name}.time"]
+    if path != mapping.file:
+        found.insert(0, told)
+    kind = topic_time(mapping)
+    if kind and _has_topics(path):
+        label = name[name.rindex("[") :] if name.endswith("]") else ""
+        other = is_of_other_topic(mapping, path, name)
+        found = [f"{topic_of(name)}.{kind}{label}", *([f"{topic_of(name)}.{kind}"] if other else [])]
+    return [one for one in dict.fromkeys(found) if path != mapping.file or one != told]
+
+
+def topic_of(name: str) -> str:
+    """Returns the topic of a field of its messages."""
+    return name.partition(".")[0]
+
+
+def topic_time(mapping: LogMapping) -> str:
+    """Returns which time of messages a log's own is: `header.stamp` or `log_time`; empty where it is neither."""
+    told = "" if mapping.time is None else mapping.time.variable.partition(".")[2].partition("[")[0]
+    return told if told in _TIMES else ""
+
+
+def is_of_other_topic(mapping: LogMapping, path: Path, name: str) -> bool:
+    """Returns whether a variable is of other messages than those whose times are the log's own."""
+    if mapping.time is None or not topic_time(mapping) or not _has_topics(path):
+        return False
+    return path != mapping.file or topic_of(name) != topic_of(mapping.time.variable)
+
+
+def _has_topics(path: Path) -> bool:
+    return path.exists() and (path.is_dir() or tell_format(path) in _MESSAGES)
+
+
+def apart_without_time(mapping: LogMapping) -> tuple[str, str]:
+    """The variables that tell when two channels of a log without `time` were sampled; empty where nothing tells it."""
+    if mapping.time is not None or not mapping.file.exists():
+        return "", ""
+    names = [variable for path, variable in mapping.variables.values() if path == mapping.file]
+    kind = mapping.format or tell_format(mapping.file)
+    if kind in _MESSAGES:
+        times = [f"{name.partition('.')[0]}.log_time" for name in names]
+    elif kind in _TIMED:
+        times = [f"{name}.time" for name in names]
+    else:
+        return "", ""
+    other = next((time for time in times if time != times[0]), "")
+    return times[0], other
+
+
+def unwrapped(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:
+    """Samples without the jumps where numbers begin again, and how many of them there were.
+
+    Args:
+        values (n_sample,): The samples; those that are no numbers stay.
+        wrap: The range after which they begin again.
+    """
+    known = np.isfinite(values)
+    found = values.astype(float)
+    kept = found[known]
+    found[known] = np.unwrap(kept, period=wrap)
+    return found, int(np.count_nonzero(np.abs(np.diff(kept)) > wrap / 2))
+
+
+def jump_notes(jumps: Sequence[tuple[LogChannel, str, int]]) -> Iterator[str]:
+    """Says which variables jumped, by what, and how often."""
+    for channel, name, count in jumps:
+        if count:
+            turns = channel.unwrap is None or isinstance(channel.unwrap, bool)
+            told = "a turn" if turns else f"its range of {channel.wrap:g}"
+            yield f"`{name}` jumped by {told} {count} times; the jumps were taken out."

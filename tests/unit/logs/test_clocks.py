@@ -1,0 +1,191 @@
+"""Channels that were sampled by clocks of their own: brought to one, or refused, never joined row by row."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from robid.errors import DataError
+from robid.logs.importing import import_log, import_shot
+from robid.logs.mapping import LogMapping
+from robid.signals.log_channels import InputChannel, OutputChannel
+from robid.signals.log_options import TimeChannel
+
+STEP, PERIOD, PERIODS = 1e-3, 500, 6
+LINES = np.arange(2, 200)
+PHASES = np.random.default_rng(1).uniform(0, 2 * np.pi, (2, len(LINES)))
+
+
+def waves(time_s):
+    """A torque and a motion that repeat every 0.5 s, up to 398 Hz, at any moment."""
+    angle = 2 * np.pi * np.outer(time_s / (PERIOD * STEP), LINES)
+    return tuple(np.cos(angle + phase).sum(axis=1) for phase in PHASES)
+
+
+def mapping_of(file, **changes):
+    mapping = LogMapping(
+        file=file,
+        sampling_period_s=STEP,
+        time=TimeChannel("t", "s"),
+        inputs=(InputChannel("motor", "u", "N m"),),
+        outputs=(OutputChannel("motor", "q"),),
+    )
+    return replace(mapping, **changes)
+
+
+def import_waves(mapping, periods=PERIODS - 1, lines=LINES):
+    return import_log(
+        mapping, samples_per_period=PERIOD, periods=periods, excited_lines=lines, configurations=np.zeros((1, 1))
+    )
+
+
+def wrong_by(record, first_s=0.0):
+    """Relative error of torque and motion against the waves from the first sample on."""
+    torque, motion = waves(first_s + STEP * np.arange(record.inputs.shape[3] * PERIOD))
+    pairs = ((record.inputs, torque), (record.outputs + record.output_offset, motion))
+    return max(float(np.std(found.ravel() - wanted) / np.std(wanted)) for found, wanted in pairs)
+
+
+def response(record):
+    """Ratio of motion to torque at each line, whichever moment of its period the record begins at."""
+    torque, motion = (np.fft.rfft(x.reshape(-1, PERIOD).mean(axis=0)) for x in (record.inputs, record.outputs))
+    return motion / torque
+
+
+def write_rows(file, clocks, names=("u", "q"), time="t", epoch=0.0):
+    """Writes a table whose rows hold the values of one instant, of those channels that were sampled at it."""
+    cells: dict[int, list[str]] = {}
+    for index, (name, (times, values)) in enumerate(zip(names, clocks, strict=True)):
+        del name
+        for moment, value in zip(np.round(1e6 * times).astype(int).tolist(), values.tolist(), strict=True):
+            cells.setdefault(moment, [""] * len(names))[index] = f"{value:.12g}"
+    rows = [f"{epoch + 1e-6 * moment:.6f},{','.join(row)}" for moment, row in sorted(cells.items())]
+    Path(file).write_text("\n".join([",".join([time, *names]), *rows]) + "\n")
+
+
+def instants(lag_s=0.0, count=PERIODS * PERIOD, step_s=STEP):
+    return lag_s + step_s * np.arange(count)
+
+
+@pytest.mark.parametrize("epoch", [0.0, 1.7e9])
+@pytest.mark.parametrize("lag_s", [0.31e-3, 0.72e-3, -0.4e-3])
+def test_each_column_of_a_table_is_read_at_its_own_rows(tmp_path, lag_s, epoch):
+    first, other = instants(1e-3), instants(1e-3 + lag_s)
+    write_rows(tmp_path / "log.csv", [(first, waves(first)[0]), (other, waves(other)[1])], epoch=epoch)
+    record = import_waves(mapping_of(tmp_path / "log.csv"))
+    begin = first[0] if lag_s <= 0 else first[1]
+    assert wrong_by(record, begin) < (1e-3 if epoch else 1e-5)
+    assert any("clock of its own" in note for note in record.notes)
+
+
+def test_a_column_of_half_the_rate_is_brought_to_the_faster_one(tmp_path):
+    lines = np.arange(2, 100)
+    first, slow = instants(), instants(0.3e-3, PERIODS * PERIOD // 2, 2 * STEP)
+    torque = np.cos(2 * np.pi * np.outer(first / 0.5, lines)).sum(axis=1)
+    motion = np.cos(2 * np.pi * np.outer(slow / 0.5, lines) + 0.4).sum(axis=1)
+    write_rows(tmp_path / "log.csv", [(first, torque), (slow, motion)])
+    record = import_waves(mapping_of(tmp_path / "log.csv"), lines=lines)
+    at = 1e-3 + STEP * np.arange(record.outputs.shape[3] * PERIOD)
+    wanted = np.cos(2 * np.pi * np.outer(at / 0.5, lines) + 0.4).sum(axis=1)
+    found = (record.outputs + record.output_offset).ravel()
+    assert np.std(found - wanted) < 1e-5 * np.std(wanted)
+    with pytest.raises(DataError, match="it shows nothing above 250 Hz") as caught:
+        import_waves(mapping_of(tmp_path / "log.csv"), lines=np.arange(2, 140))
+    assert "Set excitation.high_hz to 248" in caught.value.remedy
+
+
+def test_a_held_command_of_a_slower_rate_stays_between_its_samples(tmp_path):
+    slow = instants(0.0, PERIODS * PERIOD // 5, 5 * STEP)
+    command = np.random.default_rng(4).normal(size=len(slow))
+    motion = waves(instants(0.0))[1]
+    write_rows(tmp_path / "log.csv", [(slow, command), (instants(), motion)])
+    record = import_shot(mapping_of(tmp_path / "log.csv", one_shot=True))
+    np.testing.assert_allclose(record.inputs.ravel(), np.repeat(command, 5)[: record.inputs.shape[4]], rtol=1e-6)
+
+
+def test_times_of_single_channels_are_stated_beside_their_variables(tmp_path):
+    first, other = 1e3 * instants(), 1e3 * instants(0.25e-3)
+    torque, motion = waves(1e-3 * first)[0], waves(1e-3 * other)[1]
+    table = np.stack([first, torque, other, motion], axis=1)
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="Time1,A,Time2,B", comments="", fmt="%.10g")
+    mapping = mapping_of(
+        tmp_path / "log.csv",
+        time=TimeChannel("Time1", "ms"),
+        inputs=(InputChannel("motor", "A", "N m"),),
+        outputs=(OutputChannel("motor", "B", time="Time2"),),
+    )
+    assert wrong_by(import_waves(mapping), STEP) < 1e-6
+
+
+def test_channels_of_several_lengths_have_their_own_times(tmp_path):
+    first, other = instants(), instants(0.25e-3, PERIODS * PERIOD + 40)
+    told = {"t": first, "u": waves(first)[0], "t2": other, "q": waves(other)[1]}
+    savemat(tmp_path / "log.mat", {name: values[:, None] for name, values in told.items()})
+    mapping = mapping_of(tmp_path / "log.mat")
+    with pytest.raises(DataError, match="samples") as caught:
+        import_waves(mapping)
+    assert "`time` of each channel" in caught.value.remedy
+    stated = replace(mapping, outputs=(OutputChannel("motor", "q", time="t2"),))
+    assert wrong_by(import_waves(stated), STEP) < 1e-6
+
+
+def test_files_of_one_recording_are_joined_by_their_stamps(tmp_path):
+    first, other = instants(5.0), instants(5.00025)
+    for name, moments, key in (("a.csv", first, "u"), ("b.csv", other, "q")):
+        table = np.stack([moments, waves(moments)[key == "q"]], axis=1)
+        np.savetxt(tmp_path / name, table, delimiter=",", header=f"t,{key}", comments="", fmt="%.12g")
+    outputs = (OutputChannel("motor", "q", file="b.csv"),)
+    mapping = mapping_of(tmp_path / "a.csv", outputs=outputs, files={"b.csv": tmp_path / "b.csv"})
+    assert wrong_by(import_waves(mapping), 5.001) < 1e-6
+
+
+def test_rows_of_several_channels_need_a_time(tmp_path):
+    first, other = instants(), instants(0.31e-3)
+    write_rows(tmp_path / "log.csv", [(first, waves(first)[0]), (other, waves(other)[1])])
+    with pytest.raises(DataError, match="clock of their own") as caught:
+        import_waves(mapping_of(tmp_path / "log.csv", time=None))
+    assert "State `time`" in str(caught.value)
+
+
+def test_stamps_too_coarse_to_tell_the_lag_are_refused(tmp_path):
+    first, other = instants(), instants(0.31e-3)
+    told = {"t": np.floor(first * 10) / 10, "u": waves(first)[0], "t2": np.floor(other * 10) / 10, "q": waves(other)[1]}
+    told["t2"] = np.roll(told["t2"], 3)
+    told["t2"][:3] = 0.0
+    savemat(tmp_path / "log.mat", {name: values[:, None] for name, values in told.items()})
+    outputs = (OutputChannel("motor", "q", time="t2"),)
+    with pytest.raises(DataError, match=r"rounded to 0\.1 s"):
+        import_waves(mapping_of(tmp_path / "log.mat", outputs=outputs))
+
+
+def test_channels_that_were_sampled_one_after_the_other_are_told_apart(tmp_path):
+    told = {"t": instants(), "u": waves(instants())[0], "t2": instants(60.0), "q": waves(instants())[1]}
+    savemat(tmp_path / "log.mat", {name: values[:, None] for name, values in told.items()})
+    outputs = (OutputChannel("motor", "q", time="t2"),)
+    with pytest.raises(DataError, match="hardly sampled at the same time"):
+        import_waves(mapping_of(tmp_path / "log.mat", outputs=outputs))
+
+
+def test_a_gap_of_one_channel_is_a_gap_of_all(tmp_path):
+    first, other = instants(), np.delete(instants(0.31e-3), np.arange(1300, 1320))
+    write_rows(tmp_path / "log.csv", [(first, waves(first)[0]), (other, waves(other)[1])])
+    with pytest.raises(DataError, match="gap") as caught:
+        import_waves(mapping_of(tmp_path / "log.csv"))
+    found = re.search(r"Set drop_periods to (\d+) and periods to (\d+)", str(caught.value))
+    mapping = mapping_of(tmp_path / "log.csv", drop_periods=int(found[1]))
+    record = import_waves(mapping, int(found[2]))
+    ratio = response(record)
+    np.testing.assert_allclose(ratio[LINES], np.exp(1j * (PHASES[1] - PHASES[0])), atol=1e-3)
+
+
+def test_a_value_that_is_missing_here_and_there_is_no_clock(tmp_path):
+    first = instants()
+    torque, motion = waves(first)
+    motion[[700, 1400, 2222]] = np.nan
+    table = np.stack([first, torque, motion], axis=1)
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,u,q", comments="", fmt="%.10g")
+    with pytest.raises(DataError, match="3 of 3000 values are NaN"):
+        import_waves(mapping_of(tmp_path / "log.csv"))
